@@ -7,8 +7,8 @@ COMPILE = uv pip compile pyproject.toml --universal --fork-strategy fewest --pyt
 	--no-emit-index-url --no-emit-find-links --custom-compile-command "make lock" --quiet $(UPGRADE)
 
 # What calls the kernel itself, or through networks, runs and fits; the other tests reach nothing of it that these do not.
-SANITIZED := tests/unit/kernel tests/unit/network tests/unit/simulation tests/unit/fit tests/unit/inference tests/unit/power tests/unit/explain \
-	tests/unit/judge tests/unit/campaign tests/unit/prediction tests/unit/design tests/unit/model/test_law.py \
+SANITIZED := tests/unit/kernel tests/unit/simulation/network tests/unit/simulation tests/unit/fit tests/unit/inference tests/unit/fit/power tests/unit/inference/explain \
+	tests/unit/campaign/judge tests/unit/campaign tests/unit/prediction tests/unit/prediction/advice tests/unit/model/test_law.py \
 	tests/analytic tests/properties tests/recovery tests/regression
 
 # uv where it is present; it does not read pip's settings, so pip has the last word.

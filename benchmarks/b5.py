@@ -21,7 +21,7 @@ import thermid as td
 scenario = td.Scenario("bench", boundaries={{"cv": "24 [degC]"}}, duration=3600.0)
 print(td.simulate(td.load_model({str(DECK)!r}), scenario)["cd"].final)
 """
-HELP = "import sys; from thermid.cli import main; sys.argv = ['thermid', '--help']; main()"
+HELP = "import sys; from thermid.app.cli import main; sys.argv = ['thermid', '--help']; main()"
 TWO = "[(9.0 - (a - b) * 3.0 - (a - 297.0)) / 900.0, (2.0 + (a - b) * 3.0 - (b - 297.0)) / 700.0]"
 PEERS = {
     "scipy": f"""

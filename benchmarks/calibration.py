@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 import thermid as td
-from thermid.measure import Channel
+from thermid.measure.records import Channel
 
 Array = NDArray[np.float64]
 NOISE, SEED = 0.05, 7

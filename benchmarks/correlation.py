@@ -14,7 +14,7 @@ from typing import Any
 import numpy as np
 
 import thermid as td
-from thermid.simulation.simulator import prepare
+from thermid.simulation.runs import prepare
 
 NODES, LINEAR, RADIATION, FACTORS, SENSORS, NOISE = 127, 303, 2217, 12, 20, 0.1
 BOUNDS = (0.05, 20.0)

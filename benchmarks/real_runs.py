@@ -19,11 +19,10 @@ from typing import Any
 import numpy as np
 
 import thermid as td
-from thermid.errors import ThermidError
-from thermid.fit.calibrate import fit
-from thermid.fit.calibration import Calibration
-from thermid.fit.problem.request import LocalSpec, Request
-from thermid.prediction.records import RecordPrediction, predict_record
+from thermid.base.errors import ThermidError
+from thermid.fit.calibration import Calibration, fit
+from thermid.fit.problem import LocalSpec, Request
+from thermid.prediction.bands import RecordPrediction, predict_record
 
 ROOT = Path(__file__).parent.parent
 DATA = ROOT.parent / "shared" / "data"
@@ -230,7 +229,7 @@ def lhs1(data: Path) -> RealSet:
         channel = td.Channel.of("T", kelvin, role="node", target="box", noise=0.1)
         record = td.Record.from_arrays(name, rows["t_s"] - rows["t_s"][0], {"T": channel}, synthetic=False)
         pressure = float(np.median(rows["P_hPa"]) * 100.0)
-        environment = {"*": td.network.Environment(f"{pressure} [Pa]")} if where != "air" else {}
+        environment = {"*": td.simulation.Environment(f"{pressure} [Pa]")} if where != "air" else {}
         return record, td.Scenario(name, boundaries={"room": f"{kelvin.min()} [K]"}, environment=environment)
 
     skin = {"of": "box", "to": "room", "area": f"{AREA} [m^2]", "effective_htc": {"value": "8 [W/(m^2 K)]", "min": 0.5, "max": 50}}

@@ -1,4 +1,4 @@
-"""Print the decisions about rooms with the files that hold them: `python scripts/decisions.py network`; without a name, all of them."""
+"""Print the decisions about rooms with the files that hold them: `python scripts/decisions.py simulation`; without a name, all of them."""
 
 from __future__ import annotations
 
@@ -6,9 +6,6 @@ import re
 import sys
 
 from docs_hooks import decisions
-
-WITH = {"bench": "acquire", "profile_runs": "profiles", "reduction": "qualify", "results": "reporting"}
-"""Rooms whose decisions are listed under another one's name."""
 
 
 def about(*rooms: str) -> str:
@@ -20,11 +17,10 @@ def about(*rooms: str) -> str:
     """
     groups = {section.partition("\n")[0]: section for section in decisions().split("\n## ")[1:]}
     words = {title: [word.lower() for word in re.findall(r"\w+", title) if word not in ("and", "the")] for title in groups}
-    known = sorted([*WITH, *(word for each in words.values() for word in each)])
+    known = sorted(word for each in words.values() for word in each)
     if unknown := [room for room in rooms if room not in known]:
         raise SystemExit(f"no decisions are listed under '{unknown[0]}'. The names are: {', '.join(known)}.")
-    names = {WITH.get(room, room) for room in rooms}
-    wanted = [section for title, section in groups.items() if not rooms or names & {*words[title]}]
+    wanted = [section for title, section in groups.items() if not rooms or {*rooms} & {*words[title]}]
     return "\n\n".join(f"## {section.strip()}" for section in wanted)
 
 

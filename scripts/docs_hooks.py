@@ -37,26 +37,15 @@ ROOT_PAGES = {"changelog.md": "CHANGELOG.md", "contributing.md": "CONTRIBUTING.m
 
 ROOMS = {
     "model": "The hardware: parts, decks, areas, laws.",
-    "network": "The equations of a model, with surrounding gas and radiation.",
-    "simulation": "Conditions of a run, and its results.",
+    "simulation": "The equations of a model, conditions of a run, and its results.",
     "site": "Sites on the ground, ascents, orbits, weather, moisture; an optional part.",
     "measure": "Logs, their channels and sensors.",
-    "knowledge": "Knowledge of values: their standing, and their uncertainty by source.",
-    "fit": "Fits, and the alignment of clocks.",
-    "inference": "Inference beyond a fit: identifiability, profile likelihood, parameter trade-offs, posterior samples.",
-    "estimation": "Fits and states with process noise.",
-    "power": "Estimates of unmeasured powers.",
-    "explain": "Causes of a misfit, parameters that would explain it, and whether values are physical.",
-    "judge": "Verdicts on hold-out records; correlation, limits, margins, comparisons.",
-    "campaign": "Fits in stages, replaced parts, methodologies.",
-    "prediction": "Uncertainty of a prediction by source; predictions before a test; coefficients separated into convection and radiation.",
-    "design": "The choice of the next test.",
-    "profiles": "Profiles of environmental tests, with the numbers of the standards.",
-    "profile_runs": "Profiles run on a model.",
-    "steadiness": "Rules of stability, and forecasts of running tests.",
-    "monte_carlo": "Many runs with random draws of all uncertain inputs; hold times.",
-    "reduction": "Reduced models with fewer masses; a unit on its host.",
-    "qualify": "Plans, their verdicts, deliveries.",
+    "values": "Knowledge of values: their standing, and their uncertainty by source.",
+    "fit": "Fits, the alignment of clocks, unmeasured powers, states with process noise.",
+    "inference": "Identifiability, profile likelihood, parameter trade-offs, posterior samples; causes of a misfit, physical values.",
+    "prediction": "Uncertainty of a prediction by source; predictions before a test; many runs; hold times; the next test; reduced models.",
+    "campaign": "Fits in stages, replaced parts, methodologies; verdicts, correlation, limits, margins, comparisons.",
+    "qualify": "Test profiles, running tests, plans, their verdicts, deliveries.",
     "reporting": "Reports and pictures.",
     "physics": "The comparison of a measured coefficient with correlations.",
     "interop": "Import of parameters from other tools, export of models.",
@@ -99,7 +88,7 @@ def virtual_pages() -> dict[str, str]:
 
 def rooms() -> dict[str, list[str]]:
     """Return the public names by room, in the order of the package."""
-    found: dict[str, list[str]] = {room: [] for room in [*ROOMS, "errors"]}
+    found: dict[str, list[str]] = {room: [] for room in [*ROOMS, "base"]}
     for name, module in td._PUBLIC.items():
         found[module.partition(".")[0]].append(name)
     return found
@@ -114,14 +103,14 @@ def reference(room: str) -> str:
 def _errors() -> str:
     head = "Every error is a `ThermidError`. It states what is wrong, where, and what to do. A command exits with the code of its class."
     made = [name for name, thing in vars(errors).items() if isinstance(thing, type) and thing.__module__ == errors.__name__]
-    return "\n\n".join(["# Errors", head, *(f"::: thermid.errors.{name}" for name in made)]) + "\n"
+    return "\n\n".join(["# Errors", head, *(f"::: thermid.base.errors.{name}" for name in made)]) + "\n"
 
 
 def commands() -> str:
     """Return the page of the command line, from the commands themselves."""
     import typer
 
-    from thermid.cli import app as cli
+    from thermid.app.cli import app as cli
 
     group: Any = typer.main.get_command(cli.app)
     parts = [
@@ -153,21 +142,19 @@ def _clean(text: str) -> str:
 
 DECISIONS = {
     "model": "1 2 3 4 7 10 20 21 51 110 112 114 115 126 127 128 133 134 142 157 158 193 211 224",
-    "network and physics": "6 16 19 50 52 53 54 57 59 61 104 125 137 140 141 191 192 202 204",
-    "kernel and simulation": "5 18 22 24 25 26 27 29 30 31 32 62 75 96 97 98 103 129 130 131 132 135 136 150 151 156 160 175 200 203 "
-    "214 217 228",
+    "simulation, kernel and physics": "5 6 16 18 19 22 24 25 26 27 29 30 31 32 50 52 53 54 57 59 61 62 75 96 97 98 103 104 125 129 130 "
+    "131 132 135 136 137 140 141 150 151 156 160 175 191 192 200 202 203 204 214 217 228",
     "measure": "12 35 37 101 102 145 146 147 148 149 165 177 216 225",
-    "fit": "13 14 15 17 33 41 45 47 48 72 76 89 91 105 106 109 118 152 153 155 161 162 163 185 186 213 219 234 239 243",
-    "knowledge and campaign": "42 43 55 56 79 111 116 117 119 120 123 154 172",
-    "prediction and power": "34 46 49 121 122 124 178 179 190 195 196 218 227 233 244 246 247 248",
-    "judge, explain, design and inference": "9 28 36 38 39 40 44 68 77 78 113 166 171 187 189 236 240",
-    "profiles, steadiness, monte_carlo and qualify": "63 64 65 66 67 69 70 94 95 138 167 229",
+    "fit": "13 14 15 17 33 41 45 47 48 72 76 89 91 105 106 109 118 152 153 155 161 162 163 180 181 182 183 184 185 186 213 219 234 239 "
+    "243 245",
+    "values and campaign": "42 43 55 56 79 111 116 117 119 120 123 154 172 188 223 226 232",
+    "prediction": "34 46 49 121 122 124 178 179 190 195 196 218 227 233 244 246 247 248",
+    "inference": "9 28 36 38 39 40 44 68 77 78 113 166 171 187 189 236 240",
+    "qualify": "63 64 65 66 67 69 70 94 95 138 167 229 230 231 241",
     "site": "58 60 139 159",
-    "acquire": "71 73 80 81 90 92 164",
+    "bench": "71 73 80 81 90 92 164",
     "interop": "23 194 197 198 199 201 215",
-    "estimation and watch": "180 181 182 183 184 230 231 241 245",
-    "start": "188 223 226 232",
-    "reporting, cli and studio": "74 82 83 84 86 87 88 93 107 108 168 169 205 207 208 209 210 212 220 221",
+    "reporting and app": "74 82 83 84 86 87 88 93 107 108 168 169 205 207 208 209 210 212 220 221",
 }
 """Rooms -> numbers of the decisions about them; the others are about the project as a whole."""
 
@@ -177,7 +164,7 @@ def decisions() -> str:
     titles = {int(path.name[:3]): path for path in sorted((ROOT / "docs/decisions").glob("[0-9]*.md"))}
     groups = {rooms: [int(number) for number in numbers.split()] for rooms, numbers in DECISIONS.items()}
     placed = {number for numbers in groups.values() for number in numbers}
-    groups["the project"] = [number for number in titles if number not in placed]
+    groups["base and the project"] = [number for number in titles if number not in placed]
     parts = ["# Decisions", "Each note states a question, the choices, the decision with its reason, and what would change it."]
     for rooms, numbers in groups.items():
         paths = [titles[number] for number in numbers]
@@ -188,7 +175,7 @@ def decisions() -> str:
 
 def draw(name: str, folder: Path) -> str:
     """Return a picture of the site, drawn by the command line."""
-    from thermid.cli import main
+    from thermid.app.cli.app import main
 
     page, *command = PICTURES[name]
     for file, text in DECK.findall((ROOT / page).read_text(encoding="utf-8")) if page else ():

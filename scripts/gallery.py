@@ -87,7 +87,7 @@ def ran(arguments: list[str], folder: Path) -> None:
     ------
     RuntimeError   When it does not end well.
     """
-    from thermid.cli import main
+    from thermid.app.cli.app import main
 
     kept, sys.argv = sys.argv, ["thermid", *arguments]
     told = io.StringIO()

@@ -1,4 +1,4 @@
-"""Write src/thermid/_units_table.py from pint: exact factors to SI of the units that decks use, so that start-up needs no pint.
+"""Write src/thermid/base/_units_table.py from pint: exact factors to SI of the units that decks use, so that start-up needs no pint.
 
 Run it as ``python scripts/generate_units.py``; tests/unit/test_units.py fails when the table and pint disagree.
 """
@@ -58,7 +58,7 @@ def main() -> None:
         parts = (factor.numerator, factor.denominator, offset.numerator, offset.denominator)
         lines.append(f'    "{text}": ({", ".join(map(str, parts))}, ({", ".join(map(str, dims))})),')
     lines.append("}\n")
-    Path(__file__).parent.parent.joinpath("src/thermid/_units_table.py").write_text("\n".join(lines), encoding="utf-8")
+    Path(__file__).parent.parent.joinpath("src/thermid/base/_units_table.py").write_text("\n".join(lines), encoding="utf-8")
 
 
 if __name__ == "__main__":

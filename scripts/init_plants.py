@@ -19,13 +19,13 @@ from typing import Any
 import numpy as np
 
 import thermid as td
-from thermid.errors import ThermidError
-from thermid.explain.structures import TIE, FittedStructure, adopted, fitted_structure
-from thermid.fit.problem.gather import build_problem
-from thermid.fit.problem.request import Request
-from thermid.fit.problem.residuals import starting_point
-from thermid.start.proposal import Proposal, propose
-from thermid.start.roles import SURROUNDINGS, Power, Roles
+from thermid.base.errors import ThermidError
+from thermid.campaign._start.proposal import Proposal
+from thermid.campaign._start.roles import SURROUNDINGS, Power
+from thermid.campaign.start import Roles, propose
+from thermid.fit.problem import Request, build_problem, starting_point
+from thermid.inference._explain.structures import TIE
+from thermid.inference.criticism import FittedStructure, adopted, fitted_structure
 
 RATIO, NOISE, LENGTH = (2.0, 30.0), (0.05, 0.3), (1.0, 5.0)
 SLOWEST, RISE, SAMPLES = (600.0, 14400.0), (20.0, 60.0), (300, 600)

@@ -49,7 +49,7 @@ logarithms over its standard error. Made by `python scripts/process_table.py --c
 Innovations are judged by Ljung's and Box's test over 20 lags at the fitted values: it fails for
 {fails}.
 Searches that did not converge: {sum(not f.converged for f in found)}. Filter and smoother agree with one dense normal distribution of
-all states and readings to 1e-9 (`tests/unit/estimation/test_filter.py`).
+all states and readings to 1e-9 (`tests/unit/fit/estimation/test_filter.py`).
 {END}"""
 
 

@@ -19,11 +19,10 @@ from typing import Any
 import numpy as np
 
 import thermid as td
-from thermid.campaign.file import CampaignSource, read_campaign, scenario_of
-from thermid.campaign.joint import fit_jointly
-from thermid.campaign.stages import request_of
-from thermid.fit.calibrate import fit
-from thermid.fit.problem.request import Request
+from thermid.campaign._joint import fit_jointly
+from thermid.campaign.stages import CampaignSource, read_campaign, request_of, scenario_of
+from thermid.fit.calibration import fit
+from thermid.fit.problem import Request
 
 ROOT = Path(__file__).parents[1]
 PAGE = ROOT / "docs" / "levels.md"

@@ -21,7 +21,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-from thermid.errors import CAPS
+from thermid.base.errors import CAPS
 
 ROOT = Path(__file__).parent.parent
 ENVIRONMENT = {

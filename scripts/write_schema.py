@@ -8,7 +8,7 @@ from __future__ import annotations
 import json
 from pathlib import Path
 
-from thermid.extensions import GRAMMARS, json_schema
+from thermid.base.extensions import file_kinds, json_schema
 
 FOLDER = Path(__file__).parent.parent / "docs/schema"
 
@@ -21,7 +21,7 @@ def text(kind: str) -> str:
 def main() -> None:
     """Write the files."""
     FOLDER.mkdir(parents=True, exist_ok=True)
-    for kind in GRAMMARS:
+    for kind in file_kinds():
         (FOLDER / f"{kind}.schema.json").write_text(text(kind), encoding="utf-8")
 
 

@@ -7,7 +7,7 @@ from pathlib import Path
 import numpy as np
 
 import thermid as td
-from thermid.model.laws.signal import TableSignal
+from thermid.model.laws import TableSignal
 
 PART = """
 title  = "part"

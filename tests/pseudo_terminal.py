@@ -8,8 +8,8 @@ import threading
 import time
 from pathlib import Path
 
-from thermid.acquire.board import Board
-from thermid.errors import RecordError
+from thermid.base.errors import RecordError
+from thermid.bench.board import Board
 
 
 class Terminal:

@@ -19,7 +19,7 @@ POLICY = re.compile(r'http-equiv="Content-Security-Policy" content="([^"]*)"')
 
 def without_script(source: str) -> str:
     """Return a page without its script, after its policy was found to permit that one text and nothing from anywhere."""
-    script = files("thermid.reporting.blocks").joinpath("page.js").read_text(encoding="utf-8")
+    script = files("thermid.reporting._blocks").joinpath("page.js").read_text(encoding="utf-8")
     assert source.count(f"<script>{script}</script>") == 1
     digest = base64.b64encode(hashlib.sha256(script.encode()).digest()).decode()
     policy = POLICY.search(source)

@@ -20,9 +20,9 @@ from scipy.linalg import expm
 from simulated import Simulated
 
 import thermid as td
-from thermid.acquire.bench_files import MappedSensor, load_programme
-from thermid.acquire.board import World, made_up_rom
-from thermid.acquire.logger import Logger, Settings
+from thermid.bench.bench_files import MappedSensor, load_programme
+from thermid.bench.board import World, made_up_rom
+from thermid.bench.logger import Logger, Settings
 
 HERE = Path(__file__).resolve().parent
 TOOLS = HERE.parents[1] / "build" / "bench"
@@ -35,7 +35,7 @@ BOTH = f"{np.hypot(NOISE, 0.0625 / 12**0.5):.3f} [K]"
 
 def planted(seed: int = 1) -> World:
     """What the sensors feel: the model with the planted values, stepped exactly, in a room that breathes by a kelvin."""
-    space = td.network.state_space(td.network.compile_network(td.load_model(HERE / "plate.toml").with_values(PLANTED)))
+    space = td.simulation.state_space(td.simulation.compile_network(td.load_model(HERE / "plate.toml").with_values(PLANTED)))
     rng = np.random.default_rng(seed)
     size = len(space.nodes)
     # one step with held inputs: the exponential of the matrix and its inputs together

@@ -6,8 +6,8 @@ import subprocess
 import threading
 from pathlib import Path
 
-from thermid.acquire.board import World
-from thermid.errors import MissingDataError, SolverError
+from thermid.base.errors import MissingDataError, SolverError
+from thermid.bench.board import World
 
 
 class Simulated:

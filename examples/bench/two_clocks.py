@@ -15,9 +15,9 @@ import numpy as np
 from scipy.linalg import expm
 
 import thermid as td
-from thermid.acquire.bench_files import MappedSensor, Programme
-from thermid.acquire.board import Board, BoardPort
-from thermid.acquire.logger import Logger, Settings
+from thermid.bench.bench_files import MappedSensor, Programme
+from thermid.bench.board import Board, BoardPort
+from thermid.bench.logger import Logger, Settings
 
 HERE = Path(__file__).resolve().parent
 PLANTED = {"pads.resistance": "2.4 [K/W]", "skin.effective_htc": "11 [W/(m^2 K)]", "plate.capacitance": "120 [J/K]"}
@@ -32,7 +32,7 @@ class Hardware:
     """The model with the planted values, and what it has lived through: times of the bench [s], temperatures [degC]."""
 
     def __init__(self) -> None:
-        space = td.network.state_space(td.network.compile_network(td.load_model(HERE / "plate.toml").with_values(PLANTED)))
+        space = td.simulation.state_space(td.simulation.compile_network(td.load_model(HERE / "plate.toml").with_values(PLANTED)))
         self.nodes, self._matrix = list(space.nodes), space.A
         self._inputs = np.column_stack([space.B_boundary[:, 0], space.B_load[:, 0]])
         self._state = np.full(len(self.nodes), 21.0)

@@ -9,10 +9,10 @@ from scipy.integrate import solve_ivp
 from work import BENCH, HERE, Vacuum, Work
 
 import thermid as td
-from thermid.reporting.blocks.content import Figures, Graphic, Plot
-from thermid.reporting.pages.courses import drives
-from thermid.reporting.pictures.chart import Area
-from thermid.reporting.pictures.figures import curve, curves
+from thermid.reporting._blocks.content import Figures, Graphic, Plot
+from thermid.reporting._pages.courses import drives
+from thermid.reporting._pictures.chart import Area
+from thermid.reporting._pictures.figures import curve, curves
 
 SYNTHETIC = "synthetic: virtual laboratory"
 SMALL = (300, 200)

@@ -10,7 +10,8 @@ from work import BENCH, HERE, HOUR, LEVEL, LEVEL_OF, LEVELS, PLACES, Vacuum, Wor
 
 import thermid as td
 from thermid.physics.htc import BIOT_LIMIT
-from thermid.reporting.blocks.content import DASH, Cell, Head, Line, Table, number
+from thermid.reporting._blocks.content import DASH, Cell, Head, Line, number
+from thermid.reporting.pages import Table
 
 PRINTED_SETTLING = {"Acc": 4.0, "FOG_l": 5.0, "EleGFO": 5.0, "ProcSISNAV": 5.0}
 """After how long the document says that a component is steady; FOG_h 'slower than FOG_l'. [h]"""
@@ -49,7 +50,7 @@ def _constant(work: Work, stage: str, surface: str) -> Cell:
     fitted = work.constant[stage].values.assignments.get(path)
     if fitted:
         return Cell(f"{fitted.value:.2f} ± {fitted.error:.2f}", "fitted")
-    held = float(td.network.compile_network(work.constant[stage].fitted_model).numbers().values[path])
+    held = float(td.simulation.compile_network(work.constant[stage].fitted_model).numbers().values[path])
     return Cell(f"{held:.2f}", "held", "soft")
 
 
@@ -155,9 +156,9 @@ def settling(work: Work) -> Table:
     return Table.of(columns, rows, "Implied: the time constant whose 99 % is the time that the document prints.")
 
 
-def htc() -> td.explain.HtcComparison:
+def htc() -> td.inference.HtcComparison:
     """Return the document's EleGFO example: theoretical and effective coefficient side by side."""
-    return td.explain.compare_htc(
+    return td.inference.compare_htc(
         "2.168 [W]",
         "0.082241 [m^2]",
         "35.938 [degC]",
@@ -177,7 +178,7 @@ def no_room_for_paint() -> str:
     deck = tomllib.loads((HERE / "EleGFO.toml").read_text(encoding="utf-8"))
     deck["surfaces"]["skin"]["finish"] = "paint, black"
     try:
-        td.explain.split(td.model_from_dict(deck), conditions=BENCH)
+        td.inference.split(td.model_from_dict(deck), conditions=BENCH)
     except td.ThermidError as refused:
         return refused.message
     raise ValueError("a painted EleGFO was split")

@@ -19,7 +19,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 import thermid as td
-from thermid.model.laws.signal import TableSignal
+from thermid.model.laws import TableSignal
 from thermid.physics.radiation import radiation_coefficient, radiation_conductance
 
 Array = NDArray[np.float64]
@@ -121,7 +121,7 @@ def _hidden(name: str, world: World, rng: np.random.Generator) -> td.Model:
 
 def _natural(public: td.Model, rest: dict[str, float], path: str, factor: float, exponent: float) -> str:
     """Return the natural convection with which, radiation added, a surface at rest gives `factor` times its printed coefficient."""
-    network = td.network.compile_network(public)
+    network = td.simulation.compile_network(public)
     *parts, surface, _ = path.split(".")
     owner = public
     for part in parts:

@@ -10,7 +10,7 @@ import findings
 from work import BENCH, HERE, Vacuum, Work
 
 import thermid as td
-from thermid.reporting.blocks.content import (
+from thermid.reporting._blocks.content import (
     Cell,
     Code,
     Facts,
@@ -22,13 +22,12 @@ from thermid.reporting.blocks.content import (
     PageBlock,
     Picture,
     Section,
-    Table,
     Words,
     folded,
 )
-from thermid.reporting.diagrams.diagram import diagram
-from thermid.reporting.pages import tables
-from thermid.reporting.pages.study import study_report
+from thermid.reporting._pages import tables
+from thermid.reporting.diagrams import diagram
+from thermid.reporting.pages import Table, study_report
 
 WATERMARK = "Demonstration: 22 assumed parameters, synthetic data"
 PICTURES = {
@@ -223,7 +222,7 @@ def equations() -> Section:
 def scenarios(work: Work, runs: list[Vacuum]) -> Section:
     """Return temperature, humidity and vacuum."""
     alone = [run for part in ("Acc", "FOG_h", "FOG_l", "EleGFO", "ProcSISNAV") for run in work.vacuum(part, {part: "case"})]
-    humid = td.simulate(work.study.model, BENCH.with_(environment={"cv": td.network.Environment(humidity=0.9)}))
+    humid = td.simulate(work.study.model, BENCH.with_(environment={"cv": td.simulation.Environment(humidity=0.9)}))
     bound = td.simulate(td.load_model(HERE / "Acc.toml"), BENCH.vacuum(as_printed=True))
     flags = [f"{f.component}: {f.limit:.0f} °C passed after {f.time / 3600:.3f} h" for f in work.study.exceeded(bound, at="imu.acc.acc_x")]
     blocks: list[PageBlock] = [

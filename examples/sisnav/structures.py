@@ -76,7 +76,7 @@ STAGES: dict[str, dict[str, Any]] = {
 
 def coefficient(model: td.Model, settled: dict[str, float], path: str, emissivity: float) -> float:
     """Return the coefficient that, with radiation, gives a surface its effective value where the printed test settles. [W/(m^2 K^1.25)]"""
-    network = td.network.compile_network(model)
+    network = td.simulation.compile_network(model)
     *parts, surface, _ = path.split(".")
     owner = model
     for part in parts:

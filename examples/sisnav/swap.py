@@ -14,7 +14,7 @@ import laboratory
 import numpy as np
 
 import thermid as td
-from thermid.campaign.file import read_campaign
+from thermid.campaign.stages import read_campaign
 
 HERE = Path(__file__).parent
 SWAPS = {"EleGFO": ("m_PrE.ele", "pre.ele", "EleGFO_v2"), "a gyro": ("m_IMU.fog_y", "imu.fog_y", "FOG_l_v2")}

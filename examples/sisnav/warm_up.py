@@ -15,7 +15,7 @@ from pathlib import Path
 import laboratory
 
 import thermid as td
-from thermid.campaign.file import read_campaign
+from thermid.campaign.stages import read_campaign
 
 HERE = Path(__file__).parent
 CHANNEL = "P_PROC"

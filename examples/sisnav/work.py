@@ -141,7 +141,7 @@ class Work:
         """Return the calibrated model of a stage, its gyros' power following their temperature as it was logged."""
         fitted = self.natural[stage].fitted_model
         measured = {}
-        for path in td.network.compile_network(fitted).flat.parameters.table:
+        for path in td.simulation.compile_network(fitted).flat.parameters.table:
             if path.endswith("electronics.temperature_coefficient"):
                 level, slope = self.gyros["FOG_h" if stage == "FOG_h" or "fog_x" in path else "FOG_l"]
                 measured[path] = f"{slope!r} [1/K]"
@@ -155,7 +155,7 @@ class Work:
     def effective(self, stage: str, surface: str) -> Value:
         """Return the effective coefficient of a surface, radiation in it, where the stage's model settles on the bench. [W/(m^2 K)]"""
         model = self.natural[stage].fitted_model
-        kelvin, found = _settled(model, surface), td.network.compile_network(model).numbers().values
+        kelvin, found = _settled(model, surface), td.simulation.compile_network(model).numbers().values
         drawn = self.draws(stage)
 
         def of(name: str) -> Array:
@@ -174,7 +174,7 @@ class Work:
         """Return the hidden unit's effective coefficient at the same temperature. [W/(m^2 K)]"""
         calibration = self.natural[stage]
         kelvin = _settled(calibration.fitted_model, surface)
-        values = td.network.compile_network(self.hidden.models[calibration.model.title]).numbers().values
+        values = td.simulation.compile_network(self.hidden.models[calibration.model.title]).numbers().values
         convection = float(values[f"{surface}.htc.coefficient"]) * (kelvin - laboratory.AMBIENT) ** structures.EXPONENT
         radiation = radiation_conductance(radiation_coefficient(float(values[f"{surface}.emissivity"]), 1.0), kelvin, laboratory.AMBIENT)
         return convection + float(radiation)
@@ -184,7 +184,7 @@ class Work:
         """Everything that the campaign found, beside what is hidden; coefficients as effective ones, convection and radiation."""
         out = []
         for stage in self.natural:
-            truth = td.network.compile_network(self.hidden.models[self.natural[stage].model.title]).numbers().values
+            truth = td.simulation.compile_network(self.hidden.models[self.natural[stage].model.title]).numbers().values
             for path, v in self.natural[stage].values.parameters.items():
                 if path.endswith(".htc.coefficient"):
                     surface = path.removesuffix(".htc.coefficient")
@@ -198,13 +198,13 @@ class Work:
         """Return what a stage's model says without gas at nodes (label -> path), beside the hidden truth and the printed bound."""
         times = np.linspace(0.0, BENCH.seconds, 61)
         fit, model, empty = self.natural[stage], self.model(stage), BENCH.vacuum()
-        meters = {f"scale.{load.path}": f"{laboratory.POWER_ACCURACY}" for load in td.network.compile_network(model).flat.loads}
+        meters = {f"scale.{load.path}": f"{laboratory.POWER_ACCURACY}" for load in td.simulation.compile_network(model).flat.loads}
         told = td.predict(fit, empty, model=model, spread=meters, times=times, nodes=list(nodes.values()), draws=MEMBERS, seed=SEED)
         truth = td.simulate(self.hidden.models[fit.model.title], empty, times=times)
         printed = td.simulate(td.load_model(HERE / f"{fit.model.title}.toml"), BENCH.vacuum(as_printed=True), times=times)
         out = []
         for label, node in nodes.items():
-            band, rest = told[node], told.settled[td.network.compile_network(model).find(node)]
+            band, rest = told[node], told.settled[td.simulation.compile_network(model).find(node)]
             low, high = band.interval(LEVEL)
             out.append(Vacuum(label, times, low, band.celsius, high, truth[node].celsius, printed[node].celsius, rest.celsius))
         return out
@@ -236,7 +236,7 @@ def _settled(model: td.Model, surface: str) -> float:
     owner = model
     for part in parts:
         owner = owner.submodels[part].model
-    return td.steady(model, BENCH)[td.network.compile_network(model).find(".".join([*parts, owner.surfaces[name].of]))]
+    return td.steady(model, BENCH)[td.simulation.compile_network(model).find(".".join([*parts, owner.surfaces[name].of]))]
 
 
 def run(folder: Path, say: Callable[[str], None] = lambda text: None) -> Work:

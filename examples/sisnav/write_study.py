@@ -21,9 +21,10 @@ import warm_up
 import work
 
 import thermid as td
-from thermid.reporting.blocks.content import Graphic, Table
-from thermid.reporting.diagrams.diagram import diagram
-from thermid.reporting.pages.study import parts
+from thermid.reporting._blocks.content import Graphic
+from thermid.reporting._pages.study import parts
+from thermid.reporting.diagrams import diagram
+from thermid.reporting.pages import Table
 
 TARGET = work.HERE.parents[1] / "docs" / "studies"
 FOLDER = "figures"
@@ -104,7 +105,7 @@ def text(done: work.Work) -> str:
         "subject": done.study.subject,
         "parts": rows(parts(done.study), (0, 1, 2, 3)),
         "folder": FOLDER,
-        "nodes": str(len(td.network.compile_network(done.study.model).nodes)),
+        "nodes": str(len(td.simulation.compile_network(done.study.model).nodes)),
         "rise": f"{acc['case'].rise:.3f}",
         "tau": f"{acc.time_constants[0]:.1f}",
         "settled": f"{acc.time_constants[0] * math.log(100) / 3600:.2f}",

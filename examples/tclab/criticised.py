@@ -17,10 +17,10 @@ from candidates import candidates
 from structures import HERE, LOOSE, SENSORS, TRAINING, UNSEEN, bound, request
 
 import thermid as td
-from thermid.campaign.file import CampaignSource, read_campaign
-from thermid.explain.structures import FittedStructure, StructureSearch, adopted, search_structure
-from thermid.fit.calibrate import fit
-from thermid.fit.problem.request import LocalSpec
+from thermid.campaign.stages import CampaignSource, read_campaign
+from thermid.fit.calibration import fit
+from thermid.fit.problem import LocalSpec
+from thermid.inference.criticism import FittedStructure, StructureSearch, adopted, search_structure
 
 COARSE, FINE, JUDGED = 30.0, 15.0, 5.0
 """Grids of the search, of the fit and of the verdict. [s]"""

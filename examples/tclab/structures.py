@@ -21,10 +21,10 @@ import numpy as np
 from candidates import Candidate, candidates
 
 import thermid as td
-from thermid.campaign.file import CampaignSource, read_campaign
-from thermid.errors import IdentificationError, ThermidError
-from thermid.fit.calibrate import fit
-from thermid.fit.problem.request import LocalSpec, Reading, Request
+from thermid.base.errors import IdentificationError, ThermidError
+from thermid.campaign.stages import CampaignSource, read_campaign
+from thermid.fit.calibration import fit
+from thermid.fit.problem import LocalSpec, Reading, Request
 
 HERE = Path(__file__).parent
 TRAINING = {

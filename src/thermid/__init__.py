@@ -7,177 +7,172 @@ namespace by activity: `td.design`, `td.qualify`, `td.site` and so on.
 from __future__ import annotations
 
 import sys
+from difflib import get_close_matches
 from importlib import import_module
 from types import ModuleType
 
-from thermid.renamed import moved
-
 _TOP = {
-    "Model": "model.tree.model",
-    "load_model": "model.deck.modelfile",
-    "model_from_dict": "model.deck.modelfile",
-    "save_model": "model.deck.save",
-    "Block": "model.blocks.block",
-    "Scenario": "simulation.scenarios.scenario",
-    "load_scenario": "simulation.scenario_file",
-    "Options": "simulation.solver.problem",
-    "simulate": "simulation.transient",
-    "prepare": "simulation.simulator",
-    "steady": "simulation.steady",
-    "ensemble": "simulation.simulator",
-    "Solution": "simulation.solution",
-    "Channel": "measure",
-    "Record": "measure",
-    "look": "reporting.pictures.look",
-    "read_record": "measure",
-    "compare": "judge.verdict",
-    "calibrate": "fit.calibrate",
+    "Model": "model.tree",
+    "load_model": "model.deck",
+    "model_from_dict": "model.deck",
+    "save_model": "model.deck",
+    "Block": "model.blocks",
+    "Scenario": "simulation.scenarios",
+    "load_scenario": "simulation.scenarios",
+    "Options": "simulation.solver",
+    "simulate": "simulation.runs",
+    "prepare": "simulation.runs",
+    "steady": "simulation.runs",
+    "ensemble": "simulation.runs",
+    "Solution": "simulation.runs",
+    "Channel": "measure.records",
+    "Record": "measure.records",
+    "look": "reporting.pictures",
+    "read_record": "measure.readers",
+    "compare": "campaign.verdicts",
+    "calibrate": "fit.calibration",
     "Calibration": "fit.calibration",
-    "identifiability": "inference.identifiability",
-    "load_values": "knowledge.values",
+    "identifiability": "inference.intervals",
+    "load_values": "values.fitted",
     "Campaign": "campaign.stages",
     "run_stages": "campaign.stages",
-    "predict": "prediction.predict",
-    "Prediction": "prediction.predict",
-    "Criteria": "judge.criteria",
-    "validate": "judge.verdict",
-    "Verdict": "judge.verdict",
-    "report": "reporting.pages.campaign",
-    "ThermidError": "errors",
-    "ThermidWarning": "errors",
+    "predict": "prediction.bands",
+    "Prediction": "prediction.bands",
+    "Criteria": "campaign.verdicts",
+    "validate": "campaign.verdicts",
+    "Verdict": "campaign.verdicts",
+    "report": "reporting.pages",
+    "ThermidError": "base.errors",
+    "ThermidWarning": "base.errors",
 }
 """Public name -> its module, in reading order."""
 
 _NAMESPACES = {
     "model": {
-        "Identity": "model.tree.identity",
-        "Replacement": "model.tree.replacement",
-        "identities": "model.tree.model",
-        "law": "model.laws.law",
-        "ledger": "model.tree.areas",
-        "Standing": "model.parts.parameter",
-    },
-    "network": {
-        "compile_network": "network.network",
-        "state_space": "network.linear",
-        "modes": "network.linear",
-        "Environment": "network.environment",
-        "Irradiation": "network.irradiation",
+        "Identity": "model.identity",
+        "Replacement": "model.identity",
+        "identities": "model.tree",
+        "law": "model.laws",
+        "ledger": "model.tree",
+        "Standing": "model.parameters",
     },
     "simulation": {
-        "Simulator": "simulation.simulator",
-        "draw": "simulation.draws",
-        "steady_levels": "simulation.steady",
-        "Steady": "simulation.steady",
-        "Ensemble": "simulation.ensemble",
-        "BlockSolution": "simulation.block",
+        "compile_network": "simulation.network",
+        "state_space": "simulation.network",
+        "modes": "simulation.network",
+        "Environment": "simulation.network",
+        "Irradiation": "simulation.network",
+        "Simulator": "simulation.runs",
+        "draw": "simulation.runs",
+        "steady_levels": "simulation.runs",
+        "Steady": "simulation.runs",
+        "Ensemble": "simulation.runs",
+        "BlockSolution": "simulation.runs",
     },
     "inference": {
-        "Identifiability": "inference.identifiability",
-        "profile": "inference.profile",
-        "Profile": "inference.profile",
-        "valley": "inference.profile",
-        "Valley": "inference.profile",
-        "posterior": "inference.posterior",
-        "Posterior": "inference.posterior",
-        "evidence": "inference.posterior",
-        "Evidence": "inference.posterior",
-        "estimate": "estimation.estimate",
-        "Estimation": "estimation.estimation",
+        "Identifiability": "inference.intervals",
+        "profile": "inference.intervals",
+        "Profile": "inference.intervals",
+        "valley": "inference.intervals",
+        "Valley": "inference.intervals",
+        "posterior": "inference.intervals",
+        "Posterior": "inference.intervals",
+        "evidence": "inference.intervals",
+        "Evidence": "inference.intervals",
+        "estimate": "fit.estimation",
+        "Estimation": "fit.estimation",
         "joint": "campaign.stages",
-        "align": "fit.second_clocks",
-        "Alignment": "fit.second_clocks",
-        "power_history": "power.history",
-        "PowerHistory": "power.history",
-        "PowerLaw": "power.history",
-    },
-    "explain": {
-        "energy_balance": "explain.balance",
-        "EnergyBalance": "explain.balance",
-        "criticise": "explain.criticism",
-        "Criticism": "explain.criticism",
-        "plausibility": "explain.plausibility",
-        "Plausibility": "explain.plausibility",
-        "diagnose": "explain.diagnosis",
-        "Diagnosis": "explain.diagnosis",
+        "align": "fit.calibration",
+        "Alignment": "fit.calibration",
+        "power_history": "fit.power",
+        "PowerHistory": "fit.power",
+        "PowerLaw": "fit.power",
+        "energy_balance": "inference.diagnosis",
+        "EnergyBalance": "inference.diagnosis",
+        "criticise": "inference.criticism",
+        "Criticism": "inference.criticism",
+        "plausibility": "inference.diagnosis",
+        "Plausibility": "inference.diagnosis",
+        "diagnose": "inference.diagnosis",
+        "Diagnosis": "inference.diagnosis",
         "discrepancy": "fit.discrepancy",
         "Discrepancy": "fit.discrepancy",
-        "difference": "judge.difference",
-        "Difference": "judge.difference",
-        "split": "prediction.split",
-        "Split": "prediction.split",
-        "credibility": "campaign.credibility",
-        "CredibilityRecord": "campaign.credibility",
+        "difference": "campaign.verdicts",
+        "Difference": "campaign.verdicts",
+        "split": "prediction.bands",
+        "Split": "prediction.bands",
+        "credibility": "campaign.studies",
+        "CredibilityRecord": "campaign.studies",
         "compare_htc": "physics.htc",
         "HtcComparison": "physics.htc",
     },
     "design": {
-        "next_test": "design.next_test",
-        "Action": "design.next_test",
-        "Aim": "design.next_test",
-        "Advice": "design.next_test",
-        "Known": "prediction.known",
-        "foresee": "prediction.predict",
-        "Foresight": "prediction.predict",
-        "Spread": "prediction.budget",
-        "plan_retune": "campaign.retune",
-        "RetunePlan": "campaign.retune",
-        "load_study": "campaign.methodology",
-        "Study": "campaign.methodology",
+        "next_test": "prediction.advice",
+        "Action": "prediction.advice",
+        "Aim": "prediction.advice",
+        "Advice": "prediction.advice",
+        "Known": "prediction.bands",
+        "foresee": "prediction.bands",
+        "Foresight": "prediction.bands",
+        "Spread": "prediction.bands",
+        "plan_retune": "campaign.studies",
+        "RetunePlan": "campaign.studies",
+        "load_study": "campaign.studies",
+        "Study": "campaign.studies",
     },
     "bench": {
-        "SensorPart": "measure",
-        "SensorCertificate": "measure",
-        "stability": "steadiness.stabilisation",
-        "Stability": "steadiness.stabilisation",
-        "forecast": "steadiness.forecast",
-        "Forecast": "steadiness.forecast",
-        "Look": "reporting.pictures.look",
+        "SensorPart": "measure.sensors",
+        "SensorCertificate": "measure.sensors",
+        "stability": "qualify.steadiness",
+        "Stability": "qualify.steadiness",
+        "forecast": "qualify.steadiness",
+        "Forecast": "qualify.steadiness",
+        "Look": "reporting.pictures",
     },
     "qualify": {
-        "profile_of": "profiles.standards",
-        "load_profile": "profiles.standards",
-        "profile_names": "profiles.standards",
-        "ThermalProfile": "profiles.profile",
-        "run_profile": "profile_runs.conduct",
-        "ProfileRun": "profile_runs.profile_run",
-        "equivalent_cycles": "profiles.profile",
-        "uncertain_runs": "monte_carlo.uncertain",
-        "UncertainRuns": "monte_carlo.uncertain",
-        "sobol_of": "monte_carlo.drivers",
-        "hold": "monte_carlo.hold",
-        "Hold": "monte_carlo.hold",
-        "load_hold": "monte_carlo.hold",
-        "HoldQuestion": "monte_carlo.hold",
-        "Limits": "judge.limits",
-        "load_limits": "judge.limits",
-        "check_limits": "judge.limits",
-        "margins": "judge.margins",
-        "Margin": "judge.margins",
-        "heater_duty": "judge.margins",
-        "CriteriaSet": "judge.criteria",
-        "correlate": "judge.correlation",
-        "Correlation": "judge.correlation",
-        "load_plan": "qualify.plan",
-        "Plan": "qualify.plan",
-        "lock_plan": "qualify.plan",
-        "run_plan": "qualify.programme",
-        "Qualification": "qualify.programme",
-        "macro_model": "reduction.macro",
-        "assumed": "reduction.macro",
-        "reduce": "reduction.reduce",
-        "Reduction": "reduction.reduce",
-        "deliver": "qualify.deliver",
-        "check_delivery": "qualify.deliver",
+        "profile_of": "qualify.profiles",
+        "load_profile": "qualify.profiles",
+        "profile_names": "qualify.profiles",
+        "ThermalProfile": "qualify.profiles",
+        "run_profile": "qualify.profiles",
+        "ProfileRun": "qualify.profiles",
+        "equivalent_cycles": "qualify.profiles",
+        "uncertain_runs": "prediction.members",
+        "UncertainRuns": "prediction.members",
+        "sobol_of": "prediction.members",
+        "hold": "prediction.members",
+        "Hold": "prediction.members",
+        "load_hold": "prediction.members",
+        "HoldQuestion": "prediction.members",
+        "Limits": "campaign.verdicts",
+        "load_limits": "campaign.verdicts",
+        "check_limits": "campaign.verdicts",
+        "margins": "campaign.verdicts",
+        "Margin": "campaign.verdicts",
+        "heater_duty": "campaign.verdicts",
+        "CriteriaSet": "campaign.verdicts",
+        "correlate": "campaign.verdicts",
+        "Correlation": "campaign.verdicts",
+        "load_plan": "qualify.plans",
+        "Plan": "qualify.plans",
+        "lock_plan": "qualify.plans",
+        "run_plan": "qualify.plans",
+        "Qualification": "qualify.plans",
+        "macro_model": "prediction.reduction",
+        "assumed": "prediction.reduction",
+        "reduce": "prediction.reduction",
+        "Reduction": "prediction.reduction",
+        "deliver": "qualify.plans",
+        "check_delivery": "qualify.plans",
     },
     "reporting": {
-        "page_to_pdf": "reporting.blocks.extras",
-        "study_report": "reporting.pages.study",
-        "structures_report": "reporting.pages.study",
-        "Structure": "reporting.pages.study",
-        "qualification_report": "reporting.qualification.page",
-        "correlation_report": "reporting.qualification.page",
-        "picture": "reporting.pictures.trust",
+        "page_to_pdf": "reporting.pages",
+        "study_report": "reporting.pages",
+        "structures_report": "reporting.pages",
+        "Structure": "reporting.pages",
+        "qualification_report": "reporting.pages",
+        "correlation_report": "reporting.pages",
+        "picture": "reporting.pictures",
     },
     "site": {
         "OpenSky": "site.sky",
@@ -205,16 +200,19 @@ _NAMESPACES = {
         "to_spice": "interop.spice",
         "to_c": "interop.c99",
         "to_modelica": "interop.modelica",
-        "to_sinda": "interop.decks.written",
-        "to_esatan": "interop.decks.written",
-        "to_fmu": "interop.fmu.export",
-        "fmu_model": "interop.fmu.as_model",
-        "calibrate_fmu": "interop.fmu.fitted",
+        "to_sinda": "interop.decks",
+        "to_esatan": "interop.decks",
+        "to_fmu": "interop.fmu",
+        "fmu_model": "interop.fmu",
+        "calibrate_fmu": "interop.fmu",
         "equations": "interop.equations",
         "Equations": "interop.equations",
     },
 }
 """Namespace -> its names -> their modules, in the order of work."""
+
+_WITHOUT_ROOM = ("design",)
+"""Namespaces that are activities; the others have the name of the room whose package serves them."""
 
 _PUBLIC = _TOP | {name: module for names in _NAMESPACES.values() for name, module in names.items()}
 
@@ -225,24 +223,26 @@ class _Namespace(ModuleType):
     """A package that serves public names when they are first asked for, so that ``import thermid`` stays quick.
 
     The import system binds a module to its package when it is loaded. Where a public function has the name of its module, the function
-    stays: `td.design.next_test` is callable whatever was imported before.
+    stays: `td.site.moisture` is callable whatever was imported before.
     """
 
     def __getattr__(self, name: str) -> object:
-        """Import a public name; serve an old one with a warning."""
-        if name == "__version__" and self.__name__ == "thermid":
-            return import_module("importlib.metadata").version("thermid")
-        names = _names_of(self)
-        if name in names:
+        """Import a public name.
+
+        Raises
+        ------
+        AttributeError   For another name, with the nearest one.
+        """
+        top = self.__name__ == "thermid"
+        if name in (names := _names_of(self)):
             value = getattr(import_module(f"thermid.{names[name]}"), name)
             self.__dict__[name] = value
             return value
-        if self.__name__ == "thermid" and (name in _NAMESPACES or name == "errors"):
-            return import_module(f"thermid.{name}")
-        if self.__name__ == "thermid" and not name.startswith("_") and (new := moved(name)):
-            space, _, last = new.partition(".")
-            return getattr(getattr(self, space), last)
-        raise AttributeError(f"module '{self.__name__}' has no attribute '{name}'")
+        if top and name == "__version__":
+            return import_module("importlib.metadata").version("thermid")
+        if top and (name == "errors" or name in _NAMESPACES):
+            return import_module("thermid." + ("base.errors" if name == "errors" else name))
+        raise AttributeError(f"module '{self.__name__}' has no attribute '{name}'" + ("" if name.startswith("_") else _near(name)))
 
     def __setattr__(self, name: str, value: object) -> None:
         """Keep a public name; make a package that is a namespace one."""
@@ -262,4 +262,13 @@ def _names_of(module: ModuleType) -> dict[str, str]:
     return _TOP if module.__name__ == "thermid" else _NAMESPACES[module.__name__.removeprefix("thermid.")]
 
 
+def _near(name: str) -> str:
+    """Return the place of a public name that has this name, or the one nearest to it."""
+    places = {n: f"{space}.{n}" for space, names in _NAMESPACES.items() for n in names} | {n: n for n in [*_TOP, *_NAMESPACES]}
+    near = get_close_matches(name, places, n=1, cutoff=0.6)
+    return f". Did you mean 'thermid.{places[near[0]]}'?" if near else ""
+
+
 sys.modules[__name__].__class__ = _Namespace
+for _space in _WITHOUT_ROOM:
+    sys.modules[f"thermid.{_space}"] = _Namespace(f"thermid.{_space}", "Public names by activity; they come from several rooms.")

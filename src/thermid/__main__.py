@@ -1,5 +1,5 @@
 """``python -m thermid`` is ``thermid``."""
 
-from thermid.cli.app import main
+from thermid.app.cli.app import main
 
 main()

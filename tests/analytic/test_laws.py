@@ -173,7 +173,7 @@ def test_matrices_of_a_flow_through_a_massless_node() -> None:
             "loads": {"q": {"into": "b", "power": "6 [W]"}},
         }
     )
-    space = td.network.state_space(td.network.compile_network(model))
+    space = td.simulation.state_space(td.simulation.compile_network(model))
     g, mc = 1.0, 2.0
     assert space.A == pytest.approx(np.array([[-g * mc / (g + mc) / 100]]), rel=1e-14)
     assert space.B_boundary == pytest.approx(np.array([[g * mc / (g + mc) / 100, 0.0]]), rel=1e-14)

@@ -9,7 +9,7 @@ import pytest
 
 import thermid as td
 from strategies import TIGHT
-from thermid.errors import SolverError
+from thermid.base.errors import SolverError
 
 pytestmark = pytest.mark.analytic
 G, C, AIR = 0.5, 200.0, 290.0

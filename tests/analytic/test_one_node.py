@@ -9,9 +9,7 @@ import pytest
 
 import thermid as td
 from strategies import TIGHT
-from thermid.simulation.solver.engine import Engine
-from thermid.simulation.solver.problem import Options
-from thermid.simulation.solver.wiring import Wiring
+from thermid.simulation.solver import Engine, Options, Wiring
 
 pytestmark = pytest.mark.analytic
 SIGMA = 5.670374419e-8
@@ -33,7 +31,7 @@ def test_parameter_sensitivities_of_one_node() -> None:
     zero = 300.0  # of the published 0 K; the equation is linear
     scenario = td.Scenario("step", boundaries={"air": "301 [K]"}, start=zero, duration=5.0)
     names = ("link.conductance", "mass.capacitance", "heat.power", "air", "initial.mass", "scale.heat")
-    wiring = Wiring(td.network.compile_network(model), scenario, names)
+    wiring = Wiring(td.simulation.compile_network(model), scenario, names)
     engine = Engine(wiring)
     t = np.array([1.0, 2.0, 5.0])
     answer = engine.integrate(
@@ -134,7 +132,7 @@ def test_three_parameters_of_one_node_have_rank_two() -> None:
     names = ("electronics.power", "case.mass", "skin.htc")
     x = np.array([0.225, 0.054, 6.0])
     scenario = td.Scenario("bench", boundaries={"air": "24 [degC]"}, start="24 [degC]", duration=18000.0)
-    wiring = Wiring(td.network.compile_network(td.model_from_dict(ACCELEROMETER)), scenario, names)
+    wiring = Wiring(td.simulation.compile_network(td.model_from_dict(ACCELEROMETER)), scenario, names)
     times = np.linspace(0, 18000, 301)
     answer = Engine(wiring).integrate(wiring.assemble(x), times, ("case",), 18000.0, TIGHT, True)
     slopes = answer.sensitivities[:, 0, :] * x

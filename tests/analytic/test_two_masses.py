@@ -43,7 +43,7 @@ def test_star_steady() -> None:
 
 
 def test_star_time_constants() -> None:
-    modes = td.network.modes(td.network.state_space(td.network.compile_network(_star())))
+    modes = td.simulation.modes(td.simulation.state_space(td.simulation.compile_network(_star())))
     assert modes.time_constants == pytest.approx((1612.305, 371.4195), rel=1e-6)
     assert -1 / modes.time_constants == pytest.approx((-6.20230e-4, -1 / 371.4195), rel=1e-6)
 

@@ -87,7 +87,7 @@ def slices(modules: Mapping[str, Module]) -> Offenders:
     found = {}
     for target, names in importers.items():
         (first, *others) = names
-        if not others and modules[first].room == modules[target].room and not modules[target].package:
+        if not others and not modules[first].gives_names and modules[first].room == modules[target].room and not modules[target].package:
             found[short(target)] = 1
     return found
 

@@ -46,6 +46,13 @@ class Module:
         """First name below `thermid`; empty for the package's own `__init__`."""
         return room_of(self.name)
 
+    @cached_property
+    def gives_names(self) -> bool:
+        """Whether the module does nothing but give names of the inside of its room."""
+        body = [node for node in self.tree.body if not (isinstance(node, ast.Expr) and isinstance(node.value, ast.Constant))]
+        given = (isinstance(n, ast.ImportFrom) and all(alias.asname == alias.name for alias in n.names) for n in body)
+        return bool(body) and not self.package and all(given)
+
     def imports(self) -> tuple[Import, ...]:
         """Every import, wherever it stands: at the top, inside a function, for the type checker only, or by text."""
         return self._all_imports
@@ -83,6 +90,11 @@ class Module:
 def room_of(name: str) -> str:
     """First name below `thermid` in a dotted name."""
     return name.split(".")[1] if "." in name else ""
+
+
+def is_inner(name: str) -> bool:
+    """Whether a module is inside its room: a part of its dotted name below the room begins with an underscore."""
+    return any(part.startswith("_") and not part.startswith("__") for part in name.split(".")[2:])
 
 
 def _imported_by_text(call: ast.Call) -> str:

@@ -85,7 +85,7 @@ def listed(problems: Iterator[str]) -> str:
 
 
 def test_library_code_is_silent(modules: dict[str, Module]) -> None:
-    assert listed(line for m in modules.values() if m.room != "cli" for line in noises(m)) == ""
+    assert listed(line for m in modules.values() if m.room != "app" for line in noises(m)) == ""
 
 
 def test_no_code_from_text(modules: dict[str, Module]) -> None:
@@ -125,7 +125,7 @@ def test_misconduct_is_seen(check, text: str) -> None:
     [
         (noises, "table.print()"),
         (code_from_text, "import re\nre.compile('x')\nast.literal_eval('1')"),
-        (code_from_text, "from thermid.network import compile\ncompile(model)"),
+        (code_from_text, "from thermid.simulation._network import compile\ncompile(model)"),
         (state, "KNOWN = {}\ndef f(a):\n    KNOWN = {}\n    KNOWN[a] = 1"),
         (state, "KNOWN = {}\nKNOWN['a'] = 1\ndef f():\n    return KNOWN['a']"),
     ],

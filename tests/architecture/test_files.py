@@ -1,4 +1,4 @@
-"""Files are written in one place, `thermid.files`, and what a command reads passes through it too."""
+"""Files are written in one place, `thermid.base.files`, and what a command reads passes through it too."""
 
 from __future__ import annotations
 
@@ -27,27 +27,27 @@ WRITES = {
     "rename",
 }
 PLACES = {
-    ("thermid.files", "writing is its work"),
-    ("thermid.acquire.benchlog", "the logger appends, line by line, each on disk before the next is read"),
-    ("thermid.acquire.capture", "lines of a port are appended to a file that is new"),
+    ("thermid.base.files", "writing is its work"),
+    ("thermid.bench.benchlog", "the logger appends, line by line, each on disk before the next is read"),
+    ("thermid.bench.capture", "lines of a port are appended to a file that is new"),
 }
 INSIDE_REPLACING = {"savetxt", "savez", "to_netcdf", "savefig"}
 """What a library writes to a path that `replacing` gave, or into memory."""
 READS = {"read_text", "read_bytes"}
 NO_INPUT = {
-    "thermid.files": "reading is its work",
-    "thermid.acquire.bench_files": "the map is changed in its place",
-    "thermid.acquire.benchlog": "the log is continued",
-    "thermid.campaign.cache": "results of its own, and the code",
+    "thermid.base.files": "reading is its work",
+    "thermid.bench.bench_files": "the map is changed in its place",
+    "thermid.bench.benchlog": "the log is continued",
+    "thermid.campaign._cache": "results of its own, and the code",
     "thermid.interop.c99": "a text of the package",
-    "thermid.toml_files": "locks and verdicts are carried on",
-    "thermid.model.deck.save": "a deck may be changed in its place",
-    "thermid.cli.qualify": "the delivery of this command",
-    "thermid.qualify.deliver": "the delivery of this command, or one that is checked",
-    "thermid.reporting.blocks.extras": "templates of the package, and what the browser printed",
-    "thermid.start.examples": "examples of the package",
-    "thermid.start.originals": "originals that were fetched, checked by their sums",
-    "thermid.studio.server": "scripts of the package",
+    "thermid.base.toml_files": "locks and verdicts are carried on",
+    "thermid.model._deck.save": "a deck may be changed in its place",
+    "thermid.app.cli.qualify": "the delivery of this command",
+    "thermid.qualify._deliver": "the delivery of this command, or one that is checked",
+    "thermid.reporting._blocks.extras": "templates of the package, and what the browser printed",
+    "thermid.campaign._start.examples": "examples of the package",
+    "thermid.campaign._start.originals": "originals that were fetched, checked by their sums",
+    "thermid.app.studio.server": "scripts of the package",
 }
 
 
@@ -66,8 +66,8 @@ def opens_to_write(node: ast.Call) -> bool:
 
 
 def own_names(module: Module) -> set[str]:
-    """Names that the module takes from `thermid.files`."""
-    return {name for i in module.imports() if i.target == "thermid.files" for name in i.names}
+    """Names that the module takes from `thermid.base.files`."""
+    return {name for i in module.imports() if i.target == "thermid.base.files" for name in i.names}
 
 
 def writes(module: Module) -> Iterator[str]:
@@ -78,7 +78,7 @@ def writes(module: Module) -> Iterator[str]:
             continue
         name = called(node)
         method = isinstance(node.func, ast.Attribute)
-        if name == "to_netcdf" and module.room == "cli":
+        if name == "to_netcdf" and module.room == "app":
             continue  # the method of a solution, which goes through the writer
         if name in WRITES and (method or name not in ours) and not (name in INSIDE_REPLACING and ours & {"replacing", "write_bytes"}):
             yield f"{module.name}:{node.lineno} {name}"
@@ -103,7 +103,7 @@ def test_files_are_written_in_one_place(modules: dict[str, Module]) -> None:
 def test_what_is_read_is_known_as_an_input(modules: dict[str, Module]) -> None:
     assert set(NO_INPUT) <= set(modules)
     assert [line for m in modules.values() if m.name not in NO_INPUT for line in reads(m)] == []
-    assert [name for name in NO_INPUT if name != "thermid.files" and not list(reads(modules[name]))] == []
+    assert [name for name in NO_INPUT if name != "thermid.base.files" and not list(reads(modules[name]))] == []
 
 
 @pytest.mark.parametrize(
@@ -111,7 +111,7 @@ def test_what_is_read_is_known_as_an_input(modules: dict[str, Module]) -> None:
     [
         "path.write_text('x')",
         "Path(p).write_bytes(b'x')",
-        "from thermid.files import write_text\npath.write_text('x')",
+        "from thermid.base.files import write_text\npath.write_text('x')",
         "open(p, 'w')",
         "path.open('wb')",
         "path.open(mode='a')",
@@ -130,9 +130,9 @@ def test_a_writer_of_its_own_is_seen(text: str) -> None:
 @pytest.mark.parametrize(
     "text",
     [
-        "from thermid.files import TABLE, replacing\nwith replacing(p, TABLE) as half:\n    np.savetxt(half, a)",
-        "from thermid.files import TABLE, replacing\nwith replacing(p, TABLE) as half, half.open('w') as file:\n    file.write('x')",
-        "from thermid.files import DECK, write_text\nwrite_text(p, 'x', DECK)",
+        "from thermid.base.files import TABLE, replacing\nwith replacing(p, TABLE) as half:\n    np.savetxt(half, a)",
+        "from thermid.base.files import TABLE, replacing\nwith replacing(p, TABLE) as half, half.open('w') as file:\n    file.write('x')",
+        "from thermid.base.files import DECK, write_text\nwrite_text(p, 'x', DECK)",
         "open(p)",
         "path.open('rb')",
         "webbrowser.open(address)",
@@ -143,7 +143,7 @@ def test_the_writer_is_let_pass(text: str) -> None:
 
 
 def test_a_reader_of_its_own_is_seen() -> None:
-    for text in ("path.read_text()", "Path(p).read_bytes()", "from thermid.files import read_text\npath.read_text()"):
+    for text in ("path.read_text()", "Path(p).read_bytes()", "from thermid.base.files import read_text\npath.read_text()"):
         assert len(list(reads(Module("thermid.model.x", text)))) == 1
-    for text in ("from thermid.files import read_text\nread_text(p)", "from thermid import files\nfiles.read_bytes(p)"):
+    for text in ("from thermid.base.files import read_text\nread_text(p)", "from thermid import files\nfiles.read_bytes(p)"):
         assert list(reads(Module("thermid.model.x", text))) == []

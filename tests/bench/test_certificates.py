@@ -11,10 +11,10 @@ import pytest
 from scipy.linalg import expm
 
 import thermid as td
-from thermid.acquire.bench_files import MappedSensor, Programme, load_sensors
-from thermid.acquire.board import Board, BoardPort
-from thermid.acquire.guide import ice_point
-from thermid.acquire.logger import Logger, Settings
+from thermid.bench.bench_files import MappedSensor, Programme, load_sensors
+from thermid.bench.board import Board, BoardPort
+from thermid.bench.guide import ice_point
+from thermid.bench.logger import Logger, Settings
 
 DECK = Path(__file__).parents[2] / "examples" / "bench" / "plate.toml"
 PLANTED = {"pads.resistance": (2.4, "K/W"), "skin.effective_htc": (11.0, "W/(m^2 K)")}
@@ -27,7 +27,7 @@ class Step:
 
     def __init__(self) -> None:
         values = {name: f"{value} [{unit}]" for name, (value, unit) in PLANTED.items()}
-        space = td.network.state_space(td.network.compile_network(td.load_model(DECK).with_values(values)))
+        space = td.simulation.state_space(td.simulation.compile_network(td.load_model(DECK).with_values(values)))
         inputs = np.column_stack([space.B_boundary[:, 0], space.B_load[:, 0]])
         self.joint = np.block([[space.A, inputs], [np.zeros((2, 4))]])
         self.nodes, self.state, self.seconds = space.nodes, np.full(2, 21.0), 0.0

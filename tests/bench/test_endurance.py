@@ -14,17 +14,17 @@ import pytest
 
 import thermid as td
 from pseudo_terminal import Terminal
-from thermid.acquire.board import Board
-from thermid.acquire.logger import Logger, Settings
-from thermid.acquire.port import LONGEST
-from thermid.acquire.wire import parse_line
-from thermid.errors import ThermidError
+from thermid.base.errors import ThermidError
+from thermid.bench._wire import parse_line
+from thermid.bench.board import Board
+from thermid.bench.logger import Logger, Settings
+from thermid.bench.port import LONGEST
 
 pytestmark = pytest.mark.skipif(os.name != "posix", reason="a board without hardware needs pseudo-terminals")
 
 LOGGER = """
 import sys
-from thermid.acquire.logger import Logger, Settings
+from thermid.bench.logger import Logger, Settings
 log = Logger(sys.argv[1], lambda: sys.argv[2], None, Settings(silence=600.0))
 while log.state.lines < 3:
     log.step()
@@ -38,7 +38,7 @@ BOARD = """
 import math, sys
 sys.path.insert(0, sys.argv[1])
 from pseudo_terminal import Terminal
-from thermid.acquire.board import Board
+from thermid.bench.board import Board
 board = Board(lambda t, d: [20.0 + k + math.sin(t / 5000) for k in range(10)], 10)
 with Terminal(board, speed=1e6, waits=True, keep=False) as terminal:
     print(terminal.port, board.roms[0], flush=True)

@@ -14,9 +14,9 @@ import pytest
 from simulated import Simulated
 
 import thermid as td
-from thermid.acquire.bench_files import MappedSensor, Programme
-from thermid.acquire.board import made_up_rom
-from thermid.acquire.logger import Logger, Settings
+from thermid.bench.bench_files import MappedSensor, Programme
+from thermid.bench.board import made_up_rom
+from thermid.bench.logger import Logger, Settings
 
 NAMES = {made_up_rom(k): MappedSensor(f"T{k}", made_up_rom(k)) for k in range(3)}
 

@@ -51,7 +51,7 @@ def test_runs(benchmark: Any, nonlinear: bool, every: float, slopes: bool, bound
     ("code", "bound"),
     [
         ("import thermid", 2.0),
-        ("import sys; from thermid.cli import main; sys.argv = ['thermid', '--help']; main()", 3.0),
+        ("import sys; from thermid.app.cli import main; sys.argv = ['thermid', '--help']; main()", 3.0),
         (
             "import thermid as td; m = td.model_from_dict({'title': 'x', 'needs': ['air'], 'nodes': {'a': {'capacitance': '9 [J/K]'}},"
             "'conductors': {'g': {'kind': 'conduction', 'between': ['a', 'air'], 'conductance': '1 [W/K]'}}});"

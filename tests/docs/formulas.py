@@ -31,7 +31,9 @@ def disagreement(text: str, words: tuple[str, ...]) -> str:
     if not words:
         return ""
     module, _, name = words[0].partition(".")
-    function = getattr(import_module(next(found.name for room in ROOMS if (found := find_spec(f"{room}.{module}")))), name)
+    function = getattr(
+        import_module(next(found.name for room in ROOMS for inner in ("", "_") if (found := find_spec(f"{room}.{inner}{module}")))), name
+    )
     symbols = dict(word.split("=") for word in words[1:])
     rng = np.random.default_rng(1)
     for _ in range(5):

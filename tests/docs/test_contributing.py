@@ -15,9 +15,9 @@ from types import SimpleNamespace
 import pytest
 
 import thermid._kernel
-from thermid.dual import value_of
-from thermid.errors import DeckError
-from thermid.model.parts.kinds import Law
+from thermid.base.dual import value_of
+from thermid.base.errors import DeckError
+from thermid.model.elements import Law
 
 from .hooks import about
 from .pages import ROOT, blocks, codes, prose
@@ -39,7 +39,7 @@ heater = { into = "plate", power = "10 [W]" }
 
 WALKS = (
     ("model/every_kind.py", "CASES: list", "example", "\n]\n"),
-    ("judge/test_metrics.py", '    sizes["p95"]', "metric-size", "\n    assert "),
+    ("campaign/judge/test_metrics.py", '    sizes["p95"]', "metric-size", "\n    assert "),
 )
 """What tests that walk a table take, with a line of each new row: file, where its lines stand, line of the page, end of its lines."""
 
@@ -50,7 +50,7 @@ sys.meta_path[:] = [finder for finder in sys.meta_path if "editable" not in f"{t
 sys.path.insert(0, sys.argv[1])
 import numpy as np
 import thermid as td
-from thermid.extensions import json_schema
+from thermid.base.extensions import json_schema
 
 model = td.load_model("plate.toml")
 bench = td.Scenario("bench", boundaries={"base": "20 [degC]"}, start="20 [degC]", duration="10 [min]")
@@ -106,18 +106,18 @@ def copy(tmp_path_factory: pytest.TempPathFactory) -> Path:
     folder = tmp_path_factory.mktemp("bolts")
     shutil.copytree(PACKAGE, folder / "src" / "thermid", ignore=shutil.ignore_patterns("*.so"))
     shutil.copy(str(thermid._kernel.__file__), folder / "src" / "thermid")
-    kinds = folder / "src" / "thermid" / "model" / "parts" / "kinds.py"
+    kinds = folder / "src" / "thermid" / "model" / "_parts" / "kinds.py"
     kinds.write_text(with_bolts(kinds.read_text(encoding="utf-8")), encoding="utf-8")
-    diagram = folder / "src" / "thermid" / "reporting" / "diagrams" / "diagram.py"
+    diagram = folder / "src" / "thermid" / "reporting" / "_diagrams" / "diagram.py"
     diagram.write_text(lengthened(diagram.read_text(encoding="utf-8"), "STYLES: Mapping", EXAMPLE["line-style"]), encoding="utf-8")
     for name, table, row, end in WALKS:
         walk = (ROOT / "tests" / "unit" / name).read_text(encoding="utf-8")
         (folder / "tests" / "unit" / name).parent.mkdir(parents=True)
         (folder / "tests" / "unit" / name).write_text(lengthened(walk, table, EXAMPLE[row], end), encoding="utf-8")
-    metrics = folder / "src" / "thermid" / "judge" / "metrics.py"
+    metrics = folder / "src" / "thermid" / "campaign" / "_judge" / "metrics.py"
     source = metrics.read_text(encoding="utf-8")
     metrics.write_text(added(source, "metric", "@dataclass(frozen=True)\nclass Metric:", "METRICS: Final", "}\n"), encoding="utf-8")
-    formats = folder / "src" / "thermid" / "measure" / "readers" / "formats.py"
+    formats = folder / "src" / "thermid" / "measure" / "_readers" / "formats.py"
     source = formats.read_text(encoding="utf-8")
     formats.write_text(added(source, "reader", "FORMATS: Final = (", "FORMATS: Final", '    Format("serial capture"'), encoding="utf-8")
     for name in ("metric", "reader"):
@@ -152,7 +152,7 @@ KINDS_WALKED = (
     "model/test_round_trip.py::test_the_sink_holds_every_kind",
     "model/test_round_trip.py::test_round_trip_of_everything",
 )
-METRICS_WALKED = "judge/test_metrics.py::test_what_each_metric_is"
+METRICS_WALKED = "campaign/judge/test_metrics.py::test_what_each_metric_is"
 WALKING = (*KINDS_WALKED, METRICS_WALKED)
 BLIND = {"test_round_trip_of_everything"}
 """Of those, what passes without the line too: it walks the cases, not the table."""
@@ -311,7 +311,7 @@ def note(frame, event, argument):
 
 sys.setprofile(note)
 import thermid as td
-from thermid.reporting.pages.views import calibration_object
+from thermid.reporting._pages.views import calibration_object
 
 part = td.load_model("plate.toml")
 bench = td.Scenario("bench", boundaries={"air": "20 [degC]"}, start="20 [degC]", duration="30 [min]")
@@ -336,7 +336,7 @@ between = ["plate", "air"]
 htc = { value = "8 [W/(m^2 K)]", min = 2, max = 20 }
 area = "0.02 [m^2]"
 """
-AT_THE_BENCH = {"acquire/wire", "acquire/logger", "acquire/benchlog"}
+AT_THE_BENCH = {"bench/_wire", "bench/logger", "bench/benchlog"}
 
 
 def test_the_walks_are_those_of_a_running_fit(tmp_path: Path) -> None:
@@ -362,7 +362,7 @@ def test_decisions_are_listed_by_room() -> None:
         assert listed, room
         assert all((ROOT / "docs" / "decisions" / name).is_file() for name in listed)
     assert about().count("\n- ") == len([*(ROOT / "docs" / "decisions").glob("[0-9]*.md")])
-    with pytest.raises(SystemExit, match=r"no decisions are listed under 'networks'\. The names are: acquire, "):
+    with pytest.raises(SystemExit, match=r"no decisions are listed under 'networks'\. The names are: app, "):
         about("networks")
 
 
@@ -375,11 +375,11 @@ def test_the_reading_path_is_as_long_as_it_says(capsys: pytest.CaptureFixture[st
     path = codes(section)
     stated = re.search(r"about (\d+) lines", section)
     assert stated
-    assert (path[0], path[-1]) == ("__init__", "campaign/stages")
+    assert (path[0], path[-1]) == ("__init__", "campaign/_stages")
     counts = {module: lines(module) for module in path}
     total = sum(counts.values())
-    below = ["errors", "units", "expression", "dual"]
-    inside = [p for room in ("model", "network", "simulation") for p in sorted((PACKAGE / room).rglob("*.py"))]
+    below = ["base/errors", "base/units", "base/expression", "base/dual"]
+    inside = [p for room in ("model", "simulation") for p in sorted((PACKAGE / room).rglob("*.py"))]
     below += [p.relative_to(PACKAGE).with_suffix("").as_posix() for p in inside]
     whole = sum(map(lines, dict.fromkeys([*path, *below])))
     with capsys.disabled():

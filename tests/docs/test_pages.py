@@ -10,8 +10,7 @@ import pytest
 
 import thermid as td
 
-from .hooks import MADE as PICTURES
-from .hooks import virtual_pages
+from .hooks import MADE as PICTURES, virtual_pages
 from .pages import DECISIONS, PAGES, ROOT, Block, anchor, blocks, differences, headings, links, near, prose, tables
 from .workshop import Shown, Workshop, missing
 

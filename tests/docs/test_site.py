@@ -14,7 +14,7 @@ import pytest
 import typer
 
 import thermid as td
-from thermid.cli import app as cli
+from thermid.app.cli import app as cli
 
 from .hooks import commands, mathml, notebooks, rooms, turned
 from .pages import ROOT, tables
@@ -105,7 +105,7 @@ def test_every_public_name_is_in_the_reference(site: Path, pages: dict[str, Foun
     for room, names in by_room.items():
         anchors = pages[f"reference/{room}.html"].anchors
         assert [
-            name for name in names if not anchors & {f"thermid.{name}", f"thermid.{td._PUBLIC[name]}.{name}", f"thermid.errors.{name}"}
+            name for name in names if not anchors & {f"thermid.{name}", f"thermid.{td._PUBLIC[name]}.{name}", f"thermid.base.errors.{name}"}
         ] == []
 
 

@@ -16,25 +16,25 @@ from pydantic import BaseModel
 
 import thermid as td
 from thermid import errors
-from thermid.campaign import schema as campaign_schema
-from thermid.judge.criteria import PLAIN
-from thermid.judge.metrics import METRICS
-from thermid.judge.schema import LimitTable
-from thermid.knowledge.values import FittedValue, FittedValues
-from thermid.measure.readers.bindings import _KEYS as CHANNEL_KEYS
-from thermid.measure.record.record import STEPS
-from thermid.measure.record.sensor import _NUMBERS as PART_NUMBERS
-from thermid.model.deck import assemblies, fields, schema
-from thermid.model.laws.signal import Sine, TableSignal
-from thermid.model.parts.controls import CONTROL_SLOTS, TEMPERATURE_SLOT
-from thermid.model.parts.elements import LOAD_SLOTS, NODE_SLOTS
-from thermid.model.parts.kinds import KINDS
-from thermid.profiles.profile import SLOTS
-from thermid.profiles.schema import ProfileTable, StepTable
-from thermid.qualify import plan_schema
-from thermid.simulation.scenarios import schema as scenario_schema
+from thermid.base.units import TEMPERATURE
+from thermid.campaign import _schema as campaign_schema
+from thermid.campaign._judge.criteria import PLAIN
+from thermid.campaign._judge.metrics import METRICS
+from thermid.campaign._judge.schema import LimitTable
+from thermid.measure._readers.bindings import _KEYS as CHANNEL_KEYS
+from thermid.measure._record.record import STEPS
+from thermid.measure._record.sensor import _NUMBERS as PART_NUMBERS
+from thermid.model._deck import assemblies, fields, schema
+from thermid.model._parts.controls import CONTROL_SLOTS, TEMPERATURE_SLOT
+from thermid.model._parts.elements import NODE_SLOTS
+from thermid.model.elements import KINDS, LOAD_SLOTS
+from thermid.model.laws import Sine, TableSignal
+from thermid.qualify import _plan_schema as plan_schema
+from thermid.qualify._profiles.profile import SLOTS
+from thermid.qualify._profiles.schema import ProfileTable, StepTable
+from thermid.simulation._scenarios import schema as scenario_schema
 from thermid.site import pad
-from thermid.units import TEMPERATURE
+from thermid.values.fitted import FittedValue, FittedValues
 
 from .pages import ROOT, codes, tables
 
@@ -163,8 +163,8 @@ def by_heading() -> dict[str, Names]:
         "Air and walls apart": _model(fields.AirAndSees),
         "State of a gas that a reduced deck was made in": _model(schema.MadeInTable, MADE_IN_UNITS),
         "Scenario": _of(_plain(dataclasses.fields(td.Scenario)), SCENARIO_UNITS),
-        "Gas": _of(_plain(dataclasses.fields(td.network.Environment)), GAS_UNITS),
-        "Irradiation": _of(_plain(dataclasses.fields(td.network.Irradiation)), IRRADIATION_UNITS),
+        "Gas": _of(_plain(dataclasses.fields(td.simulation.Environment)), GAS_UNITS),
+        "Irradiation": _of(_plain(dataclasses.fields(td.simulation.Irradiation)), IRRADIATION_UNITS),
         "Site": _of(_plain(dataclasses.fields(td.site.Site)), {"latitude": "deg", "longitude": "deg", "altitude": "m", "timezone": "h"}),
         "Weather of a scenario": _model(scenario_schema.WeatherTable, {"max_gap": "s", "air_temperature": TEMPERATURE}),
         "Sun of a scenario": _model(scenario_schema.SunTable, {"albedo": "1", "turbidity": "1", "sky": "deg"}),

@@ -18,9 +18,9 @@ from typing import Any
 from unittest import mock
 
 import thermid as td
-from thermid.acquire.bench_files import load_programme, load_sensors
-from thermid.campaign.file import read_campaign
-from thermid.cli import main
+from thermid.app.cli.app import main
+from thermid.bench.bench_files import load_programme, load_sensors
+from thermid.campaign.stages import read_campaign
 
 from .formulas import disagreement
 from .pages import ROOT, Block, blocks, differences, near

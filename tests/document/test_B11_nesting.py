@@ -339,7 +339,7 @@ def test_V1_late_slope_in_vacuum(level: str) -> None:  # noqa: N802
     rises = [solution[n].rise for n in solution.nodes if n != "air"]
     assert rises == pytest.approx([LATE[level]] * len(rises), abs=6e-5)
     model = flat(level)
-    numbers = td.network.compile_network(model).numbers()
+    numbers = td.simulation.compile_network(model).numbers()
     slope = 3600 * sum(float(r.coefficients[0]) for r in numbers.loads) / sum(float(c or 0) for c in numbers.capacitances.values())  # type: ignore[arg-type]
     assert rises == pytest.approx([slope] * len(rises), rel=1e-9)
 
@@ -348,7 +348,7 @@ def test_A5_energy_balance_of_the_full_model() -> None:  # noqa: N802
     """15.313 W in and, once settled, 15.313 W out."""
     solution = td.simulate(sd(), BENCH.with_(duration="200 [h]"), times=[200 * 3600.0], options=TIGHTER)
     assert sum(p[-1] for p in solution.load_powers.values()) == pytest.approx(15.313, abs=1e-12)
-    network = td.network.compile_network(sd())
+    network = td.simulation.compile_network(sd())
     out = sum(float(solution.heat_flow(c.path)[-1]) for c in network.flat.conductors if c.ends[1] == "air")
     assert out == pytest.approx(15.313, abs=1e-6)
 

@@ -10,9 +10,9 @@ pytestmark = pytest.mark.document
 AIR = (0.026, 1.6e-5, 0.71)
 
 
-def elegfo(**more: object) -> td.explain.HtcComparison:
+def elegfo(**more: object) -> td.inference.HtcComparison:
     """Section 'Example: EleGFO' of the source document."""
-    return td.explain.compare_htc(2.168, 0.082241, "35.938 [degC]", "24 [degC]", 0.02492, air=AIR, **more)
+    return td.inference.compare_htc(2.168, 0.082241, "35.938 [degC]", "24 [degC]", 0.02492, air=AIR, **more)
 
 
 def test_b13_eq7_and_the_effective_coefficient() -> None:
@@ -28,7 +28,7 @@ def test_b13_eq7_and_the_effective_coefficient() -> None:
 
 def test_b13_it_warns_above_a_rayleigh_number_of_1e9() -> None:
     with pytest.warns(td.ThermidWarning, match=r"Rayleigh number 2\.69e\+09 is outside 0 to 1e\+09, the validity of the correlation"):
-        td.explain.compare_htc(200.0, 2.0, "60 [degC]", "24 [degC]", "1 [m]")
+        td.inference.compare_htc(200.0, 2.0, "60 [degC]", "24 [degC]", "1 [m]")
 
 
 def test_b14_biot_numbers() -> None:
@@ -42,14 +42,14 @@ def test_b14_biot_numbers() -> None:
         (0.020, 0.25, 5.0, 0.4),  # fibre coil
         (0.010, 0.026, 6.0, 2.3),  # gap of air
     ):
-        part = td.explain.compare_htc(htc * 0.1 * 10.0, 0.1, 310.0, 300.0, 0.1, parts={"x": (length, conductivity)})
+        part = td.inference.compare_htc(htc * 0.1 * 10.0, 0.1, 310.0, 300.0, 0.1, parts={"x": (length, conductivity)})
         assert float(f"{part.biot['x'][0]:.1e}") == pytest.approx(biot, rel=0.03)
         assert any("its inside is not at one temperature" in r for r in part.remarks) == (biot > 0.1)
 
 
 def test_the_accelerometer_settles_three_times_as_slowly_as_its_mass_says() -> None:
     """17 minutes by Fig. 16 against 'approximately 4 hours' in the text: section 4, conflict 1 of the acceptance sheet."""
-    found = td.explain.compare_htc(
+    found = td.inference.compare_htc(
         0.225, 0.00420536, 297.15 + 8.917191, 297.15, 0.025, capacitance="0.054*480 [J/K]", settled_after="4 [h]"
     )
     settling = found.settling

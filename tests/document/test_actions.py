@@ -52,7 +52,7 @@ def test_A4_interfaces_alone_are_tuned() -> None:  # noqa: N802
     record = log({n: run[n].kelvin for n in ("proc.case", "ele.case")}, 0.01)
     fit = td.calibrate(pair, record, list(planted), scenario=step)
     assert {p: v.value for p, v in fit.values.parameters.items()} == pytest.approx(planted, rel=0.01)
-    before, after = (td.network.compile_network(m) for m in (pair, fit.fitted_model))
+    before, after = (td.simulation.compile_network(m) for m in (pair, fit.fitted_model))
     one, two = before.numbers(), after.numbers()
     assert dict(one.capacitances) == dict(two.capacitances)
     changed = {p for p, v in one.values.items() if float(two.values[p]) != float(v)}
@@ -69,7 +69,7 @@ def test_A7_ten_kelvin_more_around_are_ten_kelvin_more_everywhere(level: str) ->
 
 
 def test_H1_humidity_is_noted_and_changes_nothing() -> None:  # noqa: N802
-    runs = [td.simulate(deck("m_Sd"), BENCH.with_(environment={"cv": td.network.Environment(humidity=h)})) for h in (0.1, 0.9)]
+    runs = [td.simulate(deck("m_Sd"), BENCH.with_(environment={"cv": td.simulation.Environment(humidity=h)})) for h in (0.1, 0.9)]
     assert np.array_equal(runs[0].temperatures, runs[1].temperatures)
     for run, percent in zip(runs, (10, 90), strict=True):
         (note,) = run.warnings
@@ -126,7 +126,7 @@ def test_B15_a_replaced_gyro_changes_its_block_and_its_foot_alone() -> None:  # 
     for part in ("acc", "fog_x", "fog_z"):
         assert swapped.submodel(part).identity() == unit.submodel(part).identity()
     assert swapped.submodel("fog_y").identity() == new.identity() != unit.submodel("fog_y").identity()
-    before, after = (td.network.compile_network(m).numbers() for m in (unit, swapped))
+    before, after = (td.simulation.compile_network(m).numbers() for m in (unit, swapped))
     moved = {p for p, v in before.values.items() if float(after.values[p]) != float(v)}
     assert moved == {"fog_y.power", "fog_y.mass", "fog_y.electronics.power", "fog_y.case.capacitance"}
     planted = {"fog_y.mass": "0.66 [kg]", "fog_y.skin.effective_htc": "4.4 [W/(m^2 K)]", "fog_foot_conductivity": "2.5 [W/(m K)]"}

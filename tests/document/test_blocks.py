@@ -10,7 +10,7 @@ import pytest
 
 import thermid as td
 from strategies import TIGHTER
-from thermid.errors import SolverError, ThermidWarning
+from thermid.base.errors import SolverError, ThermidWarning
 from thermid.physics.htc import biot_number
 
 pytestmark = pytest.mark.document

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 import thermid as td
-from thermid.reduction.macro import host_values
+from thermid.prediction._reduction.macro import host_values
 
 pytestmark = pytest.mark.document
 SISNAV = Path(__file__).parents[2] / "examples" / "sisnav"

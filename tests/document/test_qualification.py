@@ -11,8 +11,8 @@ import pytest
 from typer.testing import CliRunner
 
 import thermid as td
-from thermid.cli.app import app
-from thermid.qualify.plan import load_plan
+from thermid.app.cli.app import app
+from thermid.qualify.plans import load_plan
 from unit.qualify.project import PLAN, measured, project, with_log
 from unit.qualify.things import unit
 
@@ -145,7 +145,7 @@ def test_H1_relative_humidity_alone_moves_no_verdict(tmp_path: Path) -> None:  #
             boundaries={"air": "40 [degC]"},
             duration="2 [h]",
             start="20 [degC]",
-            environment={"air": td.network.Environment(humidity=humidity)},
+            environment={"air": td.simulation.Environment(humidity=humidity)},
         )
         found.append(td.design.foresee(td.design.Known(unit()), course))
     assert np.array_equal(found[0].prediction["proc"].kelvin, found[1].prediction["proc"].kelvin)

@@ -11,7 +11,7 @@ import pytest
 
 import thermid as td
 from strategies import TIGHTER
-from thermid.errors import ScenarioError
+from thermid.base.errors import ScenarioError
 
 pytestmark = pytest.mark.document
 EXAMPLE = Path(__file__).parents[2] / "examples" / "01_accelerometer" / "accelerometer.toml"
@@ -39,7 +39,7 @@ def _with_emissivity(emissivity: float) -> td.Model:
 
 
 def test_inputs_of_fig_16() -> None:
-    numbers = td.network.compile_network(_accelerometer()).numbers()
+    numbers = td.simulation.compile_network(_accelerometer()).numbers()
     assert numbers.values["power"] == 0.225
     assert numbers.values["area"] == 0.00420536
     assert numbers.capacitances["case"] == pytest.approx(25.92, rel=1e-15)
@@ -170,6 +170,7 @@ def test_A7_ambient_step_shifts_steady_values() -> None:  # noqa: N802
 
 def test_H1_humidity_does_not_enter_the_classical_equations() -> None:  # noqa: N802
     runs = [
-        td.simulate(_accelerometer(), BENCH.with_(environment={"air": td.network.Environment(humidity=h)})).temperatures for h in (0.1, 0.9)
+        td.simulate(_accelerometer(), BENCH.with_(environment={"air": td.simulation.Environment(humidity=h)})).temperatures
+        for h in (0.1, 0.9)
     ]
     assert np.array_equal(*runs)

@@ -103,7 +103,7 @@ def test_a3_components_are_unchanged_in_a_submodel() -> None:
     ],
 )
 def test_n1_n2_n3_names_of_the_document_mean_one_node(deck: str, names: tuple[str, ...]) -> None:
-    network = td.network.compile_network(model(deck))
+    network = td.simulation.compile_network(model(deck))
     assert {network.find(name) for name in names} == {names[-1]}
 
 
@@ -114,4 +114,4 @@ def test_n2_an_alias_depends_on_where_it_is_used() -> None:
     assert unit.canonical("m_IMU.m_AccS") == "imu.acc"
     assert unit.canonical("PrE") == "pre"
     with pytest.raises(td.ThermidError, match=r"no node 'm_IMU\.AccZ'"):
-        td.network.compile_network(unit).find("m_IMU.AccZ")
+        td.simulation.compile_network(unit).find("m_IMU.AccZ")

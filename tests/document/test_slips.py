@@ -48,7 +48,7 @@ def test_E21_several_effects_of_like_size() -> None:  # noqa: N802
 def test_E25_bulk_aluminium_cannot_hold_the_printed_differences() -> None:  # noqa: N802
     """At the full model 2.5 W cross the processor's joint. Bulk aluminium would drop 0.03 K there; the decks' joint drops over 3 K."""
     whole = td.load_model(DECKS / "m_Sd.toml")
-    network = td.network.compile_network(whole)
+    network = td.simulation.compile_network(whole)
     values = network.numbers().values
     area, conductance = float(values["pre.stack.area"]), float(values["pre.stack.contact_conductance"])
     rest = td.steady(whole, BENCH)

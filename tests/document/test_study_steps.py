@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 import thermid as td
-from thermid.errors import DeckError, NameNotFoundError
+from thermid.base.errors import DeckError, NameNotFoundError
 
 pytestmark = pytest.mark.document
 STUDY = Path(__file__).parents[2] / "examples" / "sisnav" / "study.toml"
@@ -69,7 +69,7 @@ def test_K1_every_mass_is_part_of_one_item(project: Path) -> None:  # noqa: N802
 
 def test_K2_every_node_is_light_grey(study: td.design.Study) -> None:  # noqa: N802
     assert set(study.boxes.values()) == {"light grey"}
-    assert len(study.boxes) == len(td.network.compile_network(study.model).nodes)
+    assert len(study.boxes) == len(td.simulation.compile_network(study.model).nodes)
     assert set(study.part_boxes.values()) == {"light grey"}
 
 

@@ -13,14 +13,10 @@ from typing import Any
 import numpy as np
 import pytest
 
-from thermid.errors import DeckError, NameNotFoundError
-from thermid.model.deck.modelfile import load_model, model_from_dict
-from thermid.model.deck.save import save_model
-from thermid.model.tree.areas import ledger
-from thermid.model.tree.flat import flatten
-from thermid.model.tree.model import Model
-from thermid.network.linear import modes, state_space
-from thermid.network.network import compile_network
+from thermid.base.errors import DeckError, NameNotFoundError
+from thermid.model.deck import load_model, model_from_dict, save_model
+from thermid.model.tree import Model, flatten, ledger
+from thermid.simulation.network import compile_network, modes, state_space
 
 pytestmark = pytest.mark.document
 EXAMPLES = Path(__file__).parents[2] / "examples"

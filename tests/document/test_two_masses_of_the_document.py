@@ -11,7 +11,7 @@ import pytest
 import thermid as td
 from oracles.two_nodes import TwoNodes
 from strategies import TIGHTER
-from thermid.errors import NameNotFoundError
+from thermid.base.errors import NameNotFoundError
 
 pytestmark = pytest.mark.document
 EXAMPLE = Path(__file__).parents[2] / "examples" / "02_stack" / "m_PrE.toml"
@@ -89,10 +89,10 @@ def test_elegfo_is_the_warmer_one_until_an_hour() -> None:
 
 def test_A3_submodel_equals_eq_6() -> None:  # noqa: N802
     """To 1e-9 K, by the modes of the network rather than by steps."""
-    space = td.network.state_space(td.network.compile_network(_example()))
+    space = td.simulation.state_space(td.simulation.compile_network(_example()))
     power = space.B_load @ [{"proc.electronics": 4.11, "ele.electronics": 2.168}[n] for n in space.loads]
     steady = np.linalg.solve(space.A, -(space.B_boundary[:, 0] * 24.0 + power))
-    modes = td.network.modes(space)
+    modes = td.simulation.modes(space)
     weights = np.linalg.solve(modes.shapes, 24.0 - steady)
     t = np.linspace(0, 18000, 61)
     found = steady + (np.exp(-t[:, None] / modes.time_constants) * weights) @ modes.shapes.T
@@ -150,10 +150,10 @@ def test_B5_massless_node_eliminated_or_solved() -> None:  # noqa: N802
 
 
 def test_B8_matrix_closed_form_and_eigenvalues() -> None:  # noqa: N802
-    space = td.network.state_space(td.network.compile_network(_example()))
+    space = td.simulation.state_space(td.simulation.compile_network(_example()))
     assert space.nodes == ("proc.case", "ele.case")
     assert space.A == pytest.approx(CLOSED.matrix(), rel=1e-12)
-    rates = -1 / td.network.modes(space).time_constants
+    rates = -1 / td.simulation.modes(space).time_constants
     assert rates == pytest.approx((-2.3675805e-4, -9.5368836e-4), rel=5e-8)
     delta = RD * RD + 2 * RD * R3
     assert delta == pytest.approx(27.873746, abs=1e-6)
@@ -164,7 +164,7 @@ def test_B8_matrix_closed_form_and_eigenvalues() -> None:  # noqa: N802
 
 
 def test_B8_eigenvalues_are_real_and_negative_for_a_thousand_sets() -> None:  # noqa: N802
-    network = td.network.compile_network(_resistances())
+    network = td.simulation.compile_network(_resistances())
     generator = np.random.default_rng(8)
     names = (
         "proc.capacitance",
@@ -177,12 +177,12 @@ def test_B8_eigenvalues_are_real_and_negative_for_a_thousand_sets() -> None:  # 
     )
     for _ in range(1000):
         values = 10 ** generator.uniform((1, 1, -2, -2, -2, -2, -2), (5, 5, 3, 3, 3, 3, 3))
-        space = td.network.state_space(network, network.numbers(dict(zip(names, values.tolist(), strict=True))))
+        space = td.simulation.state_space(network, network.numbers(dict(zip(names, values.tolist(), strict=True))))
         rates = np.linalg.eigvals(space.A)
         assert np.all(np.isreal(rates))
         assert np.all(rates.real < 0)
         assert rates[0] != rates[1]
-        assert sorted(rates.real) == pytest.approx(sorted(-1 / td.network.modes(space).time_constants), rel=1e-6)
+        assert sorted(rates.real) == pytest.approx(sorted(-1 / td.simulation.modes(space).time_constants), rel=1e-6)
 
 
 def test_B9_gap_omitted() -> None:  # noqa: N802
@@ -243,6 +243,6 @@ def test_N2_aliases() -> None:  # noqa: N802
         assert solution[alias].path == path
     assert _example().at("EleG") is _example().at("ele") or _example().at("EleG") == _example().at("ele")
     warm = _example().with_values({"PrS.power": "5 [W]"})
-    assert td.network.compile_network(warm).numbers().values["proc.power"] == 5.0
+    assert td.simulation.compile_network(warm).numbers().values["proc.power"] == 5.0
     with pytest.raises(NameNotFoundError, match=r"no node 'm_PrE_Pr'"):
         solution["m_PrE_Pr"]

@@ -12,8 +12,8 @@ from unittest import mock
 import pytest
 
 import thermid as td
-from thermid.cli import main
-from thermid.model.tree.flat import flatten
+from thermid.app.cli.app import main
+from thermid.model.tree import flatten
 
 BOX = Path(__file__).parents[2] / "examples" / "box"
 HOT = td.Scenario("hot", boundaries={"room": "35 [degC]", "mount": "40 [degC]"}, start="35 [degC]", duration="3 [h]")

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 import thermid as td
-from thermid.monte_carlo.uncertain import UncertainRuns
+from thermid.prediction.members import UncertainRuns
 
 MACRO = Path(__file__).parents[2] / "examples" / "sisnav" / "macro"
 MEMBERS = 10_000

@@ -22,7 +22,7 @@ KINDS = {"thermal cycling", "thermal vacuum", "humidity", "hold", "ascent", "on-
 
 def test_the_plan_stands_as_it_was_locked_and_says_that_logs_came_first() -> None:
     """Its decks, values, limits and scenarios among it; the logs are synthetic and were run while the plan was written."""
-    from thermid.qualify.plan import lock_status
+    from thermid.qualify.plans import lock_status
 
     plan = td.qualify.load_plan(EXAMPLES / "sisnav" / "qualification" / "plan.toml")
     status = lock_status(plan)

@@ -43,7 +43,7 @@ def demonstration(tmp_path_factory: pytest.TempPathFactory) -> Demonstration:
         run = work.run
         patch.setattr(work, "run", lambda *given: done.append(run(*given)) or done[-1])
         # an eighth of the members where derivatives do not do: no test looks at the width of a band
-        patch.setattr("thermid.prediction.predict.DRAWN", 250)
+        patch.setattr("thermid.prediction._predict.DRAWN", 250)
         patch.setattr(sys, "argv", ["demo.py", str(folder)])
         runpy.run_path(str(STUDY.parent / "demo.py"), run_name="__main__")
     return Demonstration(folder, said.getvalue(), complained.getvalue(), done[0])
@@ -92,7 +92,7 @@ def test_A6_only_coefficients_and_joints_of_the_full_model_are_tuned(campaign: t
     full = campaign["m_Sd"]
     own = {"imu_foot_conductivity", "cd_conductivity"}
     assert {p for p in full.values.parameters if not p.endswith("effective_htc")} == own
-    before, after = (td.network.compile_network(m).numbers().values for m in (full.model, full.fitted_model))
+    before, after = (td.simulation.compile_network(m).numbers().values for m in (full.model, full.fitted_model))
     tuned = {q for p, v in full.values.parameters.items() for q in (p, *v.also)}
     moved = {p for p, v in before.items() if float(after[p]) != float(v)}
     assert moved - tuned == {"foot.contact_conductance", "pillar.conductivity"}  # by the two joints' own expressions

@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 
 import thermid as td
-from thermid.measure.record.channel import Channel
+from thermid.measure.records import Channel
 
 HOUR = 3600.0
 FOLDER = Path(__file__).parents[2] / "examples" / "sisnav"

@@ -16,7 +16,7 @@ import pytest
 
 from docs.pages import NUMBER, near
 from studio.browser import CHROMIUM, DRIVER, Page
-from thermid.cli.summary import show_campaign
+from thermid.app.cli.summary import show_campaign
 from webpage import SMALLEST, crossings, faults, filled, limited, without_script
 
 pytestmark = [pytest.mark.campaign, pytest.mark.document]

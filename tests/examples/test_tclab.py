@@ -20,7 +20,7 @@ from typing import Any
 import pytest
 
 import thermid as td
-from thermid.campaign.file import read_campaign
+from thermid.campaign.stages import read_campaign
 
 ROOT = Path(__file__).parents[2]
 EXAMPLE = ROOT / "examples" / "tclab"

@@ -11,8 +11,7 @@ import numpy as np
 import thermid as td
 from fuzz.networks import SIGMA, Case
 from thermid import _kernel as k
-from thermid.model.laws.curves import Curve
-from thermid.model.laws.signal import Constant, Sine, TableSignal
+from thermid.model.laws import Constant, Curve, Sine, TableSignal
 from unit.kernel.reference import PROPORTIONAL, THERMOSTAT, Net
 
 STATUS = (

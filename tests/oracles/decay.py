@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from thermid.errors import ThermidError
+from thermid.base.errors import ThermidError
 from thermid.physics._number import Number, plain
 
 

@@ -9,7 +9,7 @@ import math
 
 import numpy as np
 
-from thermid.errors import ThermidError
+from thermid.base.errors import ThermidError
 from thermid.physics._number import Number, plain
 
 

@@ -12,7 +12,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from thermid.errors import SolverError
+from thermid.base.errors import SolverError
 from thermid.physics._number import Number
 
 

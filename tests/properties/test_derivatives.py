@@ -9,9 +9,7 @@ from hypothesis import strategies as st
 import thermid as td
 from oracle import si
 from strategies import DURATION, SMOOTH, WITHOUT_KNEES, Case, cases, random_models
-from thermid.simulation.solver.engine import Engine
-from thermid.simulation.solver.problem import Options
-from thermid.simulation.solver.wiring import Wiring
+from thermid.simulation.solver import Engine, Options, Wiring
 
 VERY_TIGHT = Options(tolerance=1e-11, relative=1e-12, input_tolerance=1e-9, max_step=30.0)
 TIMES = np.array([60.0, 900.0, DURATION])
@@ -23,7 +21,7 @@ difference moves them at most, lest powers that grow with temperature make it cr
 def _free(case: Case) -> tuple[td.Model, list[str], np.ndarray]:
     """Return every name that can be freed, one of each sort at least where there is one, and its value."""
     model = case.model
-    network = td.network.compile_network(model)
+    network = td.simulation.compile_network(model)
     values = network.numbers().values
     table = network.flat.parameters.table
     names = [p for p in table if table[p].parameter.is_literal and not p.endswith((".period", ".duty"))]
@@ -53,7 +51,7 @@ def _step(name: str, value: float) -> float:
 @random_models(50, case=cases(loads=SMOOTH), at=st.tuples(st.integers(0, 2**31), st.floats(0, 3599)))
 def test_jacobian_and_parameter_derivatives_of_the_right_hand_side(case: Case, at: tuple[int, float]) -> None:
     model, names, x = _free(case)
-    wiring = Wiring(td.network.compile_network(model), case.run(), names)
+    wiring = Wiring(td.simulation.compile_network(model), case.run(), names)
     engine = Engine(wiring)
     a = wiring.assemble(x)
     temperatures = np.random.default_rng(at[0]).uniform(270, 340, len(engine.nodes))
@@ -85,7 +83,7 @@ def test_sensitivities_of_temperatures(case: Case, pick: list[int]) -> None:
     model, names, x = _free(case)
     keep = sorted({k % len(names) for k in pick})
     names, x = [names[k] for k in keep], x[keep]
-    wiring = Wiring(td.network.compile_network(model), case.run(), names)
+    wiring = Wiring(td.simulation.compile_network(model), case.run(), names)
     engine = Engine(wiring)
 
     def run(values: np.ndarray, gradients: bool = False) -> tuple[np.ndarray, np.ndarray]:
@@ -114,7 +112,7 @@ def test_sensitivities_of_a_network_at_rest() -> None:
         "conductors": {"g": {"kind": "conduction", "conductance": "0.07 [W/K]", "between": ["n", "air"]}},
     }
     scenario = td.Scenario("rest", boundaries={"air": "255 [K]"}, start="255 [K]", duration=DURATION)
-    wiring = Wiring(td.network.compile_network(td.model_from_dict(deck)), scenario, ["air", "initial.n"])
+    wiring = Wiring(td.simulation.compile_network(td.model_from_dict(deck)), scenario, ["air", "initial.n"])
     engine = Engine(wiring)
     answer = engine.integrate(wiring.assemble(np.array([255.0, 255.0])), TIMES, engine.nodes, DURATION, Options(), True)
     left = np.exp(-TIMES * 0.07 / 20)

@@ -12,7 +12,7 @@ from hypothesis import assume
 import thermid as td
 from strategies import GASES, SWITCHED, TIGHTER, Case, cases, random_models
 from thermid import _kernel
-from thermid.errors import SolverError
+from thermid.base.errors import SolverError
 
 NEAR = 2e-7
 """Ten times what two runs at the tolerances TIGHTER differ by in practice, laws with a knee among them. [K]"""

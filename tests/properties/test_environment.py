@@ -8,7 +8,7 @@ import numpy as np
 
 import thermid as td
 from strategies import DURATION, LINEAR, SWITCHED, TIGHT, Case, Deck, build, cases, number, random_models
-from thermid.model.laws.signal import Constant
+from thermid.model.laws import Constant
 
 TIMES = np.linspace(0.0, DURATION, 13)
 
@@ -47,7 +47,7 @@ def test_balance_with_properties_that_change(case: Case) -> None:
 def test_balance_in_thin_air(case: Case) -> None:
     deck = dressed({k: v for k, v in case.deck.items() if k not in ("surfaces", "joints", "offers")})
     deck["conductors"]["gap"] = {"kind": "gas", "between": ["n0", deck["needs"][0]], "area": "0.01 [m^2]", "gap": "2 [mm]"}
-    thin = case.run().with_(environment={"*": td.network.Environment(Constant(3e3))})
+    thin = case.run().with_(environment={"*": td.simulation.Environment(Constant(3e3))})
     assert td.simulate(build(deck), thin).heat_balance().relative < 1e-6
 
 

@@ -46,7 +46,7 @@ def test_balance_of_every_node_by_quadrature(case: Case) -> None:
     edges = sorted({*Oracle(flat, {**case.scenario, "initial": {}}).breaks(DURATION), *(t for t in switched if t < DURATION)})
     times, weights = _gauss([0.0, *(b for a, b in pairwise(edges) if b - a > 1e-6)])
     solution = td.simulate(model, scenario, times=np.concatenate(([0.0], times, [DURATION])))
-    network = td.network.compile_network(model)
+    network = td.simulation.compile_network(model)
     ends = {c.path: (c.ends, c.kind == "flow") for c in network.flat.conductors}
     gained = dict.fromkeys(solution.nodes, 0.0)
     for path, flow in solution.heat_flows.items():

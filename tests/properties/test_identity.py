@@ -9,7 +9,7 @@ import numpy as np
 
 import thermid as td
 from strategies import SWITCHED, Case, Deck, build, cases, decks, random_models
-from thermid.model.tree.tree import parameter_table
+from thermid.model.tree import parameter_table
 
 
 def _parts(model: td.Model, prefix: str = "") -> list[str]:
@@ -75,7 +75,7 @@ def test_the_same_model_gives_the_same_bits(case: Case) -> None:
 
 def _same_numbers(one: td.Model, other: td.Model) -> None:
     """Compare every row of the networks bit for bit; the tables of a written deck may stand in another order."""
-    a, b = (td.network.compile_network(m).numbers() for m in (one, other))
+    a, b = (td.simulation.compile_network(m).numbers() for m in (one, other))
     assert dict(a.capacitances) == dict(b.capacitances)
     for rows in ("conductors", "loads"):
         of_a, of_b = ({(r.name, k): (r.form, r.coefficients, r.curve) for k, r in enumerate(_sorted(getattr(n, rows)))} for n in (a, b))

@@ -47,8 +47,8 @@ def test_heat_here_read_there_is_heat_there_read_here(case: Case, pick: tuple[in
 
 @random_models(60, case=cases(kinds=(*LINEAR, "flow"), loads=("constant",), constant=True))
 def test_simulation_equals_the_matrix_exponential(case: Case) -> None:
-    network = td.network.compile_network(case.model)
-    space = td.network.state_space(network)
+    network = td.simulation.compile_network(case.model)
+    space = td.simulation.state_space(network)
     outer = np.array([si(case.scenario["boundaries"][b]) for b in space.boundaries])
     watts = np.array([network.numbers().values[f"{path}.power"] for path in space.loads])
     push = space.B_boundary @ outer + space.B_load @ watts
@@ -66,8 +66,8 @@ def test_simulation_equals_the_matrix_exponential(case: Case) -> None:
 @random_models(60, deck=decks(kinds=LINEAR, loads=()))
 def test_modes_are_real_and_decay(deck: Deck) -> None:
     """The slowest pattern, left to itself, keeps its shape and falls by e in its time constant."""
-    space = td.network.state_space(td.network.compile_network(build(deck)))
-    modes = td.network.modes(space)
+    space = td.simulation.state_space(td.simulation.compile_network(build(deck)))
+    modes = td.simulation.modes(space)
     assert np.all(modes.time_constants > 0)
     assert np.all(np.diff(modes.time_constants) <= 0)
     for constant, shape in zip(modes.time_constants, modes.shapes.T, strict=True):
@@ -80,5 +80,5 @@ def test_time_constants_of_a_solution_are_those_of_the_modes(deck: Deck) -> None
     model = build(deck)
     scenario = td.Scenario("still", boundaries=dict.fromkeys(deck["needs"], "300 [K]"), start="300 [K]", duration=10.0)
     found = td.simulate(model, scenario).time_constants
-    expected = td.network.modes(td.network.state_space(td.network.compile_network(model))).time_constants
+    expected = td.simulation.modes(td.simulation.state_space(td.simulation.compile_network(model))).time_constants
     np.testing.assert_allclose(found, expected, rtol=1e-6)

@@ -11,8 +11,7 @@ from hypothesis import strategies as st
 import thermid as td
 from oracle import DECK_TABLES, flatten
 from strategies import DURATION, LOADS, SMOOTH, TIGHTER, WITHOUT_KNEES, Case, Deck, build, cases, random_models
-from thermid.simulation.solver.engine import Engine
-from thermid.simulation.solver.wiring import Wiring
+from thermid.simulation.solver import Engine, Wiring
 
 SAME = 1e-6  # sums in another order differ by rounding only, which a step may answer within its tolerance, in kelvin
 
@@ -80,12 +79,12 @@ def test_neither_nesting_nor_order_changes_the_equations(case: Case, at: tuple[i
     deck, names = flatten(case.deck)
     backwards = {k: dict(reversed(v.items())) if k in DECK_TABLES else v for k, v in deck.items()}
     scenario = {**case.scenario, "initial": {names[n]: v for n, v in case.scenario["initial"].items()}}
-    nested = Wiring(td.network.compile_network(case.model), case.run())
+    nested = Wiring(td.simulation.compile_network(case.model), case.run())
     engine = Engine(nested)
     temperatures = np.random.default_rng(at[0]).uniform(250, 350, len(engine.nodes))
     heat, jacobian, _ = engine.rhs(nested.assemble(), temperatures, at[1])
     for twin in (deck, backwards):
-        wiring = Wiring(td.network.compile_network(build(twin)), td.Scenario("flat", **scenario))
+        wiring = Wiring(td.simulation.compile_network(build(twin)), td.Scenario("flat", **scenario))
         other = Engine(wiring)
         order = [other.nodes.index(names[n]) for n in engine.nodes]
         moved = np.empty_like(temperatures)

@@ -55,7 +55,7 @@ def test_another_unit_is_the_same_network_bit_for_bit(numbers: dict[str, Decimal
     for slot, (_, choices) in SLOTS.items():
         unit, shift = choices[pick[slot] % len(choices)]
         other[slot] = f"{numbers[slot].scaleb(shift)} [{unit}]"
-    one, two = (td.network.compile_network(td.model_from_dict(_deck(v))).numbers() for v in (plain, other))
+    one, two = (td.simulation.compile_network(td.model_from_dict(_deck(v))).numbers() for v in (plain, other))
     assert dict(one.values) == dict(two.values)
     assert dict(one.capacitances) == dict(two.capacitances)
     for a, b in zip((*one.conductors, *one.loads), (*two.conductors, *two.loads), strict=True):

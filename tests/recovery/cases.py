@@ -9,13 +9,13 @@ from typing import Any
 
 import numpy as np
 
-from thermid.errors import ThermidError
-from thermid.fit.calibrate import calibrate
-from thermid.measure import Channel, Record
-from thermid.model.deck.modelfile import load_model, model_from_dict
-from thermid.model.tree.model import Model
-from thermid.simulation.scenarios.scenario import Scenario
-from thermid.simulation.transient import simulate
+from thermid.base.errors import ThermidError
+from thermid.fit.calibration import calibrate
+from thermid.measure.records import Channel, Record
+from thermid.model.deck import load_model, model_from_dict
+from thermid.model.tree import Model
+from thermid.simulation.runs import simulate
+from thermid.simulation.scenarios import Scenario
 
 STACK = Path(__file__).parents[2] / "examples" / "02_stack" / "m_PrE.toml"
 ICE = 273.15

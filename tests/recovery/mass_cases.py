@@ -15,16 +15,14 @@ import numpy as np
 
 import thermid as td
 from recovery.mismatch import BOX, ICE, STEP, lawful
-from thermid.errors import ThermidError
-from thermid.explain.criticism import criticise
-from thermid.explain.structures import adopted, search_structure
-from thermid.fit.calibrate import fit
-from thermid.fit.calibration import Calibration
-from thermid.measure import Channel, Record
-from thermid.model.laws.signal import TableSignal
-from thermid.model.tree.model import Model
-from thermid.simulation.scenarios.scenario import Scenario
-from thermid.simulation.transient import simulate
+from thermid.base.errors import ThermidError
+from thermid.fit.calibration import Calibration, fit
+from thermid.inference.criticism import adopted, criticise, search_structure
+from thermid.measure.records import Channel, Record
+from thermid.model.laws import TableSignal
+from thermid.model.tree import Model
+from thermid.simulation.runs import simulate
+from thermid.simulation.scenarios import Scenario
 
 TIMES = np.arange(0.0, 21600.0 + 1.0, 60.0)
 SEED = 20261123

@@ -9,13 +9,13 @@ from typing import Any
 import numpy as np
 
 from recovery.cases import STACK, Z95, Bench, draw
-from thermid.fit.calibrate import calibrate
-from thermid.measure import Record
-from thermid.model.deck.modelfile import load_model, model_from_dict
-from thermid.model.tree.model import Model
-from thermid.prediction.predict import predict
-from thermid.simulation.scenarios.scenario import Scenario
-from thermid.simulation.transient import simulate
+from thermid.fit.calibration import calibrate
+from thermid.measure.records import Record
+from thermid.model.deck import load_model, model_from_dict
+from thermid.model.tree import Model
+from thermid.prediction.bands import predict
+from thermid.simulation.runs import simulate
+from thermid.simulation.scenarios import Scenario
 
 STEP = 0.0625
 """Of a DS18B20. [K]"""

@@ -13,8 +13,8 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 import thermid as td
-from thermid.errors import ThermidError
-from thermid.model.laws.signal import TableSignal
+from thermid.base.errors import ThermidError
+from thermid.model.laws import TableSignal
 
 Z95 = 1.959964
 ICE = 273.15
@@ -256,7 +256,7 @@ def by_energy_balance(kind: Kind, rng: np.random.Generator) -> Claims:
     bench, record = _settled(kind, rng)
     learnt = Bench(bench.truth, bench.hidden, *(getattr(Bench.drawn(rng), n) for n in ("room", "heater")), TIMES)
     fit = td.calibrate(MODEL, learnt.record(kind, rng, "learnt"), FREE)
-    found = td.explain.energy_balance(fit, record, "3 [h]", "end", limit="3 [K/h]")
+    found = td.inference.energy_balance(fit, record, "3 [h]", "end", limit="3 [K/h]")
     return {"closes": Claim(found.closes, found.total / found.error if found.error else float("inf"))}
 
 

@@ -8,12 +8,11 @@ from typing import Final
 
 import numpy as np
 
-from thermid.estimation.estimate import likelihood_of
-from thermid.estimation.filtering import whiteness
-from thermid.estimation.process import read_process
-from thermid.fit.problem.gather import build_problem
-from thermid.fit.problem.request import Request
-from unit.estimation.house import VALUES, Array, Truth, drawn, house
+from thermid.fit._estimation.estimate import likelihood_of
+from thermid.fit._estimation.filtering import whiteness
+from thermid.fit._estimation.process import read_process
+from thermid.fit.problem import Request, build_problem
+from unit.fit.estimation.house import VALUES, Array, Truth, drawn, house
 
 NAMES: Final = (*VALUES, "noise of wall", "reading noise of indoor")
 SHARE: Final = (0.931, 0.967)

@@ -15,8 +15,9 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from thermid.fit.uncertainty.moved import Move, Shift, Test, shifts
-from thermid.fit.uncertainty.noise import Binned, Weighed, correlation, weighed
+from thermid.fit._uncertainty.moved import Shift, Test, shifts
+from thermid.fit._uncertainty.noise import Binned, Weighed, correlation, weighed
+from thermid.fit.uncertainty import Move
 
 __all__ = ["CELLS", "Cell", "Count", "counted"]
 

@@ -8,17 +8,14 @@ import numpy as np
 import pytest
 
 from recovery.cases import ICE, STACK
-from thermid.fit.calibrate import calibrate, fit
-from thermid.fit.calibration import Calibration
-from thermid.fit.problem.request import Request
-from thermid.knowledge.values import FittedValues
-from thermid.measure import Channel, Record
-from thermid.model.deck.modelfile import load_model, model_from_dict
-from thermid.model.tree.model import Model
-from thermid.model.tree.tree import ParameterSet
-from thermid.simulation.scenarios.scenario import Scenario
-from thermid.simulation.solution import Solution
-from thermid.simulation.transient import simulate
+from thermid.fit.calibration import Calibration, calibrate, fit
+from thermid.fit.problem import Request
+from thermid.measure.records import Channel, Record
+from thermid.model.deck import load_model, model_from_dict
+from thermid.model.tree import Model, ParameterSet
+from thermid.simulation.runs import Solution, simulate
+from thermid.simulation.scenarios import Scenario
+from thermid.values.fitted import FittedValues
 
 pytestmark = pytest.mark.recovery
 ACC = Path(__file__).parents[2] / "examples" / "01_accelerometer" / "accelerometer.toml"
@@ -110,7 +107,7 @@ class TestA4:
             assert joint.fitted_model.submodel(part).identity() == model.submodel(part).identity()
 
     def test_total_areas_stay(self, joint: Calibration) -> None:
-        from thermid.model.tree.areas import ledger
+        from thermid.model.tree import ledger
 
         assert [line.total for line in ledger(joint.fitted_model)] == [line.total for line in ledger(load_model(STACK))]
 

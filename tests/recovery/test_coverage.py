@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from recovery.cases import CASES, Z95, Outcome, draw, log, one_htc_mass, outcome
-from thermid.fit.calibrate import calibrate
+from thermid.fit.calibration import calibrate
 
 pytestmark = pytest.mark.recovery
 

@@ -16,8 +16,7 @@ import pytest
 
 import thermid as td
 from thermid.physics.constants import ICE_POINT
-from thermid.prediction.predict import predict
-from thermid.prediction.records import predict_record
+from thermid.prediction.bands import predict, predict_record
 
 TIMES = np.linspace(0.0, 18000.0, 151)
 AIR, NOISE, WATTS = 22.0, 0.1, 8.0

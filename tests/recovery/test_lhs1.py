@@ -15,7 +15,7 @@ import pytest
 from numpy.typing import NDArray
 
 import thermid as td
-from thermid.measure import Channel, Record
+from thermid.measure.records import Channel, Record
 
 FOLDER = Path(__file__).parents[3] / "shared" / "data" / "lhs1_vacuum_cooling" / "processed"
 pytestmark = pytest.mark.skipif(not FOLDER.is_dir(), reason="the measured cooling curves are not here")
@@ -99,7 +99,7 @@ def slowest(pressure: float) -> float:
     film = td.model_from_dict(deck)
     flows = []
     for p in (89400.0, pressure):
-        run = td.simulate(film, warm.with_(environment={"*": td.network.Environment(f"{p} [Pa]")}))
+        run = td.simulate(film, warm.with_(environment={"*": td.simulation.Environment(f"{p} [Pa]")}))
         flows.append(sum(run.heat_flow(c)[0] for c in run.heat_flows))
     return flows[0] / flows[1]
 

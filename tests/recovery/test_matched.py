@@ -35,7 +35,7 @@ def test_without_constant_errors_hardly_any_interval_holds_the_truth() -> None:
 @pytest.mark.parametrize("case", mismatch.CASES)
 def test_predictions_of_mismatched_truths(case: str, monkeypatch: pytest.MonkeyPatch) -> None:
     # where derivatives do not do, an eighth of the usual members: their deviation is then good to 5 %, the share of 12 draws to 6 %
-    monkeypatch.setattr("thermid.prediction.predict.DRAWN", 250)
+    monkeypatch.setattr("thermid.prediction._predict.DRAWN", 250)
     found = mismatch.campaign(case, 12, SEED)
     far = [h for (scenario, _), h in found.items() if scenario in ("room at +61 C", "room at -34 C")]
     assert np.mean([h.coverage() for h in found.values()]) >= 0.9

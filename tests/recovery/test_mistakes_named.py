@@ -8,7 +8,7 @@ import pytest
 
 import thermid as td
 from recovery.mistaken import Planted, clean, planted
-from thermid.errors import ThermidError
+from thermid.base.errors import ThermidError
 
 SEED = 20261122
 

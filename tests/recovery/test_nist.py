@@ -12,9 +12,9 @@ from typing import Any
 import numpy as np
 import pytest
 
-from thermid.errors import SolverError
-from thermid.fit.minimisation import Fit, covariances, minimise
-from thermid.fit.problem.residuals import Compressed, Sums, Unknown
+from thermid.base.errors import SolverError
+from thermid.fit.calibration import Fit, covariances, minimise
+from thermid.fit.problem import Compressed, Sums, Unknown
 
 pytestmark = pytest.mark.recovery
 TABLES: dict[str, dict[str, Any]] = tomllib.loads((Path(__file__).parent / "nist.toml").read_text(encoding="utf-8"))

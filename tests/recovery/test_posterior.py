@@ -9,8 +9,8 @@ import numpy as np
 import pytest
 
 import thermid as td
-from thermid.errors import IdentificationError, NameNotFoundError
-from thermid.inference.posterior import _Density
+from thermid.base.errors import IdentificationError, NameNotFoundError
+from thermid.inference._posterior import _Density
 from unit.fit.test_search import BENCH, case, log
 
 pytestmark = pytest.mark.recovery

@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 
 import thermid as td
-from thermid.errors import IdentificationError, NameNotFoundError
+from thermid.base.errors import IdentificationError, NameNotFoundError
 
 pytestmark = pytest.mark.recovery
 SCRIPT = Path(__file__).parents[2] / "examples" / "unknown_power" / "run.py"

@@ -9,9 +9,8 @@ import pytest
 
 import thermid as td
 from recovery.cases import draw, stack_interfaces
-from thermid.fit.problem.gather import build_problem
-from thermid.fit.problem.request import Request
-from thermid.fit.search import Population, evolved
+from thermid.fit._search import Population, evolved
+from thermid.fit.problem import Request, build_problem
 
 pytestmark = pytest.mark.recovery
 BENCH = replace(stack_interfaces(), accuracy=0.0, meter=0.0)

@@ -7,20 +7,18 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from thermid.errors import ThermidError
-from thermid.fit.calibrate import calibrate
-from thermid.fit.calibration import Calibration
-from thermid.fit.minimisation import covariances, ended
-from thermid.fit.problem.experiment import attached
-from thermid.judge.criteria import Criteria
-from thermid.judge.verdict import validate
-from thermid.measure import Channel, Record
-from thermid.measure.record.channel import with_sensor
-from thermid.measure.record.sensor import SensorCertificate, SensorPart
-from thermid.model.deck.modelfile import model_from_dict
-from thermid.model.tree.model import Model
-from thermid.simulation.scenarios.scenario import Scenario
-from thermid.simulation.transient import simulate
+from thermid.base.errors import ThermidError
+from thermid.campaign.verdicts import Criteria, validate
+from thermid.fit._minimisation import ended
+from thermid.fit.calibration import Calibration, calibrate, covariances
+from thermid.fit.problem import attached
+from thermid.measure._record.channel import with_sensor
+from thermid.measure.records import Channel, Record
+from thermid.measure.sensors import SensorCertificate, SensorPart
+from thermid.model.deck import model_from_dict
+from thermid.model.tree import Model
+from thermid.simulation.runs import simulate
+from thermid.simulation.scenarios import Scenario
 
 pytestmark = pytest.mark.recovery
 

@@ -15,17 +15,15 @@ from typing import Any
 import numpy as np
 
 import thermid as td
-from thermid.errors import ThermidError
-from thermid.measure import Channel, Record
-from thermid.measure.readers.columns import name_and_unit
-from thermid.measure.readers.formats import log_cells
-from thermid.measure.readers.log_reader import read_record, temperature_columns
-from thermid.measure.record.steadiness import rule_of
-from thermid.model.deck.modelfile import model_from_dict
-from thermid.watch.growing import GrowingLog, played
-from thermid.watch.stopping import STOP, Stopping
-from thermid.watch.watcher import Watcher, WatchLook
-from unit.estimation.rig import AIR, NOISE, Array, deck_of, logged, rig, run, scenario
+from thermid.base.errors import ThermidError
+from thermid.measure._readers.columns import name_and_unit
+from thermid.measure.readers import log_cells, read_record, temperature_columns
+from thermid.measure.records import Channel, Record
+from thermid.measure.steadiness import rule_of
+from thermid.model.deck import model_from_dict
+from thermid.qualify._watch.stopping import STOP
+from thermid.qualify.watch import GrowingLog, Stopping, Watcher, WatchLook, played
+from unit.fit.estimation.rig import AIR, NOISE, Array, deck_of, logged, rig, run, scenario
 
 RULE, WITHIN, GROWS = rule_of("3 C/h"), 1.0, 1.15
 LATE = 300.0

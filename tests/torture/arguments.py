@@ -11,9 +11,8 @@ from pathlib import Path
 from typing import Any, Final
 
 import thermid as td
-from thermid.judge.criteria import Criteria
-from thermid.judge.limits import read_limits
-from thermid.monte_carlo.hold import limits_of
+from thermid.campaign.verdicts import Criteria, read_limits
+from thermid.prediction._monte_carlo.hold import limits_of
 from torture.mutants import _change
 
 MODEL: Final = {
@@ -59,7 +58,7 @@ CALLS: Final[dict[str, tuple[Callable[[Any], Any], Any]]] = {
         },
     ),
     "Environment": (
-        lambda given: _simulate({"boundaries": {"air": "20 [degC]"}, "duration": "60 [s]", "environment": {"air": td.network.Environment(**given)}}),
+        lambda given: _simulate({"boundaries": {"air": "20 [degC]"}, "duration": "60 [s]", "environment": {"air": td.simulation.Environment(**given)}}),
         {"pressure": "0.5 [bar]", "humidity": 0.5, "gas": "air", "gravity": "1 [m/s^2]", "wind": "1 [m/s]", "sealed": False},
     ),
     "environment": (

@@ -1,7 +1,7 @@
 """Random networks of every kind of element, as decks, and the same equations written out here for scipy's Radau method at 1e-10.
 
 Of thermid nothing is used for the truth but what falls on a face in orbit, and the conductance of a duct at rest; both have their own
-oracles (tests/unit/site, tests/unit/network). ``python -m torture.elements NUMBER SEED`` in the folder tests prints one JSON object.
+oracles (tests/unit/site, tests/unit/simulation/network). ``python -m torture.elements NUMBER SEED`` in the folder tests prints one JSON object.
 """
 
 # ruff: noqa: E501  # lines of equations
@@ -20,7 +20,7 @@ from numpy.typing import NDArray
 from scipy.integrate import solve_ivp
 
 import thermid as td
-from thermid.errors import ThermidError
+from thermid.base.errors import ThermidError
 
 Array = NDArray[np.float64]
 SIGMA: Final = 5.670374419e-8
@@ -401,7 +401,7 @@ def _cavity(n: Network) -> None:
 
     n.heats.append(exchange)
     lit, strength = int(n.rng.integers(3)), n.between(100.0, 900.0)
-    n.scenario["irradiation"][f"face{lit}"] = td.network.Irradiation(direct=f"{strength!r} [W/m^2]")
+    n.scenario["irradiation"][f"face{lit}"] = td.simulation.Irradiation(direct=f"{strength!r} [W/m^2]")
     falls, taken = np.zeros(3), np.zeros(3)
     falls[lit] = strength * areas[lit]
     for _ in range(400):

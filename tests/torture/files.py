@@ -53,7 +53,7 @@ def _seen(error: BaseException) -> str:
 
 def judged(call: Callable[[], Any], file: str) -> str:
     """Run what reads a mutant; return nothing where it answers or refuses as it should, else what was wrong."""
-    from thermid.errors import ThermidError
+    from thermid.base.errors import ThermidError
 
     signal.setitimer(signal.ITIMER_PROF, PROCESSOR)
     try:
@@ -100,7 +100,7 @@ def reads(kind: str, base: Path, seed: str) -> str:
 
 def commands(kind: str, base: Path, seed: str) -> str:
     """Give one mutant of a kind to one of its commands, in this process; return what was wrong."""
-    from thermid.cli import main
+    from thermid.app.cli.app import main
 
     def run(words: list[str]) -> str:
         before = sys.argv

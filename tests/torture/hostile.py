@@ -198,8 +198,8 @@ def campaign(number: int, seed: int, first: int = 0) -> dict[str, Any]:
 
 def serve(folder: Path) -> None:
     """Serve the project of the seeds, and say where."""
-    from thermid.studio.project import Project
-    from thermid.studio.server import serve as serving
+    from thermid.app.studio.project import Project
+    from thermid.app.studio.server import serve as serving
 
     serving(Project(folder / "campaign.toml"), 0, lambda address: print(address, flush=True))
 

@@ -22,7 +22,7 @@ from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
-from unit.cli.test_outputs import contents, laboratory
+from unit.app.cli.test_outputs import contents, laboratory
 from unit.test_caps import book, hdf5, matlab, sheet
 
 ROWS = 10_000_000

@@ -15,8 +15,8 @@ import time
 from pathlib import Path
 from typing import Any
 
-from thermid.cli import main
-from unit.cli.test_outputs import ENDINGS, OUTPUTS, contents, laboratory
+from thermid.app.cli.app import main
+from unit.app.cli.test_outputs import ENDINGS, OUTPUTS, contents, laboratory
 
 
 def _said(words: list[str]) -> tuple[int, str]:

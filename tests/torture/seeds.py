@@ -15,15 +15,14 @@ from typing import Any, Final
 import numpy as np
 
 import thermid as td
-from thermid.acquire.bench_files import load_programme, load_sensors
-from thermid.campaign.cache import recall
-from thermid.campaign.file import read_campaign
+from thermid.bench.bench_files import load_programme, load_sensors
+from thermid.campaign._judge.verdict import look, looks_at
+from thermid.campaign.stages import read_campaign, recall
+from thermid.campaign.verdicts import load_limits
 from thermid.interop.initfcn import read_initfcn
-from thermid.judge.limits import load_limits
-from thermid.judge.verdict import look, looks_at
-from thermid.knowledge.values import FittedValue, FittedValues
-from thermid.measure import read_plain
-from thermid.qualify.plan import lock_plan, lock_status
+from thermid.measure.readers import read_plain
+from thermid.qualify.plans import lock_plan, lock_status
+from thermid.values.fitted import FittedValue, FittedValues
 from torture.elements import network
 from torture.mutants import _toml
 from unit.qualify.project import PLAN, project

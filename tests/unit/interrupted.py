@@ -24,7 +24,7 @@ WRITES = os.O_WRONLY | os.O_RDWR | os.O_CREAT | os.O_TRUNC | os.O_APPEND
 
 
 def _command(*arguments: str) -> None:
-    from thermid.cli import main
+    from thermid.app.cli.app import main
 
     sys.argv = ["thermid", *arguments]
     try:
@@ -52,7 +52,7 @@ class Still(datetime):
 
 
 def report() -> None:
-    from thermid.reporting.pages import tables
+    from thermid.reporting._pages import tables
 
     tables.datetime = Still  # type: ignore[attr-defined, misc]
     _command("report", "campaign.toml", "--results", "out", "--to", "out/page.html")
@@ -69,7 +69,7 @@ def plan() -> None:
 def values() -> None:
     import numpy as np
 
-    from thermid.knowledge.values import FittedValue, FittedValues
+    from thermid.values.fitted import FittedValue, FittedValues
 
     v = 6.0 if Path("new").exists() else 5.0
     item = FittedValue("skin.htc", v, 0.1, 0.1, True, "W/(m^2 K)", 5.0, (2.0, 12.0), "by hand")
@@ -87,7 +87,7 @@ def decks() -> None:
 
 
 def studio() -> None:
-    from thermid.studio.project import Project
+    from thermid.app.studio.project import Project
 
     project = Project("campaign.toml", results=Path("out"))
     moved = {s.path: s.value * 1.01 for s in project.desk("box").sliders[:1]}
@@ -99,7 +99,7 @@ JOBS: dict[str, Callable[[], None]] = {j.__name__: j for j in (simulate, calibra
 
 def prepare(folder: Path) -> None:
     """Make the project, and what a run of every job before has left."""
-    from unit.cli.test_outputs import QUESTION, SCENARIO
+    from unit.app.cli.test_outputs import QUESTION, SCENARIO
     from unit.fit.project import make_project
     from unit.qualify.project import PLAN, project
 
@@ -229,7 +229,7 @@ if __name__ == "__main__":
         os.chdir(sys.argv[2])
         JOBS[sys.argv[1]]()
     else:
-        import thermid.cli.app  # noqa: F401  # once, before any child is forked
+        import thermid.app.cli.app  # noqa: F401  # once, before any child is forked
 
         made = torture(sys.argv[1], Path(sys.argv[2]).resolve(), sys.argv[3], int(sys.argv[4]) if len(sys.argv) > 4 else 1)
         sys.stdout.write(json.dumps(made) + "\n")

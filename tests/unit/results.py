@@ -13,7 +13,7 @@ from typing import Any
 import numpy as np
 
 import thermid as td
-from thermid.model.laws.signal import TableSignal
+from thermid.model.laws import TableSignal
 from unit.fit.bench import HTC, MASS, box, log, metered, pair
 from unit.fit.test_sensor_matrix import FINISH, Cell
 from unit.qualify.project import project
@@ -43,18 +43,18 @@ def of_a_fit(folder: Path) -> dict[str, Any]:
         "campaign": campaign,
         "joint": campaign.joint,
         "verdict": campaign.verdicts[0],
-        "credibility": td.explain.credibility(campaign),
+        "credibility": td.inference.credibility(campaign),
         "plan of a retune": td.design.plan_retune(campaign, "box", cell.folder / "cool.toml"),
         "prediction": td.predict(fit, HOT),
         "spread": td.design.Spread.of(fit.values),
-        "discrepancy": td.explain.discrepancy(fit),
+        "discrepancy": td.inference.discrepancy(fit),
         "identifiability": td.identifiability(fit),
         "profile": td.inference.profile(fit, HTC),
         "valley": td.inference.valley(fit, HTC, MASS, points=5),
-        "criticism": td.explain.criticise(fit, elements=False),
-        "plausibility": td.explain.plausibility(fit),
-        "balance": td.explain.energy_balance(fit, record, "3 [h]", limit="100 [K/h]"),
-        "split": td.explain.split(fit),
+        "criticism": td.inference.criticise(fit, elements=False),
+        "plausibility": td.inference.plausibility(fit),
+        "balance": td.inference.energy_balance(fit, record, "3 [h]", limit="100 [K/h]"),
+        "split": td.inference.split(fit),
         "known": known,
         "foresight": foreseen,
         "limits": limits,
@@ -64,13 +64,13 @@ def of_a_fit(folder: Path) -> dict[str, Any]:
         "advice": td.design.next_test(fit, HTC, [td.design.Action("hot", HOT)]),
         "history": history,
         "law of a power": history.laws()[0],
-        "difference": td.explain.difference(model, box(), HOT),
+        "difference": td.inference.difference(model, box(), HOT),
         "uncertain runs": runs,
         "hold": td.qualify.hold(runs, {"case": "60 [degC]"}),
         "criteria": td.Criteria(rmse="1 [K]"),
         "forecast": td.bench.forecast(log(model, {}, {"T": "case"}, samples=121), within="5 [K]"),
         "stability": td.bench.stability(record, "3 C/h"),
-        "diagnosis": td.explain.diagnose(_compared()),
+        "diagnosis": td.inference.diagnose(_compared()),
         "correlation": td.qualify.correlate(_compared(), ["ECSS"], steady={"bench": [(14400.0, 18000.0)]}),
     }
 
@@ -123,7 +123,7 @@ def of_a_run(folder: Path) -> dict[str, Any]:
     simulator = td.prepare(model, HOT, [HTC])
     return {
         "model": model,
-        "network": td.network.compile_network(chamber),
+        "network": td.simulation.compile_network(chamber),
         "enclosure": td.simulate(chamber, warm),
         "scenario": HOT,
         "block": block,
@@ -133,8 +133,8 @@ def of_a_run(folder: Path) -> dict[str, Any]:
         "steady": td.steady(model, HOT),
         "look": td.look(_written(folder / "seen.csv")),
         "ensemble": td.ensemble(model, HOT, {HTC: np.array([4.0, 6.0])}),
-        "environment": td.network.Environment(),
-        "radiation": td.network.Irradiation(total="300 [W/m^2]"),
+        "environment": td.simulation.Environment(),
+        "radiation": td.simulation.Irradiation(total="300 [W/m^2]"),
         "sky": td.site.OpenSky(*[np.array([0.0, 60.0])] * 7, air="air"),
         "ascent": td.site.ascent_checks(td.site.ascent_scenario(pressure=FALL, air_temperature="20 [degC]", duration="1 [min]"))[0],
         "trajectory": td.site.Trajectory(np.array([0.0, 60.0]), np.array([0.0, 5e3])),
@@ -146,7 +146,7 @@ def of_a_run(folder: Path) -> dict[str, Any]:
         "plan": plan,
         "qualification": td.qualify.run_plan(plan),
         "structure": td.reporting.Structure("plain", "two", 4, 900.0, 40.0, 30.0, {"T": 0.5}, {"T": {"a": 0.9}}),
-        "htc": td.explain.compare_htc(2.0, 0.1, "36 [degC]", "24 [degC]", 0.025),
+        "htc": td.inference.compare_htc(2.0, 0.1, "36 [degC]", "24 [degC]", 0.025),
         "script": td.interop.read_initfcn("L = 25; % [mm]\n"),
         "options": td.Options(),
         "site": td.site.Site(10.0, 20.0),

@@ -9,8 +9,8 @@ import numpy as np
 import pytest
 
 import thermid as td
-from thermid.errors import MissingExtraError
-from thermid.results import ROWS, SHORT, PlottedTrace, Result
+from thermid.base.errors import MissingExtraError
+from thermid.base.results import ROWS, SHORT, PlottedTrace, Result
 from unit.results import of_a_fit, of_a_run
 
 pandas = pytest.importorskip("pandas")

@@ -11,8 +11,8 @@ from typing import Any
 import pytest
 
 import thermid as td
-from thermid.arguments import MADE
-from thermid.errors import DeckError, ScenarioError
+from thermid.base.arguments import MADE
+from thermid.base.errors import DeckError, ScenarioError
 
 PART = td.model_from_dict({"title": "Part", "needs": ["air"], "nodes": {"case": {"capacitance": "9 [J/K]"}}})
 BENCH = td.Scenario("bench", boundaries={"air": "20 [degC]"}, duration="1 [h]")

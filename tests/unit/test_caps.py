@@ -14,13 +14,13 @@ import numpy as np
 import pytest
 
 import thermid as td
-from thermid import files
-from thermid.errors import CAPS, CAPS_VARIABLE, RecordError, ScenarioError, ThermidError, cap
-from thermid.expression import parse
-from thermid.interop.decks.sinda import read_sinda
+from thermid.base import files
+from thermid.base.errors import CAPS, CAPS_VARIABLE, RecordError, ScenarioError, ThermidError, cap
+from thermid.base.expression import parse
+from thermid.base.units import unit
+from thermid.interop.decks import read_sinda
 from thermid.interop.initfcn import read_initfcn
-from thermid.measure import read_plain
-from thermid.units import unit
+from thermid.measure.readers import read_plain
 
 MODEL: dict[str, Any] = {
     "title": "plate",

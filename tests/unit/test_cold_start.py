@@ -10,12 +10,12 @@ from importlib import import_module
 
 import pytest
 
-from thermid.cli.app import COMMANDS, OnDemand
-from thermid.errors import ThermidError
+from thermid.app.cli.app import COMMANDS, OnDemand
+from thermid.base.errors import ThermidError
 
 NEVER = {"scipy", "pandas", "matplotlib", "pint", "xarray", "jinja2", "h5py", "h5netcdf", "hypothesis"}
 """Nothing on the way to a first result needs these."""
-HELP = "from thermid.cli import main\nsys.argv = ['thermid', '--help']\ntry:\n    main()\nexcept SystemExit:\n    pass"
+HELP = "from thermid.app.cli import main\nsys.argv = ['thermid', '--help']\ntry:\n    main()\nexcept SystemExit:\n    pass"
 RESULT = """
 import thermid as td
 deck = {"title": "x", "needs": ["air"], "nodes": {"a": {"capacitance": "9 [J/K]"}}, "loads": {"p": {"into": "a", "power": "1 [W]"}},
@@ -53,15 +53,15 @@ def test_a_first_result_needs_numpy_and_the_deck_reader_alone() -> None:
 def test_help_of_the_whole_says_what_the_help_of_each_command_begins_with() -> None:
     for word, place in COMMANDS.items():
         module, _, function = place.function.partition(".")
-        said = inspect.getdoc(getattr(import_module(f"thermid.cli.{module}"), function)) or ""
+        said = inspect.getdoc(getattr(import_module(f"thermid.app.cli.{module}"), function)) or ""
         assert said.partition("\n")[0] == place.summary, word
 
 
 def test_a_command_without_its_optional_part_says_what_to_install(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setitem(sys.modules, "thermid.studio.server", None)
-    monkeypatch.delitem(sys.modules, "thermid.cli.studio", raising=False)
+    monkeypatch.setitem(sys.modules, "thermid.app.studio.server", None)
+    monkeypatch.delitem(sys.modules, "thermid.app.cli.studio", raising=False)
     with pytest.raises(
-        ThermidError, match=r"thermid studio needs the part thermid.studio.server, which is not installed. Install the whole"
+        ThermidError, match=r"thermid studio needs the part thermid.app.studio.server, which is not installed. Install the whole"
     ):
         OnDemand("studio", COMMANDS["studio"]).loaded()
 
@@ -70,7 +70,7 @@ def test_whether_values_moved_is_judged_without_the_library_of_statistics() -> N
     """It would take half a second of every `thermid calibrate`; `scipy.special` has the distribution."""
     code = """
 import numpy as np
-from thermid.fit.uncertainty.moved import normal_together
+from thermid.fit._uncertainty.moved import normal_together
 assert normal_together(np.array([3.0]), np.eye(1)).chance < 0.01
 assert "scipy.special" in sys.modules
 assert "scipy.stats" not in sys.modules

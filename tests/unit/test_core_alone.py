@@ -11,11 +11,11 @@ import pytest
 
 import thermid as td
 from private_tree import ROOT, PrivateTree
-from thermid.cli.app import COMMANDS
+from thermid.app.cli.app import COMMANDS
 
-PARTS = ("acquire", "studio", "interop", "site")
-"""The optional parts: sub-packages of the one wheel that the core never imports."""
-EXTRAS = {"acquire": {"log"}, "studio": {"studio"}, "interop": {"symbolic", "fmu"}, "site": {"site"}}
+PARTS = ("bench", "app.studio", "interop", "site")
+"""The optional parts of the one wheel, which the core never imports."""
+EXTRAS = {"bench": {"log"}, "app.studio": {"studio"}, "interop": {"symbolic", "fmu"}, "site": {"site"}}
 """Part -> the extras of pyproject.toml that hold its third-party packages."""
 COMMANDS_OF_PARTS = {place.function.partition(".")[0] for place in COMMANDS.values() if place.extra in set.union(*EXTRAS.values())}
 """Modules of the command line that are imported when a command of a part is called, and not before."""
@@ -23,13 +23,13 @@ FOLDERS = ("tests/unit", "tests/analytic", "tests/properties", "tests/recovery",
 """Where tests of the core stand. Pages, examples and the architecture are about the whole product."""
 
 WHOLE = (
-    "tests/unit/cli/test_exchange.py",
+    "tests/unit/app/cli/test_exchange.py",
     "tests/unit/results.py",
     "tests/unit/test_results_travel.py",
     "tests/unit/test_extensions.py",
-    "tests/unit/cli/test_mistakes.py::test_one_sentence[moisture-]",
-    "tests/unit/cli/test_outputs.py::test_the_same_command_again_needs_no_force",
-    "tests/unit/profile_runs/test_conduct.py::test_humidity_is_followed_and_condensation_named",
+    "tests/unit/app/cli/test_mistakes.py::test_one_sentence[moisture-]",
+    "tests/unit/app/cli/test_outputs.py::test_the_same_command_again_needs_no_force",
+    "tests/unit/qualify/profile_runs/test_conduct.py::test_humidity_is_followed_and_condensation_named",
     "tests/unit/simulation/test_columns_of_logs.py::test_a_column_beside_a_trajectory_counts_from_lift_off",
     "tests/unit/test_arguments.py::test_every_public_function_that_takes_an_object_is_guarded",
     "tests/document/test_rows.py::test_every_row_has_its_test",
@@ -42,7 +42,7 @@ import pkgutil, sys
 from importlib import import_module
 import thermid as td
 
-skipped = {"thermid.__main__", *(f"thermid.cli.{name}" for name in sys.argv[1].split(","))}
+skipped = {"thermid.__main__", *(f"thermid.app.cli.{name}" for name in sys.argv[1].split(","))}
 for module in pkgutil.walk_packages(td.__path__, "thermid."):
     if module.name not in skipped:
         import_module(module.name)
@@ -55,16 +55,17 @@ data = td.Record.from_arrays("log", run.times, {"T": td.Channel.of("T", run["a"]
 fit = td.calibrate(model.with_values({"s.htc": "5 [W/(m^2 K)]"}), data, ["s.htc"], scenario=bench)
 assert abs(fit["s.htc"].value - 8.0) < 0.01
 assert abs(td.predict(fit, bench, discrepancy=False)["a"].final.celsius - run["a"].final) < 0.01
-assert not {name for name in sys.modules if name.startswith("thermid.") and name.split(".")[1] in %r}
-""" % (PARTS,)  # noqa: UP031
+assert not {name for name in sys.modules if name.startswith(%r)}
+""" % (tuple(f"thermid.{part}" for part in PARTS),)  # noqa: UP031
 
 
 def alone(directory: Path, *folders: str) -> PrivateTree:
     """A copy of the tree without the folders of the parts."""
     tree = PrivateTree(directory / "tree", ("src", *folders))
     for part in PARTS:
-        assert (tree.package / part).is_dir(), f"there is no part '{part}' any more"
-        shutil.rmtree(tree.package / part)
+        folder = tree.package.joinpath(*part.split("."))
+        assert folder.is_dir(), f"there is no part '{part}' any more"
+        shutil.rmtree(folder)
     return tree
 
 
@@ -80,7 +81,7 @@ def test_packages_of_parts_are_extras() -> None:
     extras = {extra: {re.split(r"[<>=]", n)[0].lower() for n in names} for extra, names in project["optional-dependencies"].items()}
     of_parts = set[str]().union(*(extras[extra] for several in EXTRAS.values() for extra in several))
     assert not of_parts & always
-    asked = {part: imported(ROOT / "src" / "thermid" / part) for part in PARTS}
+    asked = {part: imported(ROOT.joinpath("src", "thermid", *part.split("."))) for part in PARTS}
     for part, packages in asked.items():
         offered = always.union(extras["report"], *(extras[e] for e in EXTRAS[part]))
         assert {MODULES.get(p, p) for p in packages} <= offered, part
@@ -111,7 +112,7 @@ def of_a_part(path: Path) -> bool:
     names = [name for table in tables for name, module in table.items() if module.partition(".")[0] in PARTS]
     assert len(names) > 10
     named = re.search(rf"thermid\.(?:{'|'.join(PARTS)})\b|\btd\.(?:\w+\.)?(?:{'|'.join(names)})\b", path.read_text(encoding="utf-8"))
-    return path.parent.name in PARTS or named is not None or path.name == Path(__file__).name
+    return path.parent.name in {part.rpartition(".")[2] for part in PARTS} or named is not None or path.name == Path(__file__).name
 
 
 @pytest.mark.campaign
@@ -122,7 +123,7 @@ def test_tests_of_the_core_pass_without_the_parts(tmp_path: Path) -> None:
     for path in left_out:
         path.unlink()
     for part in PARTS:
-        shutil.rmtree(tree.root / "tests" / "unit" / part, ignore_errors=True)
+        shutil.rmtree(tree.root.joinpath("tests", "unit", *part.split(".")), ignore_errors=True)
     whole = [f"--deselect={name}" for name in WHOLE if "::" in name] + [f"--ignore={name}" for name in WHOLE if "::" not in name]
     done = tree.pytest(FOLDERS, "-n", "2", "--maxfail", "20", *whole, seconds=3600.0)
     assert done.returncode == 0, "\n".join(done.stdout.splitlines()[-60:])

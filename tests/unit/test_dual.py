@@ -8,10 +8,9 @@ from typing import Any
 
 import numpy as np
 import pytest
-from hypothesis import given
-from hypothesis import strategies as st
+from hypothesis import given, strategies as st
 
-from thermid.dual import Dual, gradient_of, real_power, value_of
+from thermid.base.dual import Dual, gradient_of, real_power, value_of
 
 FORMULAS: dict[str, Callable[[Any, Any], Any]] = {
     "sum": lambda x, y: x + y + 2.0 + x,

@@ -13,15 +13,14 @@ from typing import Any
 
 import numpy as np
 import pytest
-from hypothesis import given
-from hypothesis import strategies as st
+from hypothesis import given, strategies as st
 
 import thermid as td
-from thermid.dual import Dual, gradient_of, value_of
-from thermid.errors import ExpressionError, UnitError
-from thermid.expression import parse
-from thermid.model.tree.tree import ParameterSet
-from thermid.units import unit
+from thermid.base.dual import Dual, gradient_of, value_of
+from thermid.base.errors import ExpressionError, UnitError
+from thermid.base.expression import parse
+from thermid.base.units import unit
+from thermid.model.tree import ParameterSet
 
 NUMBERS = st.one_of(
     st.integers(0, 999).map(str),

@@ -1,13 +1,16 @@
-"""Optional parts stand behind extension points: each is there, and without its part is refused in words."""
+"""Optional rooms announce what they add: each is there, without its room it is refused in words; another's package can add its own."""
 
 from __future__ import annotations
 
 import sys
+from importlib import import_module, metadata
 
 import pytest
 
 import thermid as td
-from thermid.extensions import POINTS, extension
+from thermid.base.extensions import announced, extension, file_kinds, grammar_of
+
+PARTS = dict(announced("thermid.parts"))
 
 
 class Without:
@@ -21,17 +24,41 @@ class Without:
             raise ModuleNotFoundError(f"No module named '{name}'", name=name)
 
 
-@pytest.mark.parametrize("point", POINTS)
-def test_a_function_stands_behind_every_point(point: str) -> None:
-    assert callable(extension(point, ""))
+def test_every_optional_room_but_the_studio_adds_something() -> None:
+    assert {place.split(".")[1] for place in PARTS.values()} == {"bench", "interop", "site"}
 
 
-@pytest.mark.parametrize("point", POINTS)
-def test_without_its_part_a_point_is_refused(point: str, monkeypatch: pytest.MonkeyPatch) -> None:
-    part, module, _ = POINTS[point]
+@pytest.mark.parametrize("point", PARTS)
+def test_a_function_is_behind_every_point(point: str) -> None:
+    assert callable(extension(point, "it", ""))
+
+
+@pytest.mark.parametrize("point", PARTS)
+def test_without_its_room_a_point_is_refused(point: str, monkeypatch: pytest.MonkeyPatch) -> None:
+    module = PARTS[point].partition(":")[0]
+    part = ".".join(module.split(".")[:2])
     for name in [n for n in sys.modules if n == part or n.startswith(f"{part}.")]:
         monkeypatch.delitem(sys.modules, name)
     monkeypatch.setattr(sys, "meta_path", [Without(part), *sys.meta_path])
-    with pytest.raises(td.ThermidError, match=rf"deck\.toml: {point} needs the package {part}, which is not installed\."):
-        extension(point, "deck.toml")
-    assert f"{part}.{module}" not in sys.modules
+    with pytest.raises(td.ThermidError, match=rf"deck\.toml: the thing needs the package {part}, which is not installed\."):
+        extension(point, "the thing", "deck.toml")
+    assert module not in sys.modules
+
+
+def test_a_point_that_nothing_announces_is_refused() -> None:
+    with pytest.raises(td.ThermidError, match="the thing needs an optional part of thermid, which is not installed"):
+        extension("nothing", "the thing", "")
+
+
+def test_a_package_of_others_adds_a_kind_of_file(monkeypatch: pytest.MonkeyPatch) -> None:
+    own = metadata.EntryPoint("wardrobe", "thermid.model._deck.schema:Deck", "thermid.files")
+    kept = metadata.entry_points(group="thermid.files")
+    announced.cache_clear()
+    monkeypatch.setattr(metadata, "entry_points", lambda group: [*kept, own] if group == "thermid.files" else [])
+    try:
+        assert "wardrobe" in file_kinds()
+        assert grammar_of("wardrobe") is import_module("thermid.model._deck.schema").Deck
+        with pytest.raises(td.ThermidError, match=r"no kind of file 'wardrob'\. Did you mean 'wardrobe'"):
+            grammar_of("wardrob")
+    finally:
+        announced.cache_clear()

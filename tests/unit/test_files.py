@@ -15,9 +15,9 @@ import numpy as np
 import pytest
 
 import thermid as td
-from thermid import files
-from thermid.errors import OutputError
-from thermid.files import (
+from thermid.base import files
+from thermid.base.errors import OutputError
+from thermid.base.files import (
     COPY,
     CREDIBILITY,
     DECK,
@@ -278,7 +278,7 @@ def test_a_read_only_file_stays(tmp_path: Path, monkeypatch: pytest.MonkeyPatch)
 
 
 def test_leftovers_of_dead_processes_are_swept_and_no_others(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    code = "import os, sys, thermid.files as f\nwith f.replacing(sys.argv[1], f.OWN) as half:\n    half.write_text('x')\n    os._exit(9)\n"
+    code = "import os, sys, thermid.base.files as f\nwith f.replacing(sys.argv[1], f.OWN) as h:\n    h.write_text('x')\n    os._exit(9)"
     subprocess.run([sys.executable, "-c", code, str(tmp_path / "a.csv")], check=False)
     (left,) = names(tmp_path)
     assert ".half.a.csv" in left

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from thermid.linear_algebra import (
+from thermid.base.linear_algebra import (
     LOST,
     NOTHING,
     RANK_TOLERANCE,

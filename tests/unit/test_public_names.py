@@ -1,23 +1,20 @@
-"""Public names: few at the top, the others by activity, each once in a table; old ones work until 0.3.0; stubs follow."""
+"""Public names: few at the top, the others by activity, each once in a table; an unknown one names the nearest; stubs follow."""
 
 from __future__ import annotations
 
+import re
 import runpy
 import subprocess
 import sys
 import warnings
-from importlib.metadata import version
+from importlib.util import find_spec
 from pathlib import Path
 
 import pytest
 
 import thermid as td
-from thermid import renamed
 
 ROOT = Path(__file__).parents[2]
-FILES = [
-    path for folder in ("src", "tests", "examples", "docs") for path in (ROOT / folder).rglob("*") if path.suffix in (".py", ".md", ".in")
-]
 
 
 def test_the_stubs_are_those_of_the_tables() -> None:
@@ -49,9 +46,9 @@ def test_a_namespace_serves_its_names(space: str) -> None:
 
 def test_a_function_stays_one_whatever_is_imported_before() -> None:
     code = (
-        "import thermid.design.next_test, thermid.site.moisture, thermid.inference.profile\nimport thermid as td\n"
-        "import thermid.qualify.deliver, thermid.explain.plausibility, thermid.interop.equations\n"
-        "for f in (td.design.next_test, td.site.moisture, td.inference.profile, td.qualify.deliver, td.explain.plausibility):\n"
+        "import thermid.prediction.advice, thermid.site.moisture, thermid.inference._profile\nimport thermid as td\n"
+        "import thermid.qualify._deliver, thermid.inference._explain.plausibility, thermid.interop.equations\n"
+        "for f in (td.design.next_test, td.site.moisture, td.inference.profile, td.qualify.deliver, td.inference.plausibility):\n"
         "    assert callable(f), f\n"
         "from thermid.inference import profile\nassert callable(profile)"
     )
@@ -59,26 +56,13 @@ def test_a_function_stays_one_whatever_is_imported_before() -> None:
     assert done.returncode == 0, done.stderr
 
 
-@pytest.mark.parametrize("old", renamed.TOP_LEVEL)
-def test_an_old_name_is_served_with_the_new_one(old: str) -> None:
-    new = renamed.TOP_LEVEL[old]
-    space, _, name = new.partition(".")
-    with pytest.warns(
-        DeprecationWarning, match=rf"'thermid\.{old}' is called 'thermid\.{new}' now; the old name goes with thermid 0\.3\.0"
-    ) as caught:
-        found = getattr(td, old)
-    assert found is getattr(getattr(td, space), name)
-    assert caught[0].filename == __file__
-
-
-def test_old_names_are_gone_with_the_version_that_was_announced() -> None:
-    now, end = (tuple(int(n) for n in text.split(".")[:2]) for text in (version("thermid"), renamed.REMOVED))
-    assert now < end or not (renamed.TOP_LEVEL or renamed.RENAMED), "remove the old names: this version was announced to serve none"
-
-
 def test_an_unknown_name_is_refused() -> None:
-    with pytest.raises(AttributeError, match="module 'thermid' has no attribute 'calibrat'"):
+    with pytest.raises(AttributeError, match=r"module 'thermid' has no attribute 'calibrat'\. Did you mean 'thermid.calibrate'"):
         td.calibrat  # noqa: B018
+    with pytest.raises(AttributeError, match=r"Did you mean 'thermid\.simulation\.compile_network'"):
+        td.compile_network  # noqa: B018
+    with pytest.raises(AttributeError, match=r"Did you mean 'thermid\.inference\.criticise'"):
+        td.simulation.criticise  # noqa: B018
 
 
 def test_new_names_warn_of_nothing() -> None:
@@ -89,14 +73,8 @@ def test_new_names_warn_of_nothing() -> None:
                 getattr(getattr(td, space), name)
 
 
-def test_nothing_here_uses_an_old_name() -> None:
-    import re
-
-    old = re.compile(r"\btd\.(" + "|".join(renamed.TOP_LEVEL) + r")\b")
-    kept = {Path(__file__), ROOT / "src" / "thermid" / "renamed.py"}
-    used = {
-        str(f.relative_to(ROOT))
-        for f in FILES
-        if f not in kept and "decisions" not in f.parts and old.search(f.read_text(encoding="utf-8"))
-    }
-    assert used == set()
+def test_the_page_of_renames_is_that_of_the_table() -> None:
+    """Every module that it names as the new one is there."""
+    page = (ROOT / "docs" / "renames.md").read_text(encoding="utf-8")
+    assert page == runpy.run_path(str(ROOT / "scripts" / "move_rooms.py"))["renames"](), "run: python scripts/move_rooms.py --page"
+    assert [new for new in re.findall(r"\| `(thermid\.[\w.]+)` \|$", page, re.MULTILINE) if find_spec(new) is None] == []

@@ -19,12 +19,10 @@ import pytest
 
 import thermid
 import thermid as td
-from thermid.fit.problem.experiment import Experiment
-from thermid.fit.problem.residuals import Problem
-from thermid.memo import Memo
-from thermid.model.laws.signal import Constant
-from thermid.network.medium import Media
-from thermid.network.network import Network
+from thermid.base.memo import Memo
+from thermid.fit.problem import Experiment, Problem
+from thermid.model.laws import Constant
+from thermid.simulation.network import Media, Network
 from unit.results import numbers, of_a_fit, of_a_run, that_take_longer
 
 ELSEWHERE = {"Estimation", "Evidence", "HoldQuestion", "Study", "Alignment", "Posterior", "Equations"}
@@ -146,7 +144,7 @@ def test_no_dataclass_keeps_what_it_works_out_in_a_field_of_its_own() -> None:
     """A private field with a default dictionary or list, which the initialiser takes, is a cache that `replace` would share."""
     loose = []
     for info in pkgutil.walk_packages(thermid.__path__, "thermid."):
-        if "__main__" in info.name or info.name.rpartition(".")[2].startswith("_"):
+        if info.name.rpartition(".")[2] in ("__main__", "_kernel"):
             continue
         module = importlib.import_module(info.name)
         for name, made in vars(module).items():

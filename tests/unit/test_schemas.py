@@ -10,17 +10,17 @@ from typing import Any
 import pytest
 
 import thermid as td
-from thermid.acquire.bench_files import load_programme, load_sensors
-from thermid.errors import DeckError, RecordError, ScenarioError, ThermidError
-from thermid.extensions import GRAMMARS, json_schema
-from thermid.judge.limits import load_limits
-from thermid.judge.verdict import looks_at
-from thermid.toml_files import read_json
+from thermid.base.errors import DeckError, RecordError, ScenarioError, ThermidError
+from thermid.base.extensions import file_kinds, json_schema
+from thermid.base.toml_files import read_json
+from thermid.bench.bench_files import load_programme, load_sensors
+from thermid.campaign._judge.verdict import looks_at
+from thermid.campaign.verdicts import load_limits
 
 ROOT = Path(__file__).parents[2]
 
 
-@pytest.mark.parametrize("kind", GRAMMARS)
+@pytest.mark.parametrize("kind", file_kinds())
 def test_the_schemas_for_editors_are_current(kind: str) -> None:
     spec = importlib.util.spec_from_file_location("write_schema", ROOT / "scripts/write_schema.py")
     assert spec is not None
@@ -127,9 +127,9 @@ WATTS = {"times": ["0 [s]", "1 [h]"], "values": ["1 [W]", "2 [W]"]}
         (lambda: td.Scenario("x", gains="a"), "x, gains: it takes a dictionary"),
         (lambda: td.Scenario("x", duration={}), "x, duration: a number with a unit is needed"),
         (lambda: td.Scenario("x", start=[]), "x, start: it takes a temperature"),
-        (lambda: td.network.Environment(humidity=[]), "environment, humidity"),
-        (lambda: td.network.Environment(gas={}), "environment, gas: it takes a name"),
-        (lambda: td.network.Environment(wind=None), "environment, wind"),
+        (lambda: td.simulation.Environment(humidity=[]), "environment, humidity"),
+        (lambda: td.simulation.Environment(gas={}), "environment, gas: it takes a name"),
+        (lambda: td.simulation.Environment(wind=None), "environment, wind"),
         (lambda: td.Options(tolerance="x"), "Options, tolerance: it takes a number"),
         (lambda: td.Options(max_steps=1.5), "Options, max_steps: it takes a whole number"),
         (lambda: td.Options(method=None), "Options, method: it takes a name"),
@@ -185,5 +185,5 @@ def test_a_fit_refuses_what_is_no_name_and_no_prior(free: Any, more: dict[str, A
 
 
 def test_what_a_grammar_takes_is_what_its_schema_says() -> None:
-    for kind in GRAMMARS:
+    for kind in file_kinds():
         json.dumps(json_schema(kind))

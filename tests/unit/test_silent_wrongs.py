@@ -10,20 +10,20 @@ import pytest
 
 import thermid as td
 from oracles.decay import radiative_decay
-from thermid.errors import DeckError, IdentificationError, RecordError, SolverError, UnitError
-from thermid.judge.correlation import correlate
-from thermid.judge.criteria import Criteria
-from thermid.judge.limits import Limits, check_limits
-from thermid.model.deck.save import save_model
-from thermid.model.parts.kinds import KINDS
-from thermid.model.tree.identity import to_dict
+from thermid.app.studio.project import Project
+from thermid.base.errors import DeckError, IdentificationError, RecordError, SolverError, UnitError
+from thermid.base.units import unit
+from thermid.campaign.verdicts import Criteria, Limits, check_limits, correlate
+from thermid.model._tree.identity import to_dict
+from thermid.model.deck import save_model
+from thermid.model.elements import KINDS
 from thermid.physics.constants import STEFAN_BOLTZMANN
 from thermid.physics.correlations import correlation
-from thermid.qualify.deliver import deliver
-from thermid.reduction.macro import assumed, host_values
-from thermid.reporting.diagrams.diagram import STYLES, diagram
-from thermid.studio.project import Project
-from thermid.units import unit
+from thermid.prediction._reduction.macro import host_values
+from thermid.prediction.reduction import assumed
+from thermid.qualify.plans import deliver
+from thermid.reporting._diagrams.diagram import STYLES
+from thermid.reporting.diagrams import diagram
 from unit.model.every_kind import firsts
 
 # every kind of element is drawn ------------------------------------------------------------------------------------------------------

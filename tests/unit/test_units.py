@@ -8,13 +8,12 @@ from fractions import Fraction
 from pathlib import Path
 
 import pytest
-from hypothesis import given
-from hypothesis import strategies as st
+from hypothesis import given, strategies as st
 
-from thermid._units_table import TABLE
-from thermid.errors import UnitError
-from thermid.expression import parse
-from thermid.units import NAMES, TEMPERATURE, describe, format_value, require, to_si, unit
+from thermid.base._units_table import TABLE
+from thermid.base.errors import UnitError
+from thermid.base.expression import parse
+from thermid.base.units import NAMES, TEMPERATURE, describe, format_value, require, to_si, unit
 
 SCRIPT = Path(__file__).parents[2] / "scripts/generate_units.py"
 

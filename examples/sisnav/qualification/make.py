@@ -54,8 +54,7 @@ def calibrated(folder: Path) -> None:
 
 def logs() -> None:
     """Write what the sensors would have read in the three tests: the hidden unit on the same fixture, in the same courses."""
-    from thermid.qualify.plan import load_plan
-    from thermid.qualify.trial import run_test
+    from thermid.qualify.plans import load_plan, run_test
 
     plan = load_plan(HERE / "plan.toml")
     hidden = td.qualify.macro_model(HERE / "fixture.toml", unit=laboratory.World.make().models["m_Sd"])

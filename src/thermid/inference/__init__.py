@@ -1,6 +1,6 @@
-"""What a log says of the unknowns of a fit, beyond its minimum and covariance.
+"""What a log determines of the unknowns of a fit, and what its residuals show.
 
-In: a model with a record, one planned, or a `Calibration`. Out: what is identifiable and what would help (`identifiability`), the
-profile of one parameter, the valley of two, posterior samples and evidence.
-May import: `fit`, `design` and the rooms below a fit.
+In: a model with a record, one planned, or a `Calibration`. Out: what is identifiable, profile likelihoods, parameter trade-offs,
+posterior samples; candidates that would explain a misfit, energy balances, plausibility.
+May import: `base`, `fit`, `measure`, `model`, `physics`, `simulation`, `values`.
 """

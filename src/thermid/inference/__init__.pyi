@@ -1,19 +1,31 @@
 """The public names with their types; written by scripts/write_stub.py from the tables in `thermid/__init__.py`."""
 
 from thermid.campaign.stages import joint as joint
-from thermid.estimation.estimate import estimate as estimate
-from thermid.estimation.estimation import Estimation as Estimation
-from thermid.fit.second_clocks import Alignment as Alignment
-from thermid.fit.second_clocks import align as align
-from thermid.inference.identifiability import Identifiability as Identifiability
-from thermid.inference.posterior import Evidence as Evidence
-from thermid.inference.posterior import Posterior as Posterior
-from thermid.inference.posterior import evidence as evidence
-from thermid.inference.posterior import posterior as posterior
-from thermid.inference.profile import Profile as Profile
-from thermid.inference.profile import Valley as Valley
-from thermid.inference.profile import profile as profile
-from thermid.inference.profile import valley as valley
-from thermid.power.history import PowerHistory as PowerHistory
-from thermid.power.history import PowerLaw as PowerLaw
-from thermid.power.history import power_history as power_history
+from thermid.campaign.studies import CredibilityRecord as CredibilityRecord, credibility as credibility
+from thermid.campaign.verdicts import Difference as Difference, difference as difference
+from thermid.fit.calibration import Alignment as Alignment, align as align
+from thermid.fit.discrepancy import Discrepancy as Discrepancy, discrepancy as discrepancy
+from thermid.fit.estimation import Estimation as Estimation, estimate as estimate
+from thermid.fit.power import PowerHistory as PowerHistory, PowerLaw as PowerLaw, power_history as power_history
+from thermid.inference.criticism import Criticism as Criticism, criticise as criticise
+from thermid.inference.diagnosis import (
+    Diagnosis as Diagnosis,
+    EnergyBalance as EnergyBalance,
+    Plausibility as Plausibility,
+    diagnose as diagnose,
+    energy_balance as energy_balance,
+    plausibility as plausibility,
+)
+from thermid.inference.intervals import (
+    Evidence as Evidence,
+    Identifiability as Identifiability,
+    Posterior as Posterior,
+    Profile as Profile,
+    Valley as Valley,
+    evidence as evidence,
+    posterior as posterior,
+    profile as profile,
+    valley as valley,
+)
+from thermid.physics.htc import HtcComparison as HtcComparison, compare_htc as compare_htc
+from thermid.prediction.bands import Split as Split, split as split

@@ -1,6 +1,6 @@
-"""Exchange with other tools.
+"""Exchange with other tools. Optional.
 
-In: an InitFcn script of Simulink, or a model in a scenario. Out: a deck of the script's values; a program for Octave, a netlist for SPICE,
-the state equations as symbols. What a format cannot say is refused in words.
-May import: `model`, `network`, `physics`, `measure`, `simulation` and the foundation.
+In: decks of SINDA and ESATAN, an InitFcn script of Simulink, an FMU, or a model in a scenario. Out: a deck of the values; programs for
+Octave, C, Modelica and SPICE, an FMU, the state equations as symbols. What a format cannot state is refused.
+May import: `_kernel`, `base`, `fit`, `model`, `physics`, `simulation`.
 """

@@ -15,19 +15,16 @@ from pathlib import Path
 
 import numpy as np
 
-from thermid.arguments import takes_objects
-from thermid.errors import DeckError, SolverError
-from thermid.files import EXPORT, write_text
-from thermid.interop.wired import Text, Wired, Writer, identifiers, one_line, wired
-from thermid.linear_algebra import Array
-from thermid.model.laws.curves import Curve
-from thermid.model.laws.signal import Constant, Drawn, Sine, TableSignal
-from thermid.model.tree.model import Model
-from thermid.network.rows import curve_arrays, tables_behind
-from thermid.simulation.scenarios.scenario import Scenario
-from thermid.simulation.solver.engine import Engine
-from thermid.simulation.solver.problem import Options
-from thermid.simulation.solver.wiring import Wiring
+from thermid.base.arguments import takes_objects
+from thermid.base.errors import DeckError, SolverError
+from thermid.base.files import EXPORT, write_text
+from thermid.base.linear_algebra import Array
+from thermid.interop._wired import Text, Wired, Writer, identifiers, one_line, wired
+from thermid.model.laws import Constant, Curve, Drawn, Sine, TableSignal
+from thermid.model.tree import Model
+from thermid.simulation.network import curve_arrays, tables_behind
+from thermid.simulation.scenarios import Scenario
+from thermid.simulation.solver import Engine, Options, Wiring
 
 C = Writer("C", gas=True, hinges=True, smooth=True, loads=True, schedules=True)
 MOST_NODES = 200

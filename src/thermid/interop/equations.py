@@ -12,13 +12,13 @@ from dataclasses import dataclass
 from functools import cached_property
 from typing import Any
 
-from thermid.arguments import takes_objects
-from thermid.dual import value_of
-from thermid.errors import DeckError, MissingExtraError, NameNotFoundError, ThermidError, refuse_unknown
-from thermid.extensions import missing
-from thermid.interop.wired import identifiers
-from thermid.model.tree.model import Model
-from thermid.network.network import Network, compile_network
+from thermid.base.arguments import takes_objects
+from thermid.base.dual import value_of
+from thermid.base.errors import DeckError, MissingExtraError, NameNotFoundError, ThermidError, refuse_unknown
+from thermid.base.extensions import missing
+from thermid.interop._wired import identifiers
+from thermid.model.tree import Model
+from thermid.simulation.network import Network, compile_network
 
 Expr = Any
 """An expression of sympy, which is an optional package."""

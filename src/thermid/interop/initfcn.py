@@ -15,12 +15,12 @@ from keyword import iskeyword
 from pathlib import Path
 from typing import Any
 
-from thermid.arguments import takes_objects
-from thermid.errors import DeckError, ExpressionError, ThermidError, UnitError, cap, raising
-from thermid.expression import parse
-from thermid.files import read_text
-from thermid.model.parts.parameter import Parameter, parameter
-from thermid.units import DIMENSIONLESS, Dimension, describe, in_si, unit
+from thermid.base.arguments import takes_objects
+from thermid.base.errors import DeckError, ExpressionError, ThermidError, UnitError, cap, raising
+from thermid.base.expression import parse
+from thermid.base.files import read_text
+from thermid.base.units import DIMENSIONLESS, Dimension, describe, in_si, unit
+from thermid.model.parameters import Parameter, parameter
 
 _CELSIUS = re.compile(r"(deg\.?\s*|degrees?\s+|°\s*)?(C|celsius)\Z", re.IGNORECASE)
 PI = "3.141592653589793"

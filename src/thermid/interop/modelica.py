@@ -9,16 +9,15 @@ from collections.abc import Iterator
 from importlib.metadata import version
 from pathlib import Path
 
-from thermid.arguments import takes_objects
-from thermid.errors import DeckError, ScenarioError, refuse_unknown
-from thermid.files import EXPORT, write_text
-from thermid.interop.wired import Formula, HeatSource, Text, Wired, Writer, identifiers, one_line, table_points, wired
-from thermid.model.laws.curves import Curve
-from thermid.model.laws.signal import Constant, Drawn, Sine, TableSignal
-from thermid.model.tree.model import Model
-from thermid.network.rows import SMOOTHING, ConductorRow
+from thermid.base.arguments import takes_objects
+from thermid.base.errors import DeckError, ScenarioError, refuse_unknown
+from thermid.base.files import EXPORT, write_text
+from thermid.interop._wired import Formula, HeatSource, Text, Wired, Writer, identifiers, one_line, table_points, wired
+from thermid.model.laws import Constant, Curve, Drawn, Sine, TableSignal
+from thermid.model.tree import Model
 from thermid.physics.constants import STEFAN_BOLTZMANN
-from thermid.simulation.scenarios.scenario import Scenario
+from thermid.simulation.network import SMOOTHING, ConductorRow
+from thermid.simulation.scenarios import Scenario
 
 MODELICA = Writer("Modelica", loads=True, schedules=True)
 LIBRARIES = {"modelica": "Modelica.Thermal.HeatTransfer", "none": "Library"}

@@ -7,26 +7,15 @@ import re
 from collections.abc import Iterator, Sequence
 from pathlib import Path
 
-from thermid.arguments import takes_objects
-from thermid.errors import DeckError
-from thermid.files import EXPORT, write_text
-from thermid.interop.wired import (
-    Text,
-    Wired,
-    conductance_text,
-    identifiers,
-    number_text,
-    one_line,
-    refuse_crooked,
-    table_points,
-    wired,
-)
-from thermid.model.laws.curves import Curve
-from thermid.model.laws.signal import Constant, Drawn, Sine, TableSignal
-from thermid.model.tree.model import Model
-from thermid.network.rows import ConductorRow
+from thermid.base.arguments import takes_objects
+from thermid.base.errors import DeckError
+from thermid.base.files import EXPORT, write_text
+from thermid.interop._wired import Text, Wired, conductance_text, identifiers, number_text, one_line, refuse_crooked, table_points, wired
+from thermid.model.laws import Constant, Curve, Drawn, Sine, TableSignal
+from thermid.model.tree import Model
 from thermid.physics.constants import ICE_POINT
-from thermid.simulation.scenarios.scenario import Scenario
+from thermid.simulation.network import ConductorRow
+from thermid.simulation.scenarios import Scenario
 
 OWN = ("parameters", "derived", "initial", "derivatives")
 """Names of the functions in the file."""

@@ -6,17 +6,16 @@ import math
 import os
 from collections.abc import Iterator
 
-from thermid.arguments import takes_objects
-from thermid.dual import value_of
-from thermid.errors import DeckError
-from thermid.files import EXPORT, write_text
-from thermid.interop.wired import HeatSource, Wired, conductance_text, identifiers, number_text, one_line, table_points, wired
-from thermid.model.laws.curves import FAR, Curve
-from thermid.model.laws.signal import Constant, Drawn, Sine, TableSignal
-from thermid.model.tree.model import Model
-from thermid.network.rows import ConductorRow
+from thermid.base.arguments import takes_objects
+from thermid.base.dual import value_of
+from thermid.base.errors import DeckError
+from thermid.base.files import EXPORT, write_text
+from thermid.interop._wired import HeatSource, Wired, conductance_text, identifiers, number_text, one_line, table_points, wired
+from thermid.model.laws import FAR, Constant, Curve, Drawn, Sine, TableSignal
+from thermid.model.tree import Model
 from thermid.physics.constants import ICE_POINT
-from thermid.simulation.scenarios.scenario import Scenario
+from thermid.simulation.network import ConductorRow
+from thermid.simulation.scenarios import Scenario
 
 STEPS = 5000
 """The largest step is this part of the run."""

@@ -5,9 +5,9 @@ from __future__ import annotations
 from collections.abc import Iterable, Sequence
 from math import floor, isfinite, log10
 
-from thermid.errors import RecordError, ScenarioError, errors_at
-from thermid.expression import parse
-from thermid.units import format_value, require_unit
+from thermid.base.errors import RecordError, ScenarioError, errors_at
+from thermid.base.expression import parse
+from thermid.base.units import format_value, require_unit
 
 
 def amount(given: object, slot: str, what: str) -> float:

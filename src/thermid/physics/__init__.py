@@ -8,5 +8,5 @@ air, materials, constants                    properties, with the source of each
 Everything called a conductance is plain arithmetic (but for the logarithm of a cylinder and the tanh of a finite fin), so it also takes
 arrays and numbers that carry derivatives.
 
-May import: the foundation.
+May import: `base`.
 """

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from thermid.errors import ThermidWarning
+from thermid.base.errors import ThermidWarning
 from thermid.physics._number import Number
 from thermid.physics.constants import ATMOSPHERE
 

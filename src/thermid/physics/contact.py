@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from typing import Final
 
-from thermid.errors import DeckError, refuse_unknown
+from thermid.base.errors import DeckError, refuse_unknown
 from thermid.physics._number import Number
 
 BOLTS: Final = {

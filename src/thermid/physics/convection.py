@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 
-from thermid.dual import value_of
+from thermid.base.dual import value_of
 from thermid.physics._number import Number
 
 SMOOTHING = 0.01

@@ -14,9 +14,9 @@ from typing import Any, Final, Literal
 
 import numpy as np
 
-from thermid.errors import DeckError, nearest, refuse_unknown
-from thermid.extensions import missing
-from thermid.linear_algebra import Array
+from thermid.base.errors import DeckError, nearest, refuse_unknown
+from thermid.base.extensions import missing
+from thermid.base.linear_algebra import Array
 from thermid.physics._number import Number
 from thermid.physics.plates import (
     SHAPE,

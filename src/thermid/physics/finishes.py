@@ -6,7 +6,7 @@ import math
 from dataclasses import dataclass
 from typing import Final
 
-from thermid.errors import DeckError, nearest
+from thermid.base.errors import DeckError, nearest
 
 SPAN: Final = 2 * 1.959964
 """Width of the range of a finish in standard deviations of the logarithm: it is read as holding 95 %. [-]"""

@@ -8,7 +8,7 @@ from typing import Final
 
 import numpy as np
 
-from thermid.errors import DeckError, look_up
+from thermid.base.errors import DeckError, look_up
 from thermid.physics._number import Number
 from thermid.physics.air import Gas
 from thermid.physics.constants import ATMOSPHERE

@@ -9,8 +9,10 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
-from thermid.errors import ThermidError, ThermidWarning, errors_at
-from thermid.expression import parse
+from thermid.base.errors import ThermidError, ThermidWarning, errors_at
+from thermid.base.expression import parse
+from thermid.base.results import Result
+from thermid.base.units import TEMPERATURE, require_unit
 from thermid.physics._number import Number
 from thermid.physics.air import Gas, dry_air
 from thermid.physics.convection import effective_htc, effective_htc_error
@@ -22,8 +24,6 @@ from thermid.physics.plates import (
     vertical_plate_htc_all,
 )
 from thermid.physics.radiation import linearised_htc
-from thermid.results import Result
-from thermid.units import TEMPERATURE, require_unit
 
 LAMINAR_LIMIT = 1e9
 CORRELATION_ERROR = 0.15

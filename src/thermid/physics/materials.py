@@ -9,7 +9,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from types import MappingProxyType
 
-from thermid.errors import NameNotFoundError, nearest
+from thermid.base.errors import NameNotFoundError, nearest
 
 _INCROPERA = "handbook: Incropera, DeWitt, Bergman, Lavine, Fundamentals of Heat and Mass Transfer, 6th ed."
 _CRAWFORD = "handbook: Crawford, Plastics Engineering, 3rd ed., Table 1.8"

@@ -6,7 +6,7 @@ import warnings
 
 import numpy as np
 
-from thermid.errors import ThermidWarning
+from thermid.base.errors import ThermidWarning
 from thermid.physics._number import Number, plain
 from thermid.physics.air import AIR_300K, Gas
 from thermid.physics.constants import STANDARD_GRAVITY

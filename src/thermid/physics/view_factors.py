@@ -15,8 +15,8 @@ from typing import Final
 import numpy as np
 from numpy.typing import NDArray
 
-from thermid.errors import DeckError
-from thermid.linear_algebra import Array
+from thermid.base.errors import DeckError
+from thermid.base.linear_algebra import Array
 
 
 def facing_plates(length: float, width: float, distance: float) -> float:

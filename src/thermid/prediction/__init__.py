@@ -1,6 +1,7 @@
-"""The uncertainty room: what a model leaves open in a scenario, by named source, and the questions that are asked of it.
+"""What a model predicts, with its uncertainty by named source.
 
 In: a fit, a values file or stated spreads, and a scenario. Out: a `Prediction`: temperatures with a band, its sources, and what is not
-counted; coefficients taken apart into radiation and convection (`split`).
-May import: `explain`, `fit` and the rooms below a fit.
+counted; coefficients separated into radiation and convection; many runs with drawn inputs; hold times; the test to make next; reduced
+models.
+May import: `base`, `fit`, `inference`, `measure`, `model`, `physics`, `simulation`, `values`.
 """

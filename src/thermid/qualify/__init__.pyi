@@ -1,36 +1,41 @@
 """The public names with their types; written by scripts/write_stub.py from the tables in `thermid/__init__.py`."""
 
-from thermid.judge.correlation import Correlation as Correlation
-from thermid.judge.correlation import correlate as correlate
-from thermid.judge.criteria import CriteriaSet as CriteriaSet
-from thermid.judge.limits import Limits as Limits
-from thermid.judge.limits import check_limits as check_limits
-from thermid.judge.limits import load_limits as load_limits
-from thermid.judge.margins import Margin as Margin
-from thermid.judge.margins import heater_duty as heater_duty
-from thermid.judge.margins import margins as margins
-from thermid.monte_carlo.drivers import sobol_of as sobol_of
-from thermid.monte_carlo.hold import Hold as Hold
-from thermid.monte_carlo.hold import HoldQuestion as HoldQuestion
-from thermid.monte_carlo.hold import hold as hold
-from thermid.monte_carlo.hold import load_hold as load_hold
-from thermid.monte_carlo.uncertain import UncertainRuns as UncertainRuns
-from thermid.monte_carlo.uncertain import uncertain_runs as uncertain_runs
-from thermid.profile_runs.conduct import run_profile as run_profile
-from thermid.profile_runs.profile_run import ProfileRun as ProfileRun
-from thermid.profiles.profile import ThermalProfile as ThermalProfile
-from thermid.profiles.profile import equivalent_cycles as equivalent_cycles
-from thermid.profiles.standards import load_profile as load_profile
-from thermid.profiles.standards import profile_names as profile_names
-from thermid.profiles.standards import profile_of as profile_of
-from thermid.qualify.deliver import check_delivery as check_delivery
-from thermid.qualify.deliver import deliver as deliver
-from thermid.qualify.plan import Plan as Plan
-from thermid.qualify.plan import load_plan as load_plan
-from thermid.qualify.plan import lock_plan as lock_plan
-from thermid.qualify.programme import Qualification as Qualification
-from thermid.qualify.programme import run_plan as run_plan
-from thermid.reduction.macro import assumed as assumed
-from thermid.reduction.macro import macro_model as macro_model
-from thermid.reduction.reduce import Reduction as Reduction
-from thermid.reduction.reduce import reduce as reduce
+from thermid.campaign.verdicts import (
+    Correlation as Correlation,
+    CriteriaSet as CriteriaSet,
+    Limits as Limits,
+    Margin as Margin,
+    check_limits as check_limits,
+    correlate as correlate,
+    heater_duty as heater_duty,
+    load_limits as load_limits,
+    margins as margins,
+)
+from thermid.prediction.members import (
+    Hold as Hold,
+    HoldQuestion as HoldQuestion,
+    UncertainRuns as UncertainRuns,
+    hold as hold,
+    load_hold as load_hold,
+    sobol_of as sobol_of,
+    uncertain_runs as uncertain_runs,
+)
+from thermid.prediction.reduction import Reduction as Reduction, assumed as assumed, macro_model as macro_model, reduce as reduce
+from thermid.qualify.plans import (
+    Plan as Plan,
+    Qualification as Qualification,
+    check_delivery as check_delivery,
+    deliver as deliver,
+    load_plan as load_plan,
+    lock_plan as lock_plan,
+    run_plan as run_plan,
+)
+from thermid.qualify.profiles import (
+    ProfileRun as ProfileRun,
+    ThermalProfile as ThermalProfile,
+    equivalent_cycles as equivalent_cycles,
+    load_profile as load_profile,
+    profile_names as profile_names,
+    profile_of as profile_of,
+    run_profile as run_profile,
+)

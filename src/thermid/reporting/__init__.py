@@ -1,7 +1,7 @@
 """What a person reads: tables, figures, diagrams, pages.
 
-In: results of any room. Out: SVG text, HTML pages, paper. Nothing stands here itself. The packages inside, each of which knows only
-those before it: `blocks`, what a page is made of; `pictures`, curves over time; `diagrams`, a model as a picture; `pages`, of a campaign,
-a study, candidate structures; `qualification`, of a plan worked through.
-May import: each of its packages has its own line in tests/architecture/test_imports.py.
+In: results of any room. Out: SVG text, HTML pages, paper, JSON objects. The packages inside, each of which knows only those before it:
+`_blocks`, what a page is made of; `_pictures`, curves over time; `_diagrams`, a model as a picture; `_pages`, of a campaign, a study,
+candidate structures; `_qualification`, of a plan worked through.
+May import: `base`, `campaign`, `fit`, `inference`, `measure`, `model`, `physics`, `prediction`, `qualify`, `simulation`, `values`.
 """

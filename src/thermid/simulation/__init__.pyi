@@ -1,8 +1,17 @@
 """The public names with their types; written by scripts/write_stub.py from the tables in `thermid/__init__.py`."""
 
-from thermid.simulation.block import BlockSolution as BlockSolution
-from thermid.simulation.draws import draw as draw
-from thermid.simulation.ensemble import Ensemble as Ensemble
-from thermid.simulation.simulator import Simulator as Simulator
-from thermid.simulation.steady import Steady as Steady
-from thermid.simulation.steady import steady_levels as steady_levels
+from thermid.simulation.network import (
+    Environment as Environment,
+    Irradiation as Irradiation,
+    compile_network as compile_network,
+    modes as modes,
+    state_space as state_space,
+)
+from thermid.simulation.runs import (
+    BlockSolution as BlockSolution,
+    Ensemble as Ensemble,
+    Simulator as Simulator,
+    Steady as Steady,
+    draw as draw,
+    steady_levels as steady_levels,
+)

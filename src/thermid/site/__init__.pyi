@@ -1,19 +1,17 @@
 """The public names with their types; written by scripts/write_stub.py from the tables in `thermid/__init__.py`."""
 
-from thermid.site.ascent import AscentCheck as AscentCheck
-from thermid.site.ascent import Trajectory as Trajectory
-from thermid.site.ascent import ascent_checks as ascent_checks
-from thermid.site.ascent import ascent_scenario as ascent_scenario
-from thermid.site.ascent import read_trajectory as read_trajectory
-from thermid.site.exposure import eclipse_signal as eclipse_signal
-from thermid.site.exposure import orbit_irradiation as orbit_irradiation
-from thermid.site.moisture import Moisture as Moisture
-from thermid.site.moisture import moisture as moisture
+from thermid.site.ascent import (
+    AscentCheck as AscentCheck,
+    Trajectory as Trajectory,
+    ascent_checks as ascent_checks,
+    ascent_scenario as ascent_scenario,
+    read_trajectory as read_trajectory,
+)
+from thermid.site.exposure import eclipse_signal as eclipse_signal, orbit_irradiation as orbit_irradiation
+from thermid.site.moisture import Moisture as Moisture, moisture as moisture
 from thermid.site.orbit import orbit_fluxes as orbit_fluxes
 from thermid.site.pad import pad_scenario as pad_scenario
 from thermid.site.site import Site as Site
 from thermid.site.sky import OpenSky as OpenSky
-from thermid.site.vapour import Volume as Volume
-from thermid.site.vapour import WaterBalance as WaterBalance
-from thermid.site.weather import Weather as Weather
-from thermid.site.weather import read_weather as read_weather
+from thermid.site.vapour import Volume as Volume, WaterBalance as WaterBalance
+from thermid.site.weather import Weather as Weather, read_weather as read_weather

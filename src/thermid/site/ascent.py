@@ -10,18 +10,17 @@ from typing import Any
 
 import numpy as np
 
-from thermid.arguments import takes_objects
-from thermid.errors import RecordError, ScenarioError, refuse_unknown
-from thermid.linear_algebra import Array
-from thermid.measure import read_plain
-from thermid.model.laws.signal import Constant, Signal, TableSignal, joined, literal, signal
-from thermid.network.environment import Environment
-from thermid.network.irradiation import HOTTEST, Irradiation
-from thermid.simulation.scenarios.scenario import Scenario
-from thermid.site.atmosphere import HIGHEST_ALTITUDE, UPPER, Air, standard_atmosphere, upper_atmosphere
+from thermid.base.arguments import takes_objects
+from thermid.base.errors import RecordError, ScenarioError, refuse_unknown
+from thermid.base.linear_algebra import Array
+from thermid.base.sourced import Figure
+from thermid.base.units import TEMPERATURE
+from thermid.measure.readers import read_plain
+from thermid.model.laws import Constant, Signal, TableSignal, joined, literal, signal
+from thermid.simulation.network import HOTTEST, Environment, Irradiation
+from thermid.simulation.scenarios import Scenario
+from thermid.site._atmosphere import HIGHEST_ALTITUDE, UPPER, Air, standard_atmosphere, upper_atmosphere
 from thermid.site.exposure import molecular_heating
-from thermid.sourced import Figure
-from thermid.units import TEMPERATURE
 
 SPACE = 2.725
 """Of the microwave background: Fixsen, Astrophys. J. 707 (2009) 916. [K]"""

@@ -6,11 +6,11 @@ from typing import Any
 
 import numpy as np
 
-from thermid.errors import ScenarioError
-from thermid.linear_algebra import Array
-from thermid.model.laws.signal import Constant, Signal, TableSignal, joined, literal, signal
-from thermid.model.parts.facing import degrees
-from thermid.network.irradiation import Irradiation
+from thermid.base.errors import ScenarioError
+from thermid.base.linear_algebra import Array
+from thermid.model.elements import degrees
+from thermid.model.laws import Constant, Signal, TableSignal, joined, literal, signal
+from thermid.simulation.network import Irradiation
 
 SOLAR_CONSTANT = 1361.0
 """Total irradiance at one astronomical unit: Kopp and Lean, Geophys. Res. Lett. 38 (2011) L01706, 1360.8 +- 0.5. [W/m^2]"""

@@ -9,20 +9,18 @@ from typing import Any, Final
 
 import numpy as np
 
-from thermid.arguments import takes_objects
-from thermid.errors import ScenarioError, SolverError, look_up, refuse_unknown
-from thermid.linear_algebra import Array
-from thermid.model.laws.signal import Constant, Signal, TableSignal, check_span, signal
-from thermid.model.parts.elements import HeatLoad
-from thermid.model.parts.parameter import parameter
-from thermid.model.tree.flat import Flat, FlatConductor
-from thermid.model.tree.model import Model
-from thermid.network.network import compile_network
+from thermid.base.arguments import takes_objects
+from thermid.base.errors import ScenarioError, SolverError, look_up, refuse_unknown
+from thermid.base.linear_algebra import Array
+from thermid.base.results import PlottedTrace, Result
+from thermid.model.elements import HeatLoad
+from thermid.model.laws import Constant, Signal, TableSignal, check_span, signal
+from thermid.model.parameters import parameter
+from thermid.model.tree import Flat, FlatConductor, Model
 from thermid.physics.constants import ICE_POINT
-from thermid.results import PlottedTrace, Result
-from thermid.simulation.scenarios.scenario import Scenario
-from thermid.simulation.solution import Solution
-from thermid.simulation.transient import simulate
+from thermid.simulation.network import compile_network
+from thermid.simulation.runs import Solution, simulate
+from thermid.simulation.scenarios import Scenario
 from thermid.site.vapour import Followed, Volume, WaterBalance, follow
 
 SETTLED: Final = 1e-3

@@ -9,11 +9,11 @@ from typing import Final
 
 import numpy as np
 
-from thermid.errors import ScenarioError, nearest
-from thermid.linear_algebra import Array
-from thermid.model.laws.signal import Constant, Signal, TableSignal, literal, multiplied
-from thermid.model.parts.facing import degrees
-from thermid.network.irradiation import Irradiation
+from thermid.base.errors import ScenarioError, nearest
+from thermid.base.linear_algebra import Array
+from thermid.model.elements import degrees
+from thermid.model.laws import Constant, Signal, TableSignal, literal, multiplied
+from thermid.simulation.network import Irradiation
 from thermid.site.exposure import planet_share
 
 SAMPLES: Final = 720

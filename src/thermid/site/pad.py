@@ -10,22 +10,22 @@ from typing import Any
 
 import numpy as np
 
-from thermid.arguments import takes_objects
-from thermid.errors import ScenarioError
-from thermid.linear_algebra import Array
-from thermid.model.laws.signal import Constant, MeanOf, Mixed, Signal, TableSignal, literal, signal
-from thermid.model.parts.facing import Facing, degrees
-from thermid.network.environment import Environment
+from thermid.base.arguments import takes_objects
+from thermid.base.errors import ScenarioError
+from thermid.base.linear_algebra import Array
+from thermid.base.units import TEMPERATURE
+from thermid.model.elements import Facing, degrees
+from thermid.model.laws import Constant, MeanOf, Mixed, Signal, TableSignal, literal, signal
 from thermid.physics.air import dry_air
 from thermid.physics.constants import STEFAN_BOLTZMANN
 from thermid.physics.correlations import forced_plate_nusselt
-from thermid.simulation.scenarios.scenario import Scenario
+from thermid.simulation.network import Environment
+from thermid.simulation.scenarios import Scenario
+from thermid.site._moist import dew_point, vapour_pressure
 from thermid.site.exposure import cloudless_sky, driving_rain, sky_share
-from thermid.site.moist import dew_point, vapour_pressure
 from thermid.site.site import Site
 from thermid.site.sky import open_sky
 from thermid.site.weather import Weather
-from thermid.units import TEMPERATURE
 
 WIND = ("length", "calm", "rain")
 """What a coefficient in wind is given by."""

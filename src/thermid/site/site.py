@@ -6,18 +6,21 @@ import warnings
 from collections.abc import Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass
-from datetime import datetime, timedelta
-from datetime import timezone as Zone  # noqa: N812
+from datetime import (
+    datetime,
+    timedelta,
+    timezone as Zone,  # noqa: N812
+)
 from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 
-from thermid.errors import MissingExtraError, ScenarioError, ThermidError
-from thermid.extensions import missing
-from thermid.linear_algebra import Array
-from thermid.model.laws.signal import literal
-from thermid.model.parts.facing import degrees
-from thermid.site.atmosphere import standard_atmosphere
+from thermid.base.errors import MissingExtraError, ScenarioError, ThermidError
+from thermid.base.extensions import missing
+from thermid.base.linear_algebra import Array
+from thermid.model.elements import degrees
+from thermid.model.laws import literal
+from thermid.site._atmosphere import standard_atmosphere
 
 if TYPE_CHECKING:
     import pandas

@@ -9,12 +9,12 @@ from typing import Any
 
 import numpy as np
 
-from thermid.errors import ScenarioError
-from thermid.linear_algebra import Array
-from thermid.model.laws.signal import Mixed, Signal, TableSignal
-from thermid.model.parts.facing import Facing
-from thermid.network.irradiation import Sky
+from thermid.base.errors import ScenarioError
+from thermid.base.linear_algebra import Array
+from thermid.model.elements import Facing
+from thermid.model.laws import Mixed, Signal, TableSignal
 from thermid.physics.constants import STEFAN_BOLTZMANN
+from thermid.simulation.network import Sky
 from thermid.site.exposure import on_plane, sky_share
 from thermid.site.site import Site, quiet
 from thermid.site.weather import Weather

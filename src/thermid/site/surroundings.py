@@ -5,18 +5,17 @@ from __future__ import annotations
 from collections.abc import Mapping
 from typing import Any
 
-from thermid.errors import ScenarioError, errors_at
-from thermid.model.laws.signal import Constant, literal
-from thermid.network.environment import Environment
-from thermid.simulation.scenarios.columns import LogColumns
-from thermid.simulation.scenarios.scenario import Scenario
+from thermid.base.errors import ScenarioError, errors_at
+from thermid.base.toml_files import resolve_inside
+from thermid.base.units import TEMPERATURE
+from thermid.model.laws import Constant, literal
+from thermid.simulation.network import Environment
+from thermid.simulation.scenarios import LogColumns, Scenario
 from thermid.site.ascent import ascent_scenario, read_trajectory
 from thermid.site.orbit import Planet, orbit_fluxes
 from thermid.site.pad import pad_scenario
 from thermid.site.site import Site
 from thermid.site.weather import read_weather
-from thermid.toml_files import resolve_inside
-from thermid.units import TEMPERATURE
 
 TABLES = ("site", "weather", "sun", "wind", "ascent", "orbit")
 

@@ -15,16 +15,16 @@ from typing import Final
 import numpy as np
 from numpy.typing import NDArray
 
-from thermid.dual import value_of
-from thermid.errors import ScenarioError
-from thermid.linear_algebra import Array, Bools
-from thermid.model.laws.signal import Signal, literal
-from thermid.model.parts.takes import exposed_area
-from thermid.model.tree.flat import FlatConductor
-from thermid.network.medium import VACUUM_LIMIT
+from thermid.base.dual import value_of
+from thermid.base.errors import ScenarioError
+from thermid.base.linear_algebra import Array, Bools
+from thermid.model.elements import exposed_area
+from thermid.model.laws import Signal, literal
+from thermid.model.tree import FlatConductor
 from thermid.physics.constants import ATMOSPHERE, STEFAN_BOLTZMANN
-from thermid.simulation.solution import Solution
-from thermid.site.moist import (
+from thermid.simulation.network import VACUUM_LIMIT
+from thermid.simulation.runs import Solution
+from thermid.site._moist import (
     VAPOUR_CONSTANT,
     dew_point,
     latent_heat,

@@ -10,15 +10,15 @@ from typing import TYPE_CHECKING, Any, Final, NamedTuple
 
 import numpy as np
 
-from thermid.arguments import takes_objects
-from thermid.errors import MissingDataError, MissingExtraError, NameNotFoundError, RecordError, look_up, refuse_unknown
-from thermid.extensions import missing
-from thermid.files import was_read
+from thermid.base.arguments import takes_objects
+from thermid.base.errors import MissingDataError, MissingExtraError, NameNotFoundError, RecordError, look_up, refuse_unknown
+from thermid.base.extensions import missing
+from thermid.base.files import was_read
+from thermid.base.results import Result
+from thermid.base.units import TEMPERATURE, from_si
 from thermid.measure.amounts import amount
-from thermid.measure.readers.log_reader import read_plain
-from thermid.measure.record.channel import FloatArray
-from thermid.results import Result
-from thermid.units import TEMPERATURE, from_si
+from thermid.measure.readers import read_plain
+from thermid.measure.records import FloatArray
 
 if TYPE_CHECKING:
     import pandas

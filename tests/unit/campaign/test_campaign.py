@@ -12,13 +12,14 @@ import numpy as np
 import pytest
 
 from studio.large import wide_campaign
-from thermid.campaign.file import read_campaign
-from thermid.campaign.stages import Campaign, request_of, run_stages
-from thermid.errors import IdentificationError, NameNotFoundError, StoppedError, ThermidError
-from thermid.fit.problem.request import in_full, key_of
-from thermid.knowledge.values import load_values
-from thermid.model.laws.signal import TableSignal
-from thermid.reporting.pages.campaign import report
+from thermid.base.errors import IdentificationError, NameNotFoundError, StoppedError, ThermidError
+from thermid.campaign._file import read_campaign
+from thermid.campaign._stages import Campaign, request_of, run_stages
+from thermid.fit._problem.request import in_full
+from thermid.fit.problem import key_of
+from thermid.model.laws import TableSignal
+from thermid.reporting.pages import report
+from thermid.values.fitted import load_values
 from unit.fit.bench import HTC, MASS
 from unit.fit.project import CAMPAIGN, make_project
 from unit.interrupted import Still
@@ -187,7 +188,7 @@ class TestInheritance:
         assert dict(named.values) == dict(plain.values)
 
     def test_two_parts_from_one_stage_share_what_it_says_of_sensors_once(self, project: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-        import thermid.campaign.stages as stages
+        import thermid.campaign._stages as stages
 
         deck = project.parent / "pair.toml"
         deck.write_text(deck.read_text().replace('use = "cool.toml"', 'use = "box.toml"'))
@@ -550,7 +551,7 @@ class TestCache:
                 two[name].warnings,
             )
             assert str(one[name]) == str(two[name])
-        monkeypatch.setattr("thermid.reporting.pages.tables.datetime", Still)
+        monkeypatch.setattr("thermid.reporting._pages.tables.datetime", Still)
         pages = [report(c, to=tmp_path / f"{k}" / "page.html").read_bytes() for k, c in enumerate((one, two))]
         assert pages[0] == pages[1]
 
@@ -608,7 +609,7 @@ def test_a_corrected_unit_runs_a_finished_stage_again(project: Path, tmp_path: P
     """The hash of a log is of its numbers as they are written, so what makes temperatures of them belongs to the key of a stage."""
     from dataclasses import replace
 
-    from thermid.fit.problem.request import key_of
+    from thermid.fit.problem import key_of
 
     request = run_stages(project).requests["box"]
     (record,) = request.records

@@ -11,10 +11,10 @@ import pytest
 from typer.testing import CliRunner
 
 import thermid as td
-from thermid.campaign.stages import Campaign
-from thermid.cli.app import app
-from thermid.errors import DeckError, NameNotFoundError
-from thermid.judge.verdict import FILE, look, looks_at
+from thermid.app.cli.app import app
+from thermid.base.errors import DeckError, NameNotFoundError
+from thermid.campaign._judge.verdict import FILE, look, looks_at
+from thermid.campaign._stages import Campaign
 from unit.fit.bench import HTC, MASS, box, pair
 from unit.fit.project import CAMPAIGN, make_project
 
@@ -32,18 +32,18 @@ def campaign(project: Path) -> Campaign:
 
 
 @pytest.fixture(scope="module")
-def record(campaign: Campaign) -> td.explain.CredibilityRecord:
-    return td.explain.credibility(campaign)
+def record(campaign: Campaign) -> td.inference.CredibilityRecord:
+    return td.inference.credibility(campaign)
 
 
 class TestRecord:
-    def test_every_value_is_there(self, record: td.explain.CredibilityRecord, campaign: Campaign) -> None:
-        from thermid.model.tree.tree import parameter_table
+    def test_every_value_is_there(self, record: td.inference.CredibilityRecord, campaign: Campaign) -> None:
+        from thermid.model.tree import parameter_table
 
         assert set(record) == set(parameter_table(campaign["pair"].fitted_model))
         assert sum(record.states.values()) == len(record)
 
-    def test_calibrated_here(self, record: td.explain.CredibilityRecord, campaign: Campaign) -> None:
+    def test_calibrated_here(self, record: td.inference.CredibilityRecord, campaign: Campaign) -> None:
         row = record[JOINT]
         assert (row.state, row.level, row.tests, row.unit) == ("calibrated", "pair", ("pair_one",), "W/(m^2 K)")
         assert row.value == pytest.approx(campaign["pair"][JOINT].value)
@@ -51,7 +51,7 @@ class TestRecord:
         assert (row.minimum, row.maximum) == (20.0, 2000.0)
         assert row.date == campaign["pair"].values.provenance["date"]
 
-    def test_frozen_from_below(self, record: td.explain.CredibilityRecord, campaign: Campaign) -> None:
+    def test_frozen_from_below(self, record: td.inference.CredibilityRecord, campaign: Campaign) -> None:
         row = record[f"a.{MASS}"]
         assert (row.state, row.level, row.tests) == ("frozen", "box", ("box_bench",))
         assert row.error == pytest.approx(campaign["box"][MASS].error)
@@ -63,17 +63,17 @@ class TestRecord:
         deck.write_text(
             deck.read_text().replace('area = "20 [cm^2]"', 'area = { value = "20 [cm^2]", source = "datasheet", basis = "sheet 7" }')
         )
-        found = td.explain.credibility(td.run_stages(path))
+        found = td.inference.credibility(td.run_stages(path))
         assert (found["stack.area"].state, found["stack.area"].basis) == ("datasheet", "sheet 7")
         assert found[f"b.{HTC}"].state == "not stated"
         assert found["b.heat.power"].state == "computed"
         assert found["b.heat.power"].unit == "W"
 
-    def test_an_unknown_path_names_the_nearest(self, record: td.explain.CredibilityRecord) -> None:
+    def test_an_unknown_path_names_the_nearest(self, record: td.inference.CredibilityRecord) -> None:
         with pytest.raises(NameNotFoundError, match=r"no value 'stack\.contact_conductanse'\. Did you mean"):
             record["stack.contact_conductanse"]
 
-    def test_files(self, record: td.explain.CredibilityRecord, tmp_path: Path) -> None:
+    def test_files(self, record: td.inference.CredibilityRecord, tmp_path: Path) -> None:
         as_json = json.loads(record.save(tmp_path / "r.json").read_text())
         as_toml = tomllib.loads(record.save(tmp_path / "r.toml").read_text())
         assert as_json.pop("seal").startswith("written by thermid: credibility record")
@@ -84,7 +84,7 @@ class TestRecord:
 
     def test_of_a_joint_fit(self, tmp_path: Path) -> None:
         path = make_project(tmp_path, CAMPAIGN.replace("[[verdicts]]", "[joint]\n\n[[verdicts]]", 1))
-        row = td.explain.credibility(td.run_stages(path))[f"a.{MASS}"]
+        row = td.inference.credibility(td.run_stages(path))[f"a.{MASS}"]
         assert (row.state, row.level, row.tests) == ("calibrated", "joint", ("box_bench", "pair_one"))
 
     def test_on_the_command_line(self, project: Path, tmp_path: Path) -> None:
@@ -102,7 +102,7 @@ class TestDifference:
 
     def test_in_kelvin_at_the_nodes(self) -> None:
         old, new = pair(), pair(first=box({"parameters/power/value": "5 [W]"}))
-        found = td.explain.difference(old, new, self.SCENARIO)
+        found = td.inference.difference(old, new, self.SCENARIO)
         a, b = found.nodes["a.case"], found.nodes["b.case"]
         assert a.largest == pytest.approx(a.final)
         assert a.final > b.final > 0
@@ -110,7 +110,7 @@ class TestDifference:
         assert f"model {old.identity()} -> {new.identity()}" in str(found)
 
     def test_none(self) -> None:
-        assert td.explain.difference(pair(), pair(), self.SCENARIO, nodes=["a.case"]).largest == 0.0
+        assert td.inference.difference(pair(), pair(), self.SCENARIO, nodes=["a.case"]).largest == 0.0
 
     def test_nodes_of_one_version(self) -> None:
         lidded = pair(
@@ -119,10 +119,10 @@ class TestDifference:
                 "conductors": {"lid_foot": {"kind": "conduction", "between": ["lid", "a.case"], "conductance": "1 [W/K]"}},
             }
         )
-        found = td.explain.difference(pair(), lidded, self.SCENARIO)
+        found = td.inference.difference(pair(), lidded, self.SCENARIO)
         assert (found.gone, found.added) == ((), ("lid",))
         with pytest.raises(NameNotFoundError, match="no node 'lid' in both versions"):
-            td.explain.difference(pair(), lidded, self.SCENARIO, nodes=["lid"])
+            td.inference.difference(pair(), lidded, self.SCENARIO, nodes=["lid"])
 
 
 class TestLooks:

@@ -7,13 +7,13 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from thermid.campaign.stages import counted_twice
-from thermid.errors import NameNotFoundError
-from thermid.fit.calibrate import fit
-from thermid.fit.calibration import Calibration
-from thermid.fit.problem.request import Request, known_before
-from thermid.measure import Record
-from thermid.model.tree.model import Model
+from thermid.base.errors import NameNotFoundError
+from thermid.campaign._stages import counted_twice
+from thermid.fit._problem.request import known_before
+from thermid.fit.calibration import Calibration, fit
+from thermid.fit.problem import Request
+from thermid.measure.records import Record
+from thermid.model.tree import Model
 from unit.fit.bench import box, log, pair
 
 LINEAR = {"parameters/power/min": 0}

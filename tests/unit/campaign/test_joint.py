@@ -9,8 +9,8 @@ import numpy as np
 import pytest
 
 import thermid as td
-from thermid.campaign.stages import Campaign
-from thermid.errors import DeckError, IdentificationError
+from thermid.base.errors import DeckError, IdentificationError
+from thermid.campaign._stages import Campaign
 from unit.fit.bench import HTC, MASS
 from unit.fit.project import CAMPAIGN, make_project
 

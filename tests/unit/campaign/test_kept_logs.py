@@ -10,13 +10,14 @@ from typing import Any
 import numpy as np
 import pytest
 
-from thermid.campaign import cache
-from thermid.campaign.cache import log_kept
-from thermid.campaign.file import CampaignSource, read_campaign
-from thermid.campaign.schema import RecordTable
-from thermid.errors import RecordError
-from thermid.fit.minimisation import KeptFit
-from thermid.measure import Channel, Record, read_record
+from thermid.base.errors import RecordError
+from thermid.campaign import _cache as cache
+from thermid.campaign._cache import log_kept
+from thermid.campaign._file import CampaignSource, read_campaign
+from thermid.campaign._schema import RecordTable
+from thermid.fit.calibration import KeptFit
+from thermid.measure.readers import read_record
+from thermid.measure.records import Channel, Record
 
 LOG = "# a note\ntime_s,T_A,T_B,P\n" + "".join(f"{10 * k},{20 + k},{'' if k == 3 else 21 + k},{k % 2}\n" for k in range(12))
 CAMPAIGN = """
@@ -54,7 +55,7 @@ def readings(monkeypatch: pytest.MonkeyPatch) -> list[str]:
         seen.append(path.name)
         return read_record(path, *given, **more)
 
-    monkeypatch.setattr("thermid.campaign.file.read_record", counted)
+    monkeypatch.setattr("thermid.campaign._file.read_record", counted)
     return seen
 
 
@@ -128,7 +129,7 @@ def test_whatever_a_campaign_says_of_a_log_enters_the_key(campaign: Path, monkey
         seen.update(how)
         return make()
 
-    monkeypatch.setattr("thermid.campaign.file.log_kept", looked)
+    monkeypatch.setattr("thermid.campaign._file.log_kept", looked)
     source(campaign).record("one")
     elsewhere = {"file", "files", "joined", "local", "get"}  # the log itself; what is done after it was kept; words
     assert set(seen) == set(RecordTable.model_fields) - elsewhere | {"name", "checksum"}
@@ -188,7 +189,7 @@ def test_what_json_does_not_hold_is_read_as_ever(tmp_path: Path) -> None:
 
 def test_the_digest_of_the_code_knows_every_source_and_the_kernel(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
     files = cache._code()
-    assert {"cache.py", "__init__.py", "transient.py"} <= {path.name for path in files}
+    assert {"_cache.py", "__init__.py", "_transient.py"} <= {path.name for path in files}
     assert files[-1].name.startswith("_kernel")
     assert files[-1].suffix in (".so", ".pyd")
     source, kernel = tmp_path / "fit.py", tmp_path / "kernel.so"

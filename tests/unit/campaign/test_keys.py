@@ -8,15 +8,16 @@ from typing import Any
 
 import pytest
 
-from thermid.campaign.cache import changed_since, remember
-from thermid.campaign.file import read_campaign
-from thermid.campaign.stages import keyed, request_of, run_stages
-from thermid.fit.minimisation import KeptFit
-from thermid.fit.problem import request as room
-from thermid.fit.problem.request import LocalSpec, Reading, Request, ingredients_of, key_for
-from thermid.knowledge.store import State, Store, ValueOrigin
-from thermid.simulation.scenarios.scenario import Scenario
-from thermid.simulation.solver.problem import Options
+from thermid.campaign._cache import changed_since, remember
+from thermid.campaign._file import read_campaign
+from thermid.campaign._stages import keyed, request_of, run_stages
+from thermid.fit._problem import request as room
+from thermid.fit._problem.request import key_for
+from thermid.fit.calibration import KeptFit
+from thermid.fit.problem import LocalSpec, Reading, Request, ingredients_of
+from thermid.simulation.scenarios import Scenario
+from thermid.simulation.solver import Options
+from thermid.values.store import State, Store, ValueOrigin
 from unit.fit.bench import HTC, MASS, box, log, pair
 from unit.fit.trees import joined, leaf, record_table, stage_table, write_decks, write_logs
 

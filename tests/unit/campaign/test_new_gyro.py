@@ -9,9 +9,9 @@ import numpy as np
 import pytest
 
 import thermid as td
-from thermid.campaign.stages import Campaign
-from thermid.model.deck.modelfile import load_model
-from thermid.model.tree.model import Model, identities
+from thermid.campaign._stages import Campaign
+from thermid.model.deck import load_model
+from thermid.model.tree import Model, identities
 from unit.fit.bench import log
 from unit.fit.project import write_log
 

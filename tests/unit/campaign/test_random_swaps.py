@@ -10,10 +10,9 @@ import numpy as np
 import pytest
 
 import thermid as td
-from thermid.errors import IdentificationError
-from thermid.model.deck.modelfile import load_model
-from thermid.model.tree.model import identities
-from thermid.model.tree.tree import ParameterSet, parameter_table
+from thermid.base.errors import IdentificationError
+from thermid.model.deck import load_model
+from thermid.model.tree import ParameterSet, identities, parameter_table
 from unit.fit.project import write_log
 from unit.fit.trees import Part, joined, leaf, record_of, record_table, stage_table, write_decks, write_logs
 

@@ -10,18 +10,17 @@ from typing import get_args
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
-from hypothesis import strategies as st
+from hypothesis import given, settings, strategies as st
 
 import thermid as td
-from thermid.campaign.file import read_campaign
-from thermid.campaign.stages import Campaign, request_of, run_stages
-from thermid.errors import DeckError
-from thermid.fit.calibrate import rests_on
-from thermid.knowledge.store import model_standing
-from thermid.knowledge.values import FittedValue, FittedValues
-from thermid.model.deck.modelfile import load_model
-from thermid.model.parts.parameter import CREDIBLE, UNJUDGED, Standing, State, worst
+from thermid.base.errors import DeckError
+from thermid.campaign._file import read_campaign
+from thermid.campaign._stages import Campaign, request_of, run_stages
+from thermid.fit._calibrate import rests_on
+from thermid.model.deck import load_model
+from thermid.model.parameters import CREDIBLE, UNJUDGED, Standing, State, worst
+from thermid.values.fitted import FittedValue, FittedValues
+from thermid.values.store import model_standing
 from unit.fit.planted import BOX_VALUES, CAMPAIGN, planted
 
 WHY = "T_BOX would need an error of +0."

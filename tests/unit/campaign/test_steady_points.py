@@ -7,7 +7,7 @@ from pathlib import Path
 import pytest
 
 import thermid as td
-from thermid.errors import RecordError
+from thermid.base.errors import RecordError
 from unit.fit.bench import HTC, MASS, box, log
 from unit.fit.project import make_project, write_log
 

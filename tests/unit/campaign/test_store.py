@@ -10,12 +10,12 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from thermid.campaign.stages import Campaign, run_stages
-from thermid.errors import DeckError, ThermidError
-from thermid.knowledge.store import Cut, Normal, Source, State, Store, Uniform, ValueOrigin, graft
-from thermid.knowledge.values import load_store, load_values, save_store
-from thermid.model.deck.modelfile import load_model
-from thermid.model.tree.replacement import Dropped
+from thermid.base.errors import DeckError, ThermidError
+from thermid.campaign._stages import Campaign, run_stages
+from thermid.model.deck import load_model
+from thermid.model.identity import Dropped
+from thermid.values.fitted import load_store, load_values, save_store
+from thermid.values.store import Cut, Normal, Source, State, Store, Uniform, ValueOrigin, graft
 from unit.fit.trees import joined, leaf, record_table, stage_table, write_decks, write_logs
 
 COMPONENT = leaf("component", 0.20)
@@ -276,7 +276,7 @@ def test_a_values_file_on_the_command_line(tmp_path: Path) -> None:
     """At every depth; without what the decks give otherwise by now; one written by hand as well."""
     from typer.testing import CliRunner
 
-    from thermid.cli.app import app
+    from thermid.app.cli.app import app
 
     whole = three_levels(tmp_path)["whole"]
     whole.save(tmp_path / "v.toml")

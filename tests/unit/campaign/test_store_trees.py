@@ -9,10 +9,10 @@ from typing import Any
 import numpy as np
 import pytest
 
-from thermid.campaign.stages import run_stages
-from thermid.errors import IdentificationError
-from thermid.knowledge.store import Store
-from thermid.knowledge.values import load_store
+from thermid.base.errors import IdentificationError
+from thermid.campaign._stages import run_stages
+from thermid.values.fitted import load_store
+from thermid.values.store import Store
 from unit.fit.trees import Part, joined, leaf, record_table, stage_table, write_decks, write_logs
 
 

@@ -12,15 +12,15 @@ import pytest
 from typer.testing import CliRunner
 
 import thermid as td
-from thermid.campaign.retune import RetunePlan, _told_by
-from thermid.campaign.stages import Campaign
-from thermid.cli.app import app
-from thermid.errors import DeckError, NameNotFoundError
-from thermid.fit.calibrate import fit
-from thermid.knowledge.store import Store
-from thermid.model.deck.save import save_model
-from thermid.model.tree.replacement import touching
-from thermid.model.tree.tree import ParameterSet
+from thermid.app.cli.app import app
+from thermid.base.errors import DeckError, NameNotFoundError
+from thermid.campaign._retune import RetunePlan, _told_by
+from thermid.campaign._stages import Campaign
+from thermid.fit.calibration import fit
+from thermid.model.deck import save_model
+from thermid.model.identity import touching
+from thermid.model.tree import ParameterSet
+from thermid.values.store import Store
 from unit.fit.bench import HTC, MASS, box, log, pair
 from unit.fit.project import CAMPAIGN, COOL, make_project, write_log
 

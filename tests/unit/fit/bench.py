@@ -8,12 +8,12 @@ from typing import Any
 
 import numpy as np
 
-from thermid.measure import Channel, Record
-from thermid.model.deck.modelfile import model_from_dict
-from thermid.model.laws.signal import Signal
-from thermid.model.tree.model import Model
-from thermid.simulation.scenarios.scenario import Scenario
-from thermid.simulation.transient import simulate
+from thermid.measure.records import Channel, Record
+from thermid.model.deck import model_from_dict
+from thermid.model.laws import Signal
+from thermid.model.tree import Model
+from thermid.simulation.runs import simulate
+from thermid.simulation.scenarios import Scenario
 
 ICE = 273.15
 HTC, MASS, AREA = "skin.effective_htc", "case.mass", "skin.area"

@@ -9,10 +9,10 @@ import numpy as np
 import pytest
 
 import thermid as td
-from thermid.errors import DeckError, IdentificationError, RecordError
-from thermid.fit.problem.gather import build_problem
-from thermid.fit.problem.request import Request
-from thermid.model.laws.signal import TableSignal
+from thermid.base.errors import DeckError, IdentificationError, RecordError
+from thermid.fit._problem.gather import build_problem
+from thermid.fit._problem.request import Request
+from thermid.model.laws import TableSignal
 
 BOX = td.model_from_dict(
     {
@@ -256,7 +256,7 @@ def test_a_fit_finds_a_clock_beside_its_values() -> None:
     one, other = (td.predict(f, hot)["case"].final for f in (fit, known))
     assert one.celsius == pytest.approx(other.celsius, abs=0.02)
     assert 0.9 * other.error < one.error < 2.0 * other.error  # it counts that the clock is not known
-    assert td.explain.discrepancy(fit).misfit["case"] == pytest.approx(td.explain.discrepancy(known).misfit["case"], abs=0.01)
+    assert td.inference.discrepancy(fit).misfit["case"] == pytest.approx(td.inference.discrepancy(known).misfit["case"], abs=0.01)
 
 
 def test_a_sampled_power_changed_somewhere_in_the_interval_before() -> None:

@@ -7,14 +7,14 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from thermid.fit.calibrate import calibrate
-from thermid.fit.problem.gather import build_problem
-from thermid.fit.problem.request import LocalSpec, Reading, Request
-from thermid.fit.problem.residuals import Predictions, Problem, Sums, pooled
-from thermid.fit.uncertainty.information import EXACT
-from thermid.measure import Record
-from thermid.model.deck.modelfile import model_from_dict
-from thermid.simulation.scenarios.scenario import Scenario
+from thermid.fit._calibrate import calibrate
+from thermid.fit._problem.gather import build_problem
+from thermid.fit._problem.request import LocalSpec, Reading, Request
+from thermid.fit._problem.residuals import Predictions, Problem, Sums, pooled
+from thermid.fit._uncertainty.information import EXACT
+from thermid.measure.records import Record
+from thermid.model.deck import model_from_dict
+from thermid.simulation.scenarios import Scenario
 from unit.fit.bench import HTC, MASS, box, deck, log, metered, pair
 
 

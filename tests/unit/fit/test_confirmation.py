@@ -9,11 +9,11 @@ import numpy as np
 import pytest
 
 import thermid as td
-from thermid.errors import ThermidWarning
-from thermid.fit import search
-from thermid.fit.problem.gather import build_problem
-from thermid.fit.problem.request import Request
-from thermid.fit.search import contradictions, searched
+from thermid.base.errors import ThermidWarning
+from thermid.fit import _search as search
+from thermid.fit._problem.gather import build_problem
+from thermid.fit._problem.request import Request
+from thermid.fit._search import contradictions, searched
 
 TIMES = np.linspace(0.0, 7200.0, 121)
 BENCH = td.Scenario("bench", boundaries={"room": "20 [degC]"}, start="20 [degC]", duration="2 [h]")

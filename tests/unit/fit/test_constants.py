@@ -12,19 +12,17 @@ import pytest
 from scipy import stats
 
 import thermid as td
-from thermid.fit.calibrate import _by_instruments, strange_powers
-from thermid.fit.calibrate import fit as fitted_by
-from thermid.fit.calibration import contradicted, far_from_sheet, sensor_shares
-from thermid.fit.problem.gather import build_problem
-from thermid.fit.problem.request import Request
-from thermid.fit.problem.residuals import SensorStatistics, loss_of
-from thermid.fit.regimes import KindsSeen
-from thermid.fit.uncertainty.groups import _few_terms, percent, practical_groups
-from thermid.fit.uncertainty.information import Information, elsewhere
-from thermid.fit.uncertainty.moved import Move, normal_shifts, shifts
-from thermid.fit.uncertainty.moved import Test as Asked
-from thermid.knowledge.values import FittedValue, FittedValues
+from thermid.fit._calibrate import _by_instruments, fit as fitted_by, strange_powers
+from thermid.fit._calibration import contradicted, far_from_sheet, sensor_shares
+from thermid.fit._discrepancy.regimes import KindsSeen
+from thermid.fit._problem.gather import build_problem
+from thermid.fit._problem.request import Request
+from thermid.fit._problem.residuals import SensorStatistics, loss_of
+from thermid.fit._uncertainty.groups import _few_terms, percent, practical_groups
+from thermid.fit._uncertainty.information import Information, elsewhere
+from thermid.fit._uncertainty.moved import Move, Test as Asked, normal_shifts, shifts
 from thermid.physics.constants import STEFAN_BOLTZMANN
+from thermid.values.fitted import FittedValue, FittedValues
 from unit.fit.bench import HTC, MASS, box, log, pair, room
 
 TIMES = np.linspace(0.0, 18000.0, 301)
@@ -47,7 +45,7 @@ class TestConstantCoefficients:
     @pytest.mark.parametrize(("words", "probability"), [({"surfaces/skin/carried_by": "free air"}, 1.0), ({}, 0.5)])
     def test_shares_and_exponents(self, words: dict[str, str], probability: float) -> None:
         found = td.calibrate(box(words), log(box(), {}, {"T": "case"}, noise=0.02), [HTC, MASS])
-        of = td.explain.discrepancy(found)
+        of = td.inference.discrepancy(found)
         black = 4.0 * STEFAN_BOLTZMANN * of.conditions["skin"].level ** 3 / found[HTC].value
         most = min(1.0, 0.95 * black)
         share, spread = most / 2.0, most / math.sqrt(12.0)
@@ -63,12 +61,12 @@ class TestConstantCoefficients:
     def test_a_stated_emissivity_is_good_to_fifteen_per_cent(self) -> None:
         """Measured emissivities of one finish differ by so much; the share of radiation follows in proportion."""
         model = box({"surfaces/skin/emissivity": 0.5})
-        of = td.explain.discrepancy(td.calibrate(model, log(model, {}, {"T": "case"}), [HTC]))
+        of = td.inference.discrepancy(td.calibrate(model, log(model, {}, {"T": "case"}), [HTC]))
         assert of.sizes["skin", "level"] / of.means["skin", "level"] == pytest.approx(0.15)
 
     def test_at_its_own_level_radiation_asks_for_no_other_coefficient(self, plain: td.Calibration) -> None:
         """The pattern is zero at the level of the fit, so a fit at one level answers to a unit of it by less than that varies there."""
-        of = td.explain.discrepancy(plain)
+        of = td.inference.discrepancy(plain)
         k, name = list(of.sizes).index(("skin", "level")), of.names.index(HTC)
         assert abs(of.response[name, k]) < 0.03
 
@@ -77,7 +75,7 @@ class TestConstantCoefficients:
         """Exponent and share of one surface are independent, but for what carries its heat where the deck does not say it."""
         model = pair(first=box(words), second=box(words))
         data = log(model, {}, {"A": "a.case", "B": "b.case"}, boundary="room")
-        of = td.explain.discrepancy(td.calibrate(model, data, ["a.skin.effective_htc", "b.skin.effective_htc"]))
+        of = td.inference.discrepancy(td.calibrate(model, data, ["a.skin.effective_htc", "b.skin.effective_htc"]))
         sure = {key for key, size in of.sizes.items() if not size}
         assert sure == {("a.skin", "expected"), ("b.skin", "expected")}
         assert not (of.root @ of.root.T)[[list(of.sizes).index(key) for key in sure]].any()
@@ -98,7 +96,7 @@ class TestConstantCoefficients:
         case, air = run["case"].kelvin, run["air"].kelvin
         heat = np.abs(case - air)
         mean = np.exp(heat @ np.log(np.maximum(heat, 1e-9)) / heat.sum())
-        at = td.explain.discrepancy(plain).conditions["skin"]
+        at = td.inference.discrepancy(plain).conditions["skin"]
         assert at.difference == pytest.approx(mean, rel=2e-3)
         assert at.level == pytest.approx(heat @ (case + air) / 2.0 / heat.sum(), rel=1e-4)
 

@@ -10,9 +10,9 @@ import pytest
 from typer.testing import CliRunner
 
 import thermid as td
-from thermid.cli.app import app
-from thermid.fit.calibration import FAR, contradicted
-from thermid.knowledge.values import FittedValue, FittedValues
+from thermid.app.cli.app import app
+from thermid.fit._calibration import FAR, contradicted
+from thermid.values.fitted import FittedValue, FittedValues
 from unit.fit.bench import HTC, box, log
 from unit.fit.project import make_project, write_log
 

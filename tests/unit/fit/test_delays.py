@@ -9,9 +9,9 @@ import numpy as np
 import pytest
 
 import thermid as td
-from thermid.errors import RecordError, ThermidError
-from thermid.fit.second_clocks import widened_by_noise_of_powers
-from thermid.model.laws.signal import TableSignal
+from thermid.base.errors import RecordError, ThermidError
+from thermid.fit._second_clocks import widened_by_noise_of_powers
+from thermid.model.laws import TableSignal
 from unit.fit.test_clocks import AIR, BOX, FREE
 
 TIMES = np.arange(0.0, 1801.0, 5.0)

@@ -7,17 +7,17 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from thermid.errors import IdentificationError
-from thermid.fit.calibrate import calibrate
-from thermid.fit.calibration import Calibration
-from thermid.fit.discrepancy import EXPONENTS, UNSAID, Discrepancy, discrepancy, operating_points
-from thermid.knowledge.values import load_values
-from thermid.measure import Channel, Record
-from thermid.model.tree.model import Model
-from thermid.prediction.known import values_at
-from thermid.prediction.predict import predict
-from thermid.simulation.scenarios.scenario import Scenario
-from thermid.simulation.transient import simulate
+from thermid.base.errors import IdentificationError
+from thermid.fit._calibrate import calibrate
+from thermid.fit._calibration import Calibration
+from thermid.fit._discrepancy.discrepancy import EXPONENTS, UNSAID, Discrepancy, discrepancy, operating_points
+from thermid.measure.records import Channel, Record
+from thermid.model.tree import Model
+from thermid.prediction._known import values_at
+from thermid.prediction.bands import predict
+from thermid.simulation.runs import simulate
+from thermid.simulation.scenarios import Scenario
+from thermid.values.fitted import load_values
 from unit.fit.bench import HTC, MASS, box, log, room
 
 TIMES = np.linspace(0.0, 18000.0, 301)

@@ -6,10 +6,10 @@ import numpy as np
 import pytest
 
 from recovery.mass_cases import drawn
-from thermid.errors import SolverError
-from thermid.fit import doubts
-from thermid.fit.calibrate import calibrate
-from thermid.fit.doubts import settling
+from thermid.base.errors import SolverError
+from thermid.fit._calibrate import calibrate
+from thermid.fit._discrepancy import doubts
+from thermid.fit._discrepancy.doubts import settling
 
 
 @pytest.mark.parametrize("error", [SolverError("the run ends at 12 s."), np.linalg.LinAlgError("singular")])

@@ -8,13 +8,14 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from thermid.errors import IdentificationError, NameNotFoundError, RecordError, ScenarioError
-from thermid.fit.calibrate import calibrate
-from thermid.fit.problem.experiment import bind, first_reading
-from thermid.measure import Channel, Record, read_record
-from thermid.model.laws.signal import Constant, TableSignal
-from thermid.model.tree.model import Model
-from thermid.simulation.scenarios.scenario import Scenario
+from thermid.base.errors import IdentificationError, NameNotFoundError, RecordError, ScenarioError
+from thermid.fit._calibrate import calibrate
+from thermid.fit._problem.experiment import bind, first_reading
+from thermid.measure.readers import read_record
+from thermid.measure.records import Channel, Record
+from thermid.model.laws import Constant, TableSignal
+from thermid.model.tree import Model
+from thermid.simulation.scenarios import Scenario
 from unit.fit.bench import HTC, ICE, MASS, box, log, metered, pair, room
 
 

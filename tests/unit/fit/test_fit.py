@@ -9,16 +9,16 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from thermid.errors import IdentificationError, RecordError, SolverError
-from thermid.fit.calibrate import calibrate, fit, refuse_after, summarise
-from thermid.fit.minimisation import covariances, ended, minimise
-from thermid.fit.problem.gather import build_problem
-from thermid.fit.problem.request import Request
-from thermid.fit.uncertainty.information import responses
-from thermid.judge.verdict import compare
-from thermid.measure import Record
-from thermid.simulation.scenarios.scenario import Scenario
-from thermid.simulation.solver.problem import Options
+from thermid.base.errors import IdentificationError, RecordError, SolverError
+from thermid.campaign.verdicts import compare
+from thermid.fit._calibrate import calibrate, fit, refuse_after, summarise
+from thermid.fit._minimisation import covariances, ended, minimise
+from thermid.fit._problem.gather import build_problem
+from thermid.fit._problem.request import Request
+from thermid.fit._uncertainty.information import responses
+from thermid.measure.records import Record
+from thermid.simulation.scenarios import Scenario
+from thermid.simulation.solver import Options
 from unit.fit.bench import AREA, HTC, MASS, box, log, metered, pair
 
 BARE = {"surfaces/skin/effective_htc": "6 [W/(m^2 K)]", "nodes/case/mass": "1.5 [kg]"}

@@ -8,8 +8,8 @@ import numpy as np
 import pytest
 
 import thermid as td
-from thermid.errors import IdentificationError
-from thermid.measure import Channel, Record
+from thermid.base.errors import IdentificationError
+from thermid.measure.records import Channel, Record
 
 AREA = "4 [cm^2]"
 HALF: dict[str, Any] = {"contact_conductance": "260 [W/(m^2 K)]", "gap": "100 [um]"}

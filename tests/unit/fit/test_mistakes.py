@@ -1,4 +1,4 @@
-"""A grossly wrong fit asks for the unit of powers; which mistake would explain a bad fit is in `tests/unit/explain/test_mistakes.py`."""
+"""A grossly wrong fit asks for the unit of powers; mistakes that would explain a bad fit: `inference/explain/test_mistakes.py`."""
 
 from __future__ import annotations
 
@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 
 import thermid as td
-from thermid.errors import IdentificationError, SolverError
-from thermid.model.laws.signal import TableSignal
+from thermid.base.errors import IdentificationError, SolverError
+from thermid.model.laws import TableSignal
 
 PAIR = td.model_from_dict(
     {

@@ -10,14 +10,14 @@ import numpy as np
 import pytest
 
 from thermid.campaign.stages import run_stages
-from thermid.fit.calibrate import fit
-from thermid.fit.calibration import Calibration
-from thermid.fit.problem.request import Request
-from thermid.fit.uncertainty.moved import UNDECIDED, Move, Moves, moves_from
-from thermid.knowledge.store import Store
-from thermid.knowledge.values import FittedValue, FittedValues
-from thermid.measure import Record
-from thermid.model.tree.model import Model
+from thermid.fit._calibrate import fit
+from thermid.fit._calibration import Calibration
+from thermid.fit._problem.request import Request
+from thermid.fit._uncertainty.moved import UNDECIDED, Move, Moves, moves_from
+from thermid.measure.records import Record
+from thermid.model.tree import Model
+from thermid.values.fitted import FittedValue, FittedValues
+from thermid.values.store import Store
 from unit.fit.bench import HTC, MASS, box, log, pair
 from unit.fit.project import make_project, write_log
 

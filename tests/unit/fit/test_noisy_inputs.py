@@ -9,9 +9,9 @@ import numpy as np
 import pytest
 
 import thermid as td
-from thermid.fit.calibration import Calibration
-from thermid.fit.problem.experiment import InputNoise
-from thermid.fit.uncertainty.noise import answers_to_inputs, binned, score_of_inputs
+from thermid.fit._calibration import Calibration
+from thermid.fit._problem.experiment import InputNoise
+from thermid.fit._uncertainty.noise import answers_to_inputs, binned, score_of_inputs
 
 DECK = """
 title = "heated plate under a cover"

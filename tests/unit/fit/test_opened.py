@@ -7,10 +7,10 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from thermid.fit.calibrate import fit
-from thermid.fit.calibration import Calibration
-from thermid.fit.problem.request import Request
-from thermid.fit.uncertainty.information import opened_at, opened_jacobian
+from thermid.fit._calibrate import fit
+from thermid.fit._calibration import Calibration
+from thermid.fit._problem.request import Request
+from thermid.fit._uncertainty.information import opened_at, opened_jacobian
 from unit.fit.bench import HTC, MASS, box, log, pair
 
 

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import pytest
 
-from thermid.fit.problem.experiment import of_a_sensor
+from thermid.fit._problem.experiment import of_a_sensor
 
 
 @pytest.mark.parametrize(

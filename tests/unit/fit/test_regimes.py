@@ -11,15 +11,16 @@ import numpy as np
 import pytest
 
 import thermid as td
-from thermid.fit.calibration import Calibration
-from thermid.fit.regime_runs import kind_of_run, regimes_of
-from thermid.fit.regimes import BALANCE, FEW, Beside, KindsSeen, OwnValue, Regimes, regimes_kept
-from thermid.knowledge.values import load_values
-from thermid.measure import Channel, Record
-from thermid.prediction.budget import KINDS
-from thermid.prediction.known import known_of
-from thermid.prediction.records import ROOM, START, predict_record
-from thermid.simulation.simulator import prepare
+from thermid.fit._calibration import Calibration
+from thermid.fit._discrepancy.regime_runs import kind_of_run, regimes_of
+from thermid.fit._discrepancy.regimes import BALANCE, FEW, Beside, KindsSeen, OwnValue, Regimes, regimes_kept
+from thermid.measure.records import Channel, Record
+from thermid.prediction._budget import KINDS
+from thermid.prediction._known import known_of
+from thermid.prediction._records import ROOM, START
+from thermid.prediction.bands import predict_record
+from thermid.simulation.runs import prepare
+from thermid.values.fitted import load_values
 
 FREE = ("plate.capacitance", "skin.conductance", "joint.conductance")
 
@@ -128,7 +129,7 @@ def test_a_start_is_part_of_a_kind(start: str, words: str) -> None:
 
 def test_thin_gas_is_another_kind() -> None:
     given = td.Scenario("bench", boundaries={"air": "20 [degC]"}, start="20 [degC]", duration="1 [h]")
-    thin = given.with_(environment={"*": td.network.Environment("1000 [Pa]")})
+    thin = given.with_(environment={"*": td.simulation.Environment("1000 [Pa]")})
     kinds = []
     for scenario in (given, thin):
         ready = prepare(plate(), scenario, ())

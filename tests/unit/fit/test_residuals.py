@@ -7,14 +7,14 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from thermid.fit.problem.gather import build_problem
-from thermid.fit.problem.request import LocalSpec, Reading, Request
-from thermid.fit.problem.residuals import FAILED, Problem, Unknown, loss_of
-from thermid.fit.uncertainty.information import Information
-from thermid.measure import Channel
-from thermid.model.deck.modelfile import model_from_dict
-from thermid.simulation.scenarios.scenario import Scenario
-from thermid.simulation.solver.problem import Options
+from thermid.fit._problem.gather import build_problem
+from thermid.fit._problem.request import LocalSpec, Reading, Request
+from thermid.fit._problem.residuals import FAILED, Problem, Unknown, loss_of
+from thermid.fit._uncertainty.information import Information
+from thermid.measure.records import Channel
+from thermid.model.deck import model_from_dict
+from thermid.simulation.scenarios import Scenario
+from thermid.simulation.solver import Options
 from unit.fit.bench import HTC, MASS, box, deck, log, metered, pair
 
 STEP = 3e-5

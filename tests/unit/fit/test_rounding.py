@@ -8,8 +8,8 @@ import numpy as np
 import pytest
 
 import thermid as td
-from thermid.fit.uncertainty.noise import TraceNoise, binned_trace, covariance_of_means
-from thermid.measure.record.rounding import blur_of, shared_rounding
+from thermid.fit._uncertainty.noise import TraceNoise, binned_trace, covariance_of_means
+from thermid.measure.records import blur_of, shared_rounding
 from unit.fit.bench import HTC, MASS, box, log, metered
 
 STEP = 0.5
@@ -74,7 +74,7 @@ def test_two_sensors_of_one_node_have_errors_of_their_own() -> None:
     # two instruments of one accuracy know the level sqrt 2 better than one
     assert found[HTC].error == pytest.approx(one[HTC].error / np.sqrt(2.0), rel=0.15)
     assert found.sensors["U"].rmse == pytest.approx(0.11, rel=0.2)
-    balance = td.explain.energy_balance(found, both, "4 [h]", "end", limit="3 [K/h]")
+    balance = td.inference.energy_balance(found, both, "4 [h]", "end", limit="3 [K/h]")
     assert list(balance.unexplained) == ["case"]
     assert balance.closes
 

@@ -9,10 +9,11 @@ import numpy as np
 import pytest
 
 import thermid as td
-from thermid.errors import RecordError
-from thermid.fit.calibrate import calibrate
-from thermid.fit.problem.experiment import signal_of
-from thermid.measure import Channel, Record, read_record
+from thermid.base.errors import RecordError
+from thermid.fit._calibrate import calibrate
+from thermid.fit._problem.experiment import signal_of
+from thermid.measure.readers import read_record
+from thermid.measure.records import Channel, Record
 from unit.fit.bench import HTC, box
 
 STEP = 300.0

@@ -11,13 +11,13 @@ import numpy as np
 import pytest
 
 import thermid as td
-from thermid import extensions
-from thermid.errors import IdentificationError, MissingExtraError
-from thermid.fit.minimisation import LOSSES
-from thermid.fit.problem.gather import build_problem
-from thermid.fit.problem.request import Request
-from thermid.fit.problem.residuals import Prior, Unknown
-from thermid.fit.search import Population, box_of, evolved
+from thermid.base import extensions
+from thermid.base.errors import IdentificationError, MissingExtraError
+from thermid.fit._minimisation import LOSSES
+from thermid.fit._problem.gather import build_problem
+from thermid.fit._problem.request import Request
+from thermid.fit._problem.residuals import Prior, Unknown
+from thermid.fit._search import Population, box_of, evolved
 
 TIMES = np.linspace(0.0, 6000.0, 201)
 BENCH = td.Scenario("bench", boundaries={"air": "20 [degC]"}, start="20 [degC]", duration="6000 [s]")

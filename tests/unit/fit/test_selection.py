@@ -9,10 +9,10 @@ import numpy as np
 import pytest
 
 import thermid as td
-from thermid.errors import IdentificationError, NameNotFoundError, RecordError
-from thermid.fit.calibrate import fit
-from thermid.fit.problem.request import Request, freed, priors_of
-from thermid.model.tree.model import Model
+from thermid.base.errors import IdentificationError, NameNotFoundError, RecordError
+from thermid.fit._calibrate import fit
+from thermid.fit._problem.request import Request, freed, priors_of
+from thermid.model.tree import Model
 from unit.fit.bench import HTC, MASS, box, log, pair
 
 SHEET = {"nodes/case/mass": {"value": "1.5 [kg]", "min": 1.2, "max": 2.0, "source": "datasheet"}}

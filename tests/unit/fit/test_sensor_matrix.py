@@ -13,15 +13,15 @@ import pytest
 from typer.testing import CliRunner
 
 import thermid as td
-from thermid.cli.app import app
-from thermid.design.next_test import next_test
-from thermid.inference.identifiability import identifiability
-from thermid.measure import Record
-from thermid.model.deck.save import save_model
-from thermid.reporting.pages.views import fit_object, swap_object
-from thermid.studio.orders import as_json, curves_object, desk_object, picture, project_object
-from thermid.studio.project import Project
-from thermid.studio.work import Work
+from thermid.app.cli.app import app
+from thermid.app.studio.orders import as_json, curves_object, desk_object, picture, project_object
+from thermid.app.studio.project import Project
+from thermid.app.studio.work import Work
+from thermid.inference.intervals import identifiability
+from thermid.measure.records import Record
+from thermid.model.deck import save_model
+from thermid.prediction.advice import next_test
+from thermid.reporting.objects import fit_object, swap_object
 from unit.fit.bench import HTC, box, log, pair
 from unit.fit.project import COOL, write_log
 
@@ -153,17 +153,17 @@ def predicted(c: Cell) -> None:
 
 
 def taken_apart(c: Cell) -> None:
-    finite(td.explain.split(c.fit)["skin"].emissivity)
+    finite(td.inference.split(c.fit)["skin"].emissivity)
 
 
 def fitted_jointly(c: Cell) -> None:
     assert c.campaign.joint is not None
     finite(list(c.campaign.joint.fitted.values()))
-    assert "box" in str(td.explain.credibility(c.campaign))
+    assert "box" in str(td.inference.credibility(c.campaign))
 
 
 def criticised(c: Cell) -> None:
-    assert "T" in str(td.explain.criticise(c.fit))
+    assert "T" in str(td.inference.criticise(c.fit))
 
 
 def kept(c: Cell) -> None:
@@ -173,7 +173,7 @@ def kept(c: Cell) -> None:
 
 
 def balanced(c: Cell) -> None:
-    found = td.explain.energy_balance(c.fit, c.record, "3 [h]", limit="100 [K/h]")
+    found = td.inference.energy_balance(c.fit, c.record, "3 [h]", limit="100 [K/h]")
     finite([found.total, found.error])
     assert set(found.temperatures) == {"case", "air"}
 
@@ -192,10 +192,10 @@ def identified(c: Cell) -> None:
 
 
 def bounded(c: Cell) -> None:
-    found = td.explain.discrepancy(c.fit)
+    found = td.inference.discrepancy(c.fit)
     finite(list(found.misfit.values()))
     assert set(found.conditions) == {"skin"}  # whatever its sensors add to the model
-    assert "case" in str(td.explain.plausibility(c.fit))
+    assert "case" in str(td.inference.plausibility(c.fit))
 
 
 def foreseen(c: Cell) -> None:
@@ -244,7 +244,7 @@ def diagnosed(c: Cell) -> None:
     read = log(pair(), {}, {"T": "a.case", "T2": "b.case"}, samples=31, boundary="room")
     part = c.record["T"].part
     worn = read.with_channels(replace(read["T"], part=part and replace(part, lead_to="room" if part.lead_to else "")))
-    finite(list(td.explain.diagnose(td.compare(pair(), worn)).groups.values()))
+    finite(list(td.inference.diagnose(td.compare(pair(), worn)).groups.values()))
 
 
 def recovered(c: Cell) -> None:

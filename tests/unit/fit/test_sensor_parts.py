@@ -8,11 +8,11 @@ import numpy as np
 import pytest
 
 import thermid as td
-from thermid.errors import ThermidError
-from thermid.fit.calibrate import calibrate
-from thermid.fit.calibration import instrument_shares
-from thermid.fit.problem.experiment import Seat, attached, sensor_model
-from thermid.measure import Record
+from thermid.base.errors import ThermidError
+from thermid.fit._calibrate import calibrate
+from thermid.fit._calibration import instrument_shares
+from thermid.fit._problem.experiment import Seat, attached, sensor_model
+from thermid.measure.records import Record
 from unit.fit.bench import HTC, box, log
 
 

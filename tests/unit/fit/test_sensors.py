@@ -7,9 +7,9 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from thermid.fit.calibrate import calibrate
-from thermid.fit.calibration import sensor_shares
-from thermid.measure import Record
+from thermid.fit._calibrate import calibrate
+from thermid.fit._calibration import sensor_shares
+from thermid.measure.records import Record
 from unit.fit.bench import HTC, box, log
 
 

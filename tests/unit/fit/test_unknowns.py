@@ -9,18 +9,18 @@ from typing import Any
 import numpy as np
 import pytest
 
-from thermid.errors import DeckError, IdentificationError, NameNotFoundError, ThermidError, UnitError
-from thermid.fit.calibrate import calibrate, fit
-from thermid.fit.problem.gather import build_problem
-from thermid.fit.problem.request import LocalSpec, Reading, Request
-from thermid.fit.problem.residuals import Prior, Unknown, parameter_unknown
-from thermid.knowledge.store import Normal, Source, State, Store, ValueOrigin
-from thermid.measure import Record
-from thermid.model.deck.modelfile import model_from_dict
-from thermid.model.parts.parameter import parameter
-from thermid.prediction.predict import predict
-from thermid.simulation.scenarios.scenario import Scenario
-from thermid.units import unit
+from thermid.base.errors import DeckError, IdentificationError, NameNotFoundError, ThermidError, UnitError
+from thermid.base.units import unit
+from thermid.fit._calibrate import calibrate, fit
+from thermid.fit._problem.gather import build_problem
+from thermid.fit._problem.request import LocalSpec, Reading, Request
+from thermid.fit._problem.residuals import Prior, Unknown, parameter_unknown
+from thermid.measure.records import Record
+from thermid.model.deck import model_from_dict
+from thermid.model.parameters import parameter
+from thermid.prediction.bands import predict
+from thermid.simulation.scenarios import Scenario
+from thermid.values.store import Normal, Source, State, Store, ValueOrigin
 from unit.fit.bench import AREA, HTC, MASS, PAIR, box, log, metered, pair
 
 

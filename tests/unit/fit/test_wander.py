@@ -8,16 +8,16 @@ import numpy as np
 import pytest
 
 import thermid as td
-from thermid.fit.calibrate import calibrate, fit
-from thermid.fit.calibration import Calibration
-from thermid.fit.minimisation import covariances, ended
-from thermid.fit.problem.request import Request, known_before
-from thermid.fit.problem.residuals import Unknown
-from thermid.fit.uncertainty.noise import _beside, _leaning, binned, correlation
-from thermid.measure import Channel, Record
-from thermid.model.deck.modelfile import load_model
-from thermid.simulation.scenarios.scenario import Scenario
-from thermid.simulation.transient import simulate
+from thermid.fit._calibrate import calibrate, fit
+from thermid.fit._calibration import Calibration
+from thermid.fit._minimisation import covariances, ended
+from thermid.fit._problem.request import Request, known_before
+from thermid.fit._problem.residuals import Unknown
+from thermid.fit._uncertainty.noise import _beside, _leaning, binned, correlation
+from thermid.measure.records import Channel, Record
+from thermid.model.deck import load_model
+from thermid.simulation.runs import simulate
+from thermid.simulation.scenarios import Scenario
 from unit.fit.bench import HTC, MASS, box, log, room
 
 NOISE, SLOW, TIME = 0.05, 0.15, 900.0

@@ -8,11 +8,11 @@ from pathlib import Path
 
 import numpy as np
 
-from thermid.measure import Channel, Record
-from thermid.model.deck.modelfile import load_model
-from thermid.model.tree.model import Model
-from thermid.simulation.scenarios.scenario import Scenario
-from thermid.simulation.transient import simulate
+from thermid.measure.records import Channel, Record
+from thermid.model.deck import load_model
+from thermid.model.tree import Model
+from thermid.simulation.runs import simulate
+from thermid.simulation.scenarios import Scenario
 from unit.fit.project import write_log
 
 DECK = "0.30 [W/K]"

@@ -8,9 +8,9 @@ import numpy as np
 import pytest
 
 import thermid as td
-from thermid.campaign.survey import survey
-from thermid.errors import IdentificationError
-from thermid.fit.uncertainty.groups import percent
+from thermid.base.errors import IdentificationError
+from thermid.campaign.stages import survey
+from thermid.fit.uncertainty import percent
 from unit.fit.bench import AREA, HTC, MASS, box, log, metered, pair
 from unit.fit.project import make_project
 

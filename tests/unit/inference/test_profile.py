@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 import thermid as td
-from thermid.errors import NameNotFoundError, ThermidError
+from thermid.base.errors import NameNotFoundError, ThermidError
 from unit.fit.bench import AREA, HTC, MASS, box, log
 
 BARE = {"surfaces/skin/effective_htc": "6 [W/(m^2 K)]"}
@@ -113,4 +113,4 @@ def test_what_is_no_probability_and_no_pair_is_refused(known: td.Calibration, tm
     with pytest.raises(ThermidError, match="was given twice"):
         td.inference.valley(known, HTC, HTC)
     with pytest.raises(ThermidError, match=r"x\.bmp: the ending '\.bmp' promises a picture in BMP, but the picture is written as \.png or"):
-        td.reporting.picture(td.explain.criticise(known), tmp_path / "x.bmp")
+        td.reporting.picture(td.inference.criticise(known), tmp_path / "x.bmp")

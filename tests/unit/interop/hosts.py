@@ -18,8 +18,8 @@ import pytest
 from numpy.typing import NDArray
 
 import thermid as td
-from thermid.interop.fmu import ExportedFmu, to_fmu
-from thermid.interop.fmu.image import INDICATOR
+from thermid.interop._fmu.export import ExportedFmu, to_fmu
+from thermid.interop._fmu.image import INDICATOR
 
 Array = NDArray[np.float64]
 

@@ -25,7 +25,7 @@ def straight() -> td.Model:
 
 
 def rates(model: td.Model, temperatures: np.ndarray, boundaries: np.ndarray, powers: np.ndarray) -> np.ndarray:
-    space = td.network.state_space(td.network.compile_network(model))
+    space = td.simulation.state_space(td.simulation.compile_network(model))
     return space.A @ temperatures + space.B_boundary @ boundaries + space.B_load @ powers
 
 
@@ -33,7 +33,7 @@ def rates(model: td.Model, temperatures: np.ndarray, boundaries: np.ndarray, pow
 def test_the_code_gives_the_rates_of_the_state_space(deck: str) -> None:
     model = td.load_model(DECKS / f"{deck}.toml") if deck else straight()
     found = td.interop.equations(model)
-    space = td.network.state_space(td.network.compile_network(model))
+    space = td.simulation.state_space(td.simulation.compile_network(model))
     rng = np.random.default_rng(4)
     t, b, q = (rng.uniform(280.0, 330.0, n) for n in (len(space.nodes), len(space.boundaries), len(space.loads)))
     names: dict[str, object] = {}
@@ -44,7 +44,7 @@ def test_the_code_gives_the_rates_of_the_state_space(deck: str) -> None:
 
 def test_the_matrix_is_that_of_the_state_space() -> None:
     model = straight()
-    found, space = td.interop.equations(model), td.network.state_space(td.network.compile_network(model))
+    found, space = td.interop.equations(model), td.simulation.state_space(td.simulation.compile_network(model))
     a = np.array(found.expanded(found.matrix).subs(found.values).tolist(), dtype=float)
     assert a == pytest.approx(space.A, rel=1e-12)
 

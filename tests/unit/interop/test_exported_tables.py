@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 import thermid as td
-from thermid.errors import DeckError
+from thermid.base.errors import DeckError
 from unit.interop.networks import TIGHT
 from unit.interop.programs import ngspice, octave
 

@@ -8,9 +8,9 @@ import numpy as np
 import pytest
 
 import thermid as td
-from thermid.errors import IdentificationError
-from thermid.interop.fmu import to_fmu
-from thermid.interop.fmu.fitted import calibrate_fmu
+from thermid.base.errors import IdentificationError
+from thermid.interop._fmu.export import to_fmu
+from thermid.interop._fmu.fitted import calibrate_fmu
 from unit.interop.fmus import BOX, reference_fmu
 
 pytest.importorskip("fmpy", reason="FMPy is not installed (pip install 'thermid[fmu]')")

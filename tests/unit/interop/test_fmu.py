@@ -14,8 +14,8 @@ import numpy as np
 import pytest
 
 import thermid as td
-from thermid.errors import OutputError
-from thermid.interop.fmu import to_fmu
+from thermid.base.errors import OutputError
+from thermid.interop._fmu.export import to_fmu
 from unit.interop.hosts import unpacked
 from unit.interop.networks import SIGNALS, TIGHT, hot_box
 

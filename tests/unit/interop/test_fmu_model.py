@@ -14,11 +14,11 @@ import pytest
 from typer.testing import CliRunner
 
 import thermid as td
-from thermid.cli.app import app
-from thermid.errors import RecordError, ScenarioError, SolverError, ThermidError
-from thermid.interop.fmu import to_fmu
-from thermid.interop.fmu.as_model import fmu_model
-from thermid.model.laws.signal import TableSignal
+from thermid.app.cli.app import app
+from thermid.base.errors import RecordError, ScenarioError, SolverError, ThermidError
+from thermid.interop._fmu.as_model import fmu_model
+from thermid.interop._fmu.export import to_fmu
+from thermid.model.laws import TableSignal
 from unit.interop.fmus import BOX, reference_fmu
 
 pytest.importorskip("fmpy", reason="FMPy is not installed (pip install 'thermid[fmu]')")
@@ -242,8 +242,8 @@ def test_refusals(fmu: Path, tmp_path: Path) -> None:
         td.steady(model, td.Scenario("x", boundaries={"T.air": "20 [degC]"}))
     found = td.calibrate(model, ready, ["p.g", "p.c"])
     with pytest.raises(ScenarioError, match="missing elements needs the equations"):
-        td.explain.criticise(found, elements=True)
-    assert td.explain.criticise(found).traces
+        td.inference.criticise(found, elements=True)
+    assert td.inference.criticise(found).traces
 
 
 @pytest.mark.parametrize(

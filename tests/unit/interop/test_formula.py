@@ -7,7 +7,7 @@ import math
 import pytest
 
 import thermid as td
-from thermid.interop.wired import Formula, Text, named, number_text, with_formulas
+from thermid.interop._wired import Formula, Text, named, number_text, with_formulas
 from unit.interop.networks import hot_box
 
 A, B = named("a", 2.5), named("b", -3.0)
@@ -42,7 +42,7 @@ def test_the_text_computes_to_the_value(formula: Formula, text: str) -> None:
 
 
 def test_the_rows_keep_their_numbers() -> None:
-    network = td.network.compile_network(hot_box())
+    network = td.simulation.compile_network(hot_box())
     plain, made = network.numbers(), with_formulas(network)
     for one, other in zip((*plain.conductors, *plain.loads), (*made.conductors, *made.loads), strict=True):
         assert [float(c) for c in other.coefficients] == [float(c) for c in one.coefficients]

@@ -12,12 +12,12 @@ import numpy as np
 import pytest
 
 import thermid as td
-from thermid.errors import DeckError, ThermidError
-from thermid.interop.decks.esatan import read_esatan
-from thermid.interop.decks.network_file import NetworkFile
-from thermid.interop.decks.results import balance, sinda_print
-from thermid.interop.decks.sinda import read_sinda
-from thermid.interop.decks.written import to_esatan, to_sinda
+from thermid.base.errors import DeckError, ThermidError
+from thermid.interop._decks.esatan import read_esatan
+from thermid.interop._decks.network_file import NetworkFile
+from thermid.interop._decks.results import balance, sinda_print
+from thermid.interop._decks.sinda import read_sinda
+from thermid.interop._decks.written import to_esatan, to_sinda
 
 SIGMA = 5.670374419e-8
 SINDA = """HEADER OPTIONS

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 import thermid as td
-from thermid.interop.wired import identifiers
+from thermid.interop._wired import identifiers
 from unit.interop.networks import HOT, SIGNALS, TIGHT, hot_box
 from unit.interop.programs import octave
 
@@ -49,10 +49,10 @@ def test_a_gas_that_leaves_agrees(tmp_path: Path) -> None:
             "loads": {"heater": {"into": "plate", "power": "6 [W]"}},
         }
     )
-    from thermid.model.laws.signal import TableSignal
+    from thermid.model.laws import TableSignal
 
     pump = TableSignal(np.array([0.0, 1800.0]), np.array([101325.0, 0.0]), hold=True)
-    scenario = td.Scenario("pump", boundaries={"air": "20 [degC]"}, environment={"air": td.network.Environment(pump)}, duration="1 [h]")
+    scenario = td.Scenario("pump", boundaries={"air": "20 [degC]"}, environment={"air": td.simulation.Environment(pump)}, duration="1 [h]")
     times = np.linspace(0.0, 3600.0, 13)
     td.interop.to_octave(model, scenario, tmp_path / "plate.m")
     ours = td.simulate(model, scenario, times=times, options=TIGHT)["plate"].celsius

@@ -9,10 +9,11 @@ import numpy as np
 import pytest
 
 import thermid as td
-from thermid.errors import DeckError
-from thermid.interop.wired import Formula, Text, Writer, conductance_text, named, wired, with_formulas
-from thermid.model.parts.kinds import Law
-from thermid.network.rows import CONDUCTORS, ConductorRow, heat
+from thermid.base.errors import DeckError
+from thermid.interop._wired import Formula, Text, Writer, conductance_text, named, wired, with_formulas
+from thermid.model.elements import Law
+from thermid.simulation._network.rows import CONDUCTORS, heat
+from thermid.simulation.network import ConductorRow
 from unit.interop.networks import SIGNALS, hot_box
 
 WIDE = Writer("C", gas=True, hinges=True, smooth=True, loads=True, schedules=True)
@@ -53,14 +54,14 @@ STILL = td.Scenario(boundaries={"air": "20 [degC]"}, start="20 [degC]", duration
 def test_functions_stay_formulas() -> None:
     """The functions of expressions follow their parameters, by text and by value."""
     model = pipe()
-    network = td.network.compile_network(model)
+    network = td.simulation.compile_network(model)
     plain, made = network.numbers(), with_formulas(network)
     for one, other in zip(plain.conductors, made.conductors, strict=True):
         assert [float(c) for c in other.coefficients] == [float(c) for c in one.coefficients]
     w = wired(model, STILL, WIDE)
     values = {each.path: each.value for each in w.parameters}
     made_of = {"outer": 0.045, "inner": 0.02}
-    other = {p: float(v) for p, v in td.network.compile_network(model.with_values({"outer": "45 [mm]"})).numbers().values.items()}
+    other = {p: float(v) for p, v in td.simulation.compile_network(model.with_values({"outer": "45 [mm]"})).numbers().values.items()}
     names: dict[str, Any] = {"exp": math.exp, "sqrt": math.sqrt, "log": math.log, "min": min, "max": max}
     for each in w.parameters:
         if each.formula is not None:

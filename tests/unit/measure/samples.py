@@ -378,8 +378,8 @@ def two_lines_of_names() -> Sample:
 @sample
 def bench_log() -> Sample:
     """Lines as the logger of the bench writes them: reception and board times, one sensor in sixteenths of a degree."""
-    from thermid.acquire.benchlog import log_line
-    from thermid.acquire.wire import crc16
+    from thermid.bench._wire import crc16
+    from thermid.bench.benchlog import log_line
 
     rom, lines = "2800003C0B1A0FCF", ["# thermid bench log 1\n"]
     for k in range(5):

@@ -10,9 +10,10 @@ import numpy as np
 import pytest
 
 import thermid as td
-from thermid.errors import ThermidError
-from thermid.measure import Record, read_record
-from thermid.measure.readers.formats import FORMATS, log_cells
+from thermid.base.errors import ThermidError
+from thermid.measure._readers.formats import FORMATS, log_cells
+from thermid.measure._readers.log_reader import read_record
+from thermid.measure._record.record import Record
 
 from .samples import SAMPLES, Sample
 
@@ -76,7 +77,7 @@ def test_every_sample_of_a_binary_format_is_refused_when_it_is_cut_short(log):
 
 
 def test_a_package_that_is_missing_is_named_with_its_extra(log, monkeypatch):
-    from thermid import extensions
+    from thermid.base import extensions
 
     def absent(name: str) -> object:
         raise ImportError(name)
@@ -89,7 +90,7 @@ def test_a_package_that_is_missing_is_named_with_its_extra(log, monkeypatch):
 def test_a_matlab_object_is_refused_with_the_lines_that_save_it(log):
     from scipy.io.matlab import MatlabOpaque
 
-    from thermid.measure.readers import binary
+    from thermid.measure._readers import binary
 
     held = {"ts": MatlabOpaque(np.zeros((), dtype=[("s0", "O")]))}
     with pytest.raises(ThermidError, match=r"t = ts.Time; T = ts.Data; save\('log.mat'"):

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 import thermid as td
-from thermid.errors import RecordError
+from thermid.base.errors import RecordError
 
 pandas = pytest.importorskip("pandas")
 CHANNELS: dict[str, dict[str, Any]] = {

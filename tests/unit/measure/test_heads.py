@@ -7,9 +7,9 @@ import re
 import pytest
 
 import thermid as td
-from thermid.errors import RecordError
-from thermid.measure import read_record
-from thermid.measure.readers.formats import log_cells
+from thermid.base.errors import RecordError
+from thermid.measure._readers.formats import log_cells
+from thermid.measure._readers.log_reader import read_record
 
 NAMES = ("Zeit", "Gehäuse", "Luft")
 UNITS = ("Zeit [s]", "Gehäuse [°C]", "Luft [°C]")

@@ -8,9 +8,9 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from thermid.errors import ThermidError
-from thermid.measure import read_record
-from thermid.measure.record.record import without_strays
+from thermid.base.errors import ThermidError
+from thermid.measure._readers.log_reader import read_record
+from thermid.measure._record.record import without_strays
 
 from .layouts import STEP, Drawn, drawn
 

@@ -11,10 +11,10 @@ from typing import Any
 import numpy as np
 import pytest
 
-from thermid.errors import RecordError
-from thermid.measure.readers import binary, matlab_objects
-from thermid.measure.readers.log_reader import read_record
-from thermid.measure.readers.matlab_objects import objects_of, series_of
+from thermid.base.errors import RecordError
+from thermid.measure._readers import binary, matlab_objects
+from thermid.measure._readers.log_reader import read_record
+from thermid.measure._readers.matlab_objects import objects_of, series_of
 
 ORIGINAL = "TiagoPrata/TCLabSP/Simulink (MATLAB R2016a)/Resultados/Random/H1H2/ens_IdentificationH1H2_Random_01.mat"
 SHA256 = "da4e04cd72e07ea0434b0c1af661e474d133900500bc25cb678667def560ab44"

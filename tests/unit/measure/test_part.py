@@ -8,8 +8,8 @@ import numpy as np
 import pytest
 
 import thermid as td
-from thermid.errors import RecordError
-from thermid.measure.record.channel import certified
+from thermid.base.errors import RecordError
+from thermid.measure._record.channel import certified
 
 ICE = 273.15
 

@@ -4,12 +4,12 @@ import re
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
-from hypothesis import strategies as st
+from hypothesis import given, settings, strategies as st
 
-from thermid.errors import NameNotFoundError, RecordError, ThermidError, UnitError
-from thermid.measure import Channel, Record
-from thermid.measure.record.windows import hampel, low_pass, moving_median
+from thermid.base.errors import NameNotFoundError, RecordError, ThermidError, UnitError
+from thermid.measure._record.channel import Channel
+from thermid.measure._record.record import Record
+from thermid.measure._record.windows import hampel, low_pass, moving_median
 
 
 def made(times, **channels) -> Record:

@@ -13,7 +13,7 @@ from typing import Any
 
 import pytest
 
-from thermid.measure import read_record
+from thermid.measure._readers.log_reader import read_record
 
 ICE = 273.15
 FIELD = "soilwater/example-projects-agron-845/Nathan_Hein_2019/Data"

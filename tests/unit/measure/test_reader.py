@@ -8,8 +8,9 @@ import time
 import numpy as np
 import pytest
 
-from thermid.errors import RecordError
-from thermid.measure import Record, read_record
+from thermid.base.errors import RecordError
+from thermid.measure._readers.log_reader import read_record
+from thermid.measure._record.record import Record
 
 PLAIN = "time_s,T1,Q1\n0,20.5,50\n1,21.25,50\n2,22,0\n"
 BOTH = {"T1": {"node": "h1.sensor"}, "Q1": {"load": "h1.heater", "gain": "h1.alpha"}}
@@ -200,7 +201,7 @@ def test_18000_rows_of_10_columns_within_half_a_second(log):
 
 
 def test_reading_loads_no_heavy_package(log):
-    read = f"from thermid.measure import read_record; read_record({str(log(PLAIN))!r}, {{'case': 'T1'}})"
+    read = f"from thermid.measure.readers import read_record; read_record({str(log(PLAIN))!r}, {{'case': 'T1'}})"
     code = f"import sys; {read}; print(sorted(sys.modules))"
     found = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True, env={"PYTHONPATH": ":".join(sys.path)})
     assert not {"'pandas'", "'scipy'", "'pint'", "'xarray'"} & set(found.stdout.strip("[]\n").split(", "))

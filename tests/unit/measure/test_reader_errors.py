@@ -5,8 +5,8 @@ import re
 
 import pytest
 
-from thermid.errors import MissingDataError, NameNotFoundError, RecordError, UnitError
-from thermid.measure import read_record
+from thermid.base.errors import MissingDataError, NameNotFoundError, RecordError, UnitError
+from thermid.measure._readers.log_reader import read_record
 
 ANY = {"case": "T1"}
 TEXT = "is not a number. Write missing samples as empty, NaN or NA; for decimal commas give decimal=','."

@@ -5,8 +5,8 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from thermid.errors import RecordError
-from thermid.measure import read_record
+from thermid.base.errors import RecordError
+from thermid.measure._readers.log_reader import read_record
 
 TCLAB = {
     "T1_C": {"node": "h1.sensor", "noise": "0.3 [K]", "accuracy": "1 [K]"},

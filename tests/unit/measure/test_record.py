@@ -6,8 +6,9 @@ import re
 import numpy as np
 import pytest
 
-from thermid.errors import NameNotFoundError, RecordError
-from thermid.measure import Channel, Origin, Record
+from thermid.base.errors import NameNotFoundError, RecordError
+from thermid.measure._record.channel import Channel, Origin
+from thermid.measure._record.record import Record
 
 
 def made(**fields) -> Record:

@@ -7,11 +7,11 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
-from hypothesis import strategies as st
+from hypothesis import given, settings, strategies as st
 
-from thermid.errors import OutputError
-from thermid.measure import Record, read_record
+from thermid.base.errors import OutputError
+from thermid.measure._readers.log_reader import read_record
+from thermid.measure._record.record import Record
 
 DIGITS = st.decimals(Decimal(-200), Decimal(2000), places=4)
 

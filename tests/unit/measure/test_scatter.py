@@ -5,8 +5,8 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from thermid.measure import Channel, Record
-from thermid.measure.record.channel import found_noise, step_of, unrounded
+from thermid.measure._record.channel import Channel, found_noise, step_of, unrounded
+from thermid.measure._record.record import Record
 
 TIMES = np.arange(0.0, 3600.0, 10.0)
 SLOW = 300.0 + 8.0 * (1.0 - np.exp(-TIMES / 900.0))

@@ -7,12 +7,12 @@ import tomllib
 import numpy as np
 import pytest
 
-from thermid.errors import RecordError, ThermidError, UnitError
-from thermid.measure import Record, read_record
-from thermid.measure.readers.formats import log_cells
-from thermid.measure.readers.headers import name_and_unit
-from thermid.measure.record.channel import stray_readings
-from thermid.measure.record.record import without_strays
+from thermid.base.errors import RecordError, ThermidError, UnitError
+from thermid.measure._readers.formats import log_cells
+from thermid.measure._readers.headers import name_and_unit
+from thermid.measure._readers.log_reader import read_record
+from thermid.measure._record.channel import stray_readings
+from thermid.measure._record.record import Record, without_strays
 
 ICE = 273.15
 

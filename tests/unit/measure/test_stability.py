@@ -6,9 +6,9 @@ import numpy as np
 import pytest
 
 import thermid as td
-from thermid.errors import RecordError
-from thermid.measure.record.channel import Channel, step_of
-from thermid.measure.record.steadiness import RULES, channel_stability, rule_of, since_when
+from thermid.base.errors import RecordError
+from thermid.measure._record.channel import Channel, step_of
+from thermid.measure._record.steadiness import RULES, channel_stability, rule_of, since_when
 
 HOUR = 3600.0
 

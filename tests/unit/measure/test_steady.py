@@ -5,9 +5,10 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from thermid.errors import NameNotFoundError, RecordError
-from thermid.measure import Channel, Record
-from thermid.measure.record.steadiness import effective_samples
+from thermid.base.errors import NameNotFoundError, RecordError
+from thermid.measure._record.channel import Channel
+from thermid.measure._record.record import Record
+from thermid.measure._record.steadiness import effective_samples
 
 TAU, END = 3600.0, 313.15
 

@@ -9,8 +9,8 @@ from typing import Any
 
 import pytest
 
-from thermid.model.deck.modelfile import load_model, model_from_dict
-from thermid.model.tree.model import Model
+from thermid.model._deck.modelfile import load_model, model_from_dict
+from thermid.model._tree.model import Model
 
 PART: dict[str, Any] = {
     "title": "Box",

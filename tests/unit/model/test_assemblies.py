@@ -12,9 +12,9 @@ import pytest
 from scipy.special import j0, j1, jn_zeros
 
 import thermid as td
-from thermid.errors import DeckError, ThermidError
-from thermid.model.deck.assemblies import cauer_of_foster
-from thermid.model.deck.save import save_model
+from thermid.base.errors import DeckError, ThermidError
+from thermid.model._deck.assemblies import cauer_of_foster
+from thermid.model._deck.save import save_model
 from thermid.physics.conduction import spreading_resistance
 
 ROOM = td.Scenario("room", boundaries={"air": "20 [degC]"}, start="20 [degC]", duration="20 [s]")

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 import thermid as td
-from thermid.model.blocks.block import exchange_cells, links
+from thermid.model._blocks.block import exchange_cells, links
 
 
 def block(cells: tuple[int, int, int] = (4, 3, 2), **changes: Any) -> td.Block:

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 import thermid as td
-from thermid.errors import DeckError
+from thermid.base.errors import DeckError
 from thermid.physics.correlations import gap_nusselt
 from thermid.physics.gas import GASES
 
@@ -55,7 +55,7 @@ def test_hollands_to_a_per_cent(watts: float) -> None:
 @pytest.mark.parametrize("pressure", [20e3, 101325.0, 300e3])
 @pytest.mark.parametrize("gravity", [1.62, 9.80665])
 def test_it_follows_pressure_and_gravity(pressure: float, gravity: float) -> None:
-    state = LID.with_(environment={"*": td.network.Environment(pressure=f"{pressure} [Pa]", gravity=f"{gravity} [m/s^2]")})
+    state = LID.with_(environment={"*": td.simulation.Environment(pressure=f"{pressure} [Pa]", gravity=f"{gravity} [m/s^2]")})
     ra, found = nusselt(rise(state, tilt="0 [deg]", aspect="20"), 1.0, pressure, gravity)
     truth = 1 + 1.44 * max(0.0, 1 - 1708 / ra) + max(0.0, (ra / 5830) ** (1 / 3) - 1)
     assert found == pytest.approx(truth, rel=0.01)

@@ -8,11 +8,11 @@ from pathlib import Path
 
 import pytest
 
-from thermid.errors import DeckError, ExpressionError, ThermidError, UnitError
-from thermid.model.deck.modelfile import load_model, model_from_dict
-from thermid.model.tree.flat import flatten
-from thermid.model.tree.model import Model
-from thermid.toml_files import line_numbers, project_root, resolve_inside
+from thermid.base.errors import DeckError, ExpressionError, ThermidError, UnitError
+from thermid.base.toml_files import line_numbers, project_root, resolve_inside
+from thermid.model._deck.modelfile import load_model, model_from_dict
+from thermid.model._tree.flat import flatten
+from thermid.model._tree.model import Model
 
 Decks = Callable[..., Model]
 

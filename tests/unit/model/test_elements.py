@@ -8,14 +8,14 @@ from typing import Any
 import numpy as np
 import pytest
 
-from thermid.errors import DeckError
-from thermid.model.deck.modelfile import model_from_dict
-from thermid.model.laws.curves import curve, evaluate, slopes
-from thermid.model.parts.kinds import KINDS
-from thermid.model.tree.areas import ledger
-from thermid.model.tree.model import Model
-from thermid.network import rows
-from thermid.network.network import compile_network
+from thermid.base.errors import DeckError
+from thermid.model._deck.modelfile import model_from_dict
+from thermid.model._laws.curves import curve, evaluate, slopes
+from thermid.model._parts.kinds import KINDS
+from thermid.model._tree.areas import ledger
+from thermid.model._tree.model import Model
+from thermid.simulation._network import rows
+from thermid.simulation.network import compile_network
 from unit.model.every_kind import CASES
 
 Build = Callable[..., Model]

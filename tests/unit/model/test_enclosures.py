@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 import thermid as td
-from thermid.model.tree.identity import to_dict
+from thermid.model._tree.identity import to_dict
 
 SIGMA = 5.670374419e-8
 ROOM = td.Scenario("room", boundaries={"wall": "20 [degC]"})
@@ -94,7 +94,7 @@ def test_surfaces_of_parts_are_faces() -> None:
             "enclosures": {"gap": {"faces": {"low": "low.skin", "high": "high.skin"}, "view_factors": [[0, 0.9], [0.9, 0]], "rest": "air"}},
         }
     )
-    network = td.network.compile_network(both)
+    network = td.simulation.compile_network(both)
     rows = {row.name: value for row in network.numbers().conductors for value in [row.coefficients[0]]}
     assert {"gap.low.high", "gap.low.rest", "gap.high.rest"} <= set(rows)
     assert not any(name.endswith(".radiation") for name in rows)
@@ -128,7 +128,7 @@ def self_share() -> float:
 def test_faults(change: dict[str, Any], message: str) -> None:
     """What is wrong, where, and what to do."""
     with pytest.raises(td.ThermidError, match=message):
-        td.network.compile_network(td.model_from_dict(deck(**change)))
+        td.simulation.compile_network(td.model_from_dict(deck(**change)))
 
 
 @pytest.mark.parametrize(
@@ -150,7 +150,7 @@ def test_faults(change: dict[str, Any], message: str) -> None:
 def test_faults_of_shapes(shape: str, dimensions: dict[str, str], rest: str | None, message: str) -> None:
     """Shapes need their own faces and lengths, and surfaces that fill them."""
     with pytest.raises(td.ThermidError, match=message):
-        td.network.compile_network(td.model_from_dict(deck(view_factors=None, shape=shape, dimensions=dimensions, rest=rest)))
+        td.simulation.compile_network(td.model_from_dict(deck(view_factors=None, shape=shape, dimensions=dimensions, rest=rest)))
 
 
 @pytest.mark.parametrize(
@@ -168,4 +168,4 @@ def test_faults_of_faces(surface: dict[str, str | None], message: str) -> None:
     given = deck()
     given["surfaces"]["a_skin"] = {k: v for k, v in (given["surfaces"]["a_skin"] | surface).items() if v is not None}
     with pytest.raises(td.ThermidError, match=message):
-        td.network.compile_network(td.model_from_dict(given))
+        td.simulation.compile_network(td.model_from_dict(given))

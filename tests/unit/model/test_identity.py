@@ -9,13 +9,13 @@ from typing import Any
 import numpy as np
 import pytest
 
-from thermid.errors import NameNotFoundError
-from thermid.knowledge.values import FittedValue
-from thermid.model.deck.modelfile import load_model, model_from_dict
-from thermid.model.deck.save import save_model
-from thermid.model.tree.identity import definition_of
-from thermid.model.tree.model import Model, identities
-from thermid.model.tree.tree import ParameterSet
+from thermid.base.errors import NameNotFoundError
+from thermid.model._deck.modelfile import load_model, model_from_dict
+from thermid.model._deck.save import save_model
+from thermid.model._tree.identity import definition_of
+from thermid.model._tree.model import Model, identities
+from thermid.model._tree.tree import ParameterSet
+from thermid.values.fitted import FittedValue
 
 Build = Callable[..., Model]
 MASS, HTC = "case.mass", "skin.htc"

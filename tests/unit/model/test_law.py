@@ -13,8 +13,8 @@ import numpy as np
 import pytest
 
 import thermid as td
-from thermid.model.laws.curves import Curve, hermite, slopes
-from thermid.model.laws.law import FINEST
+from thermid.model._laws.curves import Curve, hermite, slopes
+from thermid.model._laws.law import FINEST
 
 BOTH = ("-80 [K]", "80 [K]")
 WARM = ("-40 [degC]", "120 [degC]")

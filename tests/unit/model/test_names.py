@@ -7,9 +7,9 @@ from typing import Any
 
 import pytest
 
-from thermid.errors import DeckError, NameNotFoundError
-from thermid.model.tree.flat import flatten
-from thermid.model.tree.model import Model
+from thermid.base.errors import DeckError, NameNotFoundError
+from thermid.model._tree.flat import flatten
+from thermid.model._tree.model import Model
 
 Build = Callable[..., Model]
 

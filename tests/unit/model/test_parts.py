@@ -9,12 +9,12 @@ from typing import Any
 
 import pytest
 
-from thermid.errors import DeckError, NameNotFoundError
-from thermid.model.deck.modelfile import load_model, model_from_dict
-from thermid.model.tree.flat import flatten
-from thermid.model.tree.model import Model
-from thermid.model.tree.rules import RULES, findings
-from thermid.model.tree.tree import used_offers
+from thermid.base.errors import DeckError, NameNotFoundError
+from thermid.model._deck.modelfile import load_model, model_from_dict
+from thermid.model._tree.flat import flatten
+from thermid.model._tree.model import Model
+from thermid.model._tree.rules import RULES, findings
+from thermid.model._tree.tree import used_offers
 
 Build = Callable[..., Model]
 ROOT = Path(__file__).parents[3]

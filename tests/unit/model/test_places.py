@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 import thermid as td
-from thermid.errors import DeckError
+from thermid.base.errors import DeckError
 from thermid.physics.view_factors import SHAPES, Placed, facing_discs, facing_plates, placed_factors
 
 

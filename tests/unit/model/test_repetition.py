@@ -10,8 +10,8 @@ import numpy as np
 import pytest
 
 import thermid as td
-from thermid.errors import DeckError, ThermidError
-from thermid.model.deck.save import save_model
+from thermid.base.errors import DeckError, ThermidError
+from thermid.model._deck.save import save_model
 
 Decks = Callable[..., td.Model]
 CELL: dict[str, Any] = {

@@ -7,11 +7,11 @@ from typing import Any
 
 import pytest
 
-from thermid.errors import DeckError, NameNotFoundError
-from thermid.knowledge.values import FittedValue
-from thermid.model.deck.modelfile import model_from_dict
-from thermid.model.tree.model import Model, identities
-from thermid.model.tree.tree import parameter_table
+from thermid.base.errors import DeckError, NameNotFoundError
+from thermid.model._deck.modelfile import model_from_dict
+from thermid.model._tree.model import Model, identities
+from thermid.model._tree.tree import parameter_table
+from thermid.values.fitted import FittedValue
 
 Build = Callable[..., Model]
 HTC = "skin.htc"

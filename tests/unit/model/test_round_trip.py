@@ -10,16 +10,16 @@ from typing import Any
 
 import pytest
 
-from thermid.errors import DeckError, OutputError
-from thermid.files import unsealed
-from thermid.model.deck.modelfile import load_model, model_from_dict
-from thermid.model.deck.save import save_model
-from thermid.model.parts.kinds import KINDS
-from thermid.model.tree.flat import flatten
-from thermid.model.tree.identity import to_dict
-from thermid.model.tree.model import Model
-from thermid.network.network import compile_network
-from thermid.network.rows import CONTROLS, LOADS
+from thermid.base.errors import DeckError, OutputError
+from thermid.base.files import unsealed
+from thermid.model._deck.modelfile import load_model, model_from_dict
+from thermid.model._deck.save import save_model
+from thermid.model._parts.kinds import KINDS
+from thermid.model._tree.flat import flatten
+from thermid.model._tree.identity import to_dict
+from thermid.model._tree.model import Model
+from thermid.simulation._network.rows import CONTROLS, LOADS
+from thermid.simulation.network import compile_network
 from unit.model.every_kind import firsts
 
 Decks = Callable[..., Model]

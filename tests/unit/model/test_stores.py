@@ -10,10 +10,10 @@ import pytest
 from scipy.integrate import quad, solve_ivp
 
 import thermid as td
-from thermid.errors import DeckError, ScenarioError, SolverError
-from thermid.model.laws.curves import curve, evaluate
-from thermid.model.laws.stores import HeatStore, store
-from thermid.model.tree.identity import to_dict
+from thermid.base.errors import DeckError, ScenarioError, SolverError
+from thermid.model._laws.curves import curve, evaluate
+from thermid.model._laws.stores import HeatStore, store
+from thermid.model._tree.identity import to_dict
 from thermid.physics.constants import STEFAN_BOLTZMANN
 
 HEAT = [["0 [degC]", "400 [J/(kg K)]"], ["100 [degC]", "500 [J/(kg K)]"], ["300 [degC]", "800 [J/(kg K)]"]]
@@ -231,7 +231,7 @@ def test_what_cannot_take_such_a_model_says_so() -> None:
     node = {"mass": "1 [kg]", "specific_heat": {"points": HEAT}}
     linked = td.model_from_dict({"title": "block", "needs": ["air"], "nodes": {"body": node}, "conductors": {"c": link}})
     with pytest.raises(SolverError, match="'body' is not linear"):
-        td.network.state_space(td.network.compile_network(linked))
+        td.simulation.state_space(td.simulation.compile_network(linked))
     with pytest.raises(DeckError, match="the specific heat of 'body' changes with temperature, which is not written"):
         td.interop.to_octave(block({"specific_heat": {"points": HEAT}}, emissivity=0), bench())
     with pytest.raises(DeckError, match="takes no table of conductivity"):

@@ -8,12 +8,12 @@ from typing import Any
 import numpy as np
 import pytest
 
-from thermid.dual import Dual
-from thermid.errors import DeckError, ExpressionError, NameNotFoundError, ThermidError, UnitError
-from thermid.model.parts.parameter import parameter
-from thermid.model.tree.flat import flatten
-from thermid.model.tree.model import Model
-from thermid.model.tree.tree import ParameterSet
+from thermid.base.dual import Dual
+from thermid.base.errors import DeckError, ExpressionError, NameNotFoundError, ThermidError, UnitError
+from thermid.model._parts.parameter import parameter
+from thermid.model._tree.flat import flatten
+from thermid.model._tree.model import Model
+from thermid.model._tree.tree import ParameterSet
 
 Build = Callable[..., Model]
 
@@ -71,7 +71,7 @@ def test_wrong_dimension_laid_over_is_shown_with_its_origin(part: Build) -> None
 
 def test_temperature_in_a_slot_of_differences(part: Build) -> None:
     """No field of a deck is a difference; a sine of a signal is."""
-    from thermid.model.laws.signal import signal
+    from thermid.model._laws.signal import signal
 
     with pytest.raises(
         UnitError, match=r"'\[degC\]' is a temperature in degC or degF; a temperature difference is needed here\. Write it in \[K\]\."
@@ -218,7 +218,7 @@ def test_precedence_step_by_step(part: Build, pair: Build) -> None:
 
 
 def test_outermost_deck_wins(pair: Build) -> None:
-    from thermid.model.deck.modelfile import model_from_dict
+    from thermid.model._deck.modelfile import model_from_dict
 
     inner = pair({"set": {"a.power": "6 [W]"}})
     outer = model_from_dict(

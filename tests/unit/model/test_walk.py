@@ -8,12 +8,11 @@ import numpy as np
 import pytest
 
 import thermid as td
-from thermid.model.deck.schema import Deck
-from thermid.model.tree.flat import flatten
-from thermid.network.network import compile_network
-from thermid.simulation.solver.engine import Engine
-from thermid.simulation.solver.wiring import Wiring
-from thermid.toml_files import Places
+from thermid.base.toml_files import Places
+from thermid.model._deck.schema import Deck
+from thermid.model._tree.flat import flatten
+from thermid.simulation.network import compile_network
+from thermid.simulation.solver import Engine, Wiring
 
 DECK = {
     "title": "plate",

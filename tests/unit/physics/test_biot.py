@@ -7,7 +7,7 @@ import warnings
 import numpy as np
 import pytest
 
-from thermid.errors import ThermidWarning
+from thermid.base.errors import ThermidWarning
 from thermid.physics.htc import biot_number, biot_warning
 
 # htc [W/(m^2 K)], length [m], conductivity [W/(m K)], Biot number, relative tolerance of its printed digits

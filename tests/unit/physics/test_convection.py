@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from thermid.errors import ThermidWarning
+from thermid.base.errors import ThermidWarning
 from thermid.physics.air import AIR_300K, Gas, dry_air
 from thermid.physics.convection import power_law_htc
 from thermid.physics.plates import (

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from oracles.decay import natural_convection_decay, radiative_cooling_time, radiative_decay
-from thermid.errors import ThermidError
+from thermid.base.errors import ThermidError
 from thermid.physics.radiation import radiation_coefficient
 
 SPHERE = radiation_coefficient(0.8, math.pi * 0.1**2)

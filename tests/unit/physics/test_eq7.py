@@ -7,7 +7,7 @@ from dataclasses import replace
 
 import pytest
 
-from thermid.errors import ThermidWarning
+from thermid.base.errors import ThermidWarning
 from thermid.physics.air import Gas
 from thermid.physics.constants import STANDARD_GRAVITY
 from thermid.physics.convection import effective_htc, effective_htc_error

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from thermid.physics.gas import GASES
-from thermid.site.atmosphere import UPPER, upper_atmosphere
+from thermid.site._atmosphere import UPPER, upper_atmosphere
 
 NAMES = {"air": "Air", "N2": "Nitrogen", "He": "Helium", "Ar": "Argon", "CO2": "CarbonDioxide", "H2": "Hydrogen"}
 

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import pytest
 
-from thermid.errors import NameNotFoundError
+from thermid.base.errors import NameNotFoundError
 from thermid.physics.materials import MATERIALS, material
 
 

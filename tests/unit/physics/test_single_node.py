@@ -20,7 +20,7 @@ from oracles.lumped import (
     vacuum_ramp,
     vacuum_slope,
 )
-from thermid.errors import ThermidError
+from thermid.base.errors import ThermidError
 from thermid.physics.constants import ICE_POINT, STEFAN_BOLTZMANN
 from thermid.physics.convection import convection_conductance
 from thermid.physics.radiation import radiation_coefficient

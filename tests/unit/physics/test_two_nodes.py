@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from oracles.two_nodes import TwoNodes, star_to_delta
-from thermid.errors import SolverError
+from thermid.base.errors import SolverError
 from thermid.physics.contact import series_conductance
 
 R1, R2, R3, RD = 3.593502946672416, 7.223653709599008, 9.328358208955224, 1.3904109589041098

@@ -9,15 +9,15 @@ import numpy as np
 import pytest
 
 import thermid as td
-from thermid.fit import discrepancy
+from thermid.fit._discrepancy import discrepancy
 from thermid.fit.discrepancy import FlowHistory, OperatingPoint, patterns_of
-from thermid.knowledge import spreads
-from thermid.knowledge.store import LeftOut, Uniform
-from thermid.network.network import compile_network
-from thermid.prediction import budget, predict, setting
-from thermid.prediction.budget import Budget, budget_of, first_line
-from thermid.prediction.predict import foresee
-from thermid.prediction.setting import Setting
+from thermid.prediction import _budget as budget, _predict as predict, _setting as setting
+from thermid.prediction._budget import Budget, budget_of, first_line
+from thermid.prediction._predict import foresee
+from thermid.prediction._setting import Setting
+from thermid.simulation.network import compile_network
+from thermid.values import spreads
+from thermid.values.store import LeftOut, Uniform
 from unit.prediction.things import BENCH, CASES, HTC, plate
 
 STATED = {"scale.heat": {"low": 0.8, "high": 1.3}, "air": "2 [K]"}

@@ -8,8 +8,8 @@ import math
 import numpy as np
 import pytest
 
-from thermid.prediction.conformal import NEEDED, factor_of, second_opinion
-from thermid.prediction.records import RecordPrediction, SensorBand
+from thermid.prediction._conformal import NEEDED, factor_of, second_opinion
+from thermid.prediction._records import RecordPrediction, SensorBand
 
 
 def run(off: np.ndarray, more: np.ndarray | None = None, name: str = "r") -> RecordPrediction:

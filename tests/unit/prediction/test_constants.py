@@ -11,11 +11,11 @@ import pytest
 from scipy import optimize, stats
 
 import thermid as td
-from thermid.design.next_test import doubts_without_gas
-from thermid.errors import IdentificationError
-from thermid.knowledge.store import LeftOut
-from thermid.prediction.budget import assumed_values, first_line
-from thermid.prediction.predict import Band, _missed_at, foresee, predict
+from thermid.base.errors import IdentificationError
+from thermid.prediction._budget import assumed_values, first_line
+from thermid.prediction._predict import Band, _missed_at, foresee, predict
+from thermid.prediction.advice import doubts_without_gas
+from thermid.values.store import LeftOut
 
 TWO = stats.norm.ppf(0.975)
 
@@ -111,7 +111,7 @@ class TestWithoutGas:
     @pytest.mark.parametrize(("pascal", "thin"), [(9.6e3, True), (1.04e4, False)])
     def test_from_a_tenth_of_the_air_on_gas_does_what_it_did(self, pascal: float, thin: bool) -> None:
         model = plate(htc="5 [W/(m^2 K)]", emissivity=0.5)
-        scenario = BENCH.with_(environment={"*": td.network.Environment(pressure=f"{pascal} [Pa]")})
+        scenario = BENCH.with_(environment={"*": td.simulation.Environment(pressure=f"{pascal} [Pa]")})
         assert bool(doubts_without_gas(model, scenario)) is thin
 
 
@@ -120,11 +120,11 @@ class TestSplit:
 
     AIR = td.Scenario("bench", boundaries={"air": "24 [degC]"}, start="24 [degC]", duration="5 [h]")
 
-    def part(self, effective: float, prior: tuple[float, float]) -> td.explain.Split:
+    def part(self, effective: float, prior: tuple[float, float]) -> td.inference.Split:
         model = plate(effective_htc=f"{effective!r} [W/(m^2 K)]", emissivity={"value": prior[0], "min": 0.0, "max": 1.0})
-        return td.explain.split(model, conditions=self.AIR, priors={"skin.emissivity": prior})
+        return td.inference.split(model, conditions=self.AIR, priors={"skin.emissivity": prior})
 
-    def found(self, prior: tuple[float, float], law: Callable[[float, float, float], float]) -> td.explain.Split:
+    def found(self, prior: tuple[float, float], law: Callable[[float, float, float], float]) -> td.inference.Split:
         """The split of the coefficient that a law of (black radiation, correlation, floor) names: these change with it, so by iteration."""
         effective = 8.0
         for _ in range(12):
@@ -186,7 +186,7 @@ class TestSplit:
                 "loads": {"heat": {"into": "plate", "power": "20 [W]"}},
             }
         )
-        found = td.explain.split(model, conditions=self.AIR)
+        found = td.inference.split(model, conditions=self.AIR)
         covariance = found.values.covariance
         assert not found["skin"].used
         assert covariance[0, 1] / covariance[0, 0] == pytest.approx(0.5)

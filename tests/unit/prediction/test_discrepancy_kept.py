@@ -9,9 +9,9 @@ import numpy as np
 import pytest
 
 import thermid as td
-from thermid.knowledge.values import load_values
-from thermid.prediction.budget import MISFIT
-from thermid.prediction.predict import IN_TESTS, widened
+from thermid.prediction._budget import MISFIT
+from thermid.prediction._predict import IN_TESTS, widened
+from thermid.values.fitted import load_values
 from unit.qualify.things import UNIT, soak, unit
 
 

@@ -9,15 +9,15 @@ import numpy as np
 import pytest
 
 import thermid as td
-from thermid.errors import DeckError
+from thermid.base.errors import DeckError
 from thermid.fit.discrepancy import alike, discrepancy
-from thermid.measure import Channel, Record
-from thermid.model.deck.save import save_model
-from thermid.network.network import compile_network
+from thermid.measure.records import Channel, Record
+from thermid.model.deck import save_model
 from thermid.physics.constants import ICE_POINT
-from thermid.prediction.budget import budget_of
-from thermid.prediction.predict import Prediction, predict
-from thermid.prediction.setting import Setting
+from thermid.prediction._budget import budget_of
+from thermid.prediction._predict import Prediction, predict
+from thermid.prediction._setting import Setting
+from thermid.simulation.network import compile_network
 
 TIMES = np.linspace(0.0, 18000.0, 151)
 AIR = 24.0
@@ -192,7 +192,7 @@ def test_noise_that_the_law_explains_is_counted_once() -> None:
     told = predict(fit, HOT)["case"]
     less = predict(fit, HOT, without=("structural",))["case"]
     assert told.parts["fit"][-1] < 0.3 * less.parts["fit"][-1]
-    assert td.explain.Discrepancy.from_dict(kept.to_dict()).accounted == accounted
+    assert td.inference.Discrepancy.from_dict(kept.to_dict()).accounted == accounted
     # nothing of it where nobody says what carries the heat
     assert discrepancy(fitted(1000, True, "")[2]).accounted is None
 

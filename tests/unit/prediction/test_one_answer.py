@@ -9,8 +9,8 @@ import numpy as np
 import pytest
 
 import thermid as td
-from thermid.judge.limits import Limits
-from thermid.prediction.predict import foresee
+from thermid.campaign.verdicts import Limits
+from thermid.prediction._predict import foresee
 from unit.prediction.things import CASES, Case
 
 PLACES = ("inside", "outside")

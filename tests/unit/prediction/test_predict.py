@@ -10,14 +10,13 @@ import numpy as np
 import pytest
 
 import thermid as td
-from thermid.errors import IdentificationError, NameNotFoundError, ScenarioError
-from thermid.fit.calibrate import calibrate, fit
-from thermid.fit.calibration import Calibration
-from thermid.fit.problem.request import Request
-from thermid.prediction.budget import Spread
-from thermid.prediction.predict import Prediction, predict
-from thermid.simulation.scenarios.scenario import Scenario
-from thermid.simulation.transient import simulate
+from thermid.base.errors import IdentificationError, NameNotFoundError, ScenarioError
+from thermid.fit.calibration import Calibration, calibrate, fit
+from thermid.fit.problem import Request
+from thermid.prediction._budget import Spread
+from thermid.prediction._predict import Prediction, predict
+from thermid.simulation.runs import simulate
+from thermid.simulation.scenarios import Scenario
 from unit.fit.bench import HTC, MASS, box, log, pair
 
 HOT = Scenario("hot", boundaries={"air": "40 [degC]"}, start="24 [degC]", duration="3 [h]")
@@ -114,7 +113,7 @@ def test_draws_are_not_symmetric_where_it_bends(found: Calibration) -> None:
 
 
 def test_values_held_from_a_stage_below_are_not_exact(found: Calibration) -> None:
-    from thermid.knowledge.store import graft
+    from thermid.values.store import graft
 
     store, _ = graft(pair(), [("a", found.store)])
     model = store.on(pair())

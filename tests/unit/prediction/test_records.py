@@ -9,9 +9,9 @@ import pytest
 
 import thermid as td
 from thermid.fit.calibration import Calibration
-from thermid.measure import Channel, Record
-from thermid.prediction.budget import KINDS, MISFIT
-from thermid.prediction.records import LEVELS, READING, ROOM, RecordPrediction, as_run, predict_record
+from thermid.measure.records import Channel, Record
+from thermid.prediction._budget import KINDS, MISFIT
+from thermid.prediction._records import LEVELS, READING, ROOM, RecordPrediction, as_run, predict_record
 
 SENSORS = {"T1": "part.case", "T2": "lid"}
 FREE = ("part.case.capacitance", "part.skin", "foot.conductance")

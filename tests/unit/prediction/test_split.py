@@ -9,9 +9,9 @@ import numpy as np
 import pytest
 
 import thermid as td
-from thermid.errors import DeckError, IdentificationError
-from thermid.measure import Channel, Record
-from thermid.model.tree.identity import to_dict
+from thermid.base.errors import DeckError, IdentificationError
+from thermid.measure.records import Channel, Record
+from thermid.model._tree.identity import to_dict
 from thermid.physics.finishes import FINISHES
 from thermid.physics.radiation import linearised_htc
 
@@ -60,13 +60,13 @@ def test_a_painted_elegfo_is_refused_with_its_suspects() -> None:
     with pytest.raises(
         IdentificationError, match=r"'skin' cannot be separated.*2\.2 W.*'paint, white'.*the area.*the power.*the sensor"
     ) as refusal:
-        td.explain.split(elegfo("paint, white"), conditions=BENCH)
+        td.inference.split(elegfo("paint, white"), conditions=BENCH)
     # at the rise of the fit a surface of 0.84 radiates 5.2 and gas at rest conducts 0.3: the area would have to be 40 % of what it is
     assert "at most 0.032" in str(refusal.value)
 
 
 def test_a_bare_elegfo_is_split_and_its_convection_named_as_too_low() -> None:
-    found = td.explain.split(elegfo(MACHINED), conditions=BENCH)["skin"]
+    found = td.inference.split(elegfo(MACHINED), conditions=BENCH)["skin"]
     assert found.radiative + found.convective == pytest.approx(2.2)
     assert found.radiative == pytest.approx(float(linearised_htc(found.emissivity, found.surface, found.gas)))
     assert not found.used
@@ -77,7 +77,7 @@ def test_a_bare_elegfo_is_split_and_its_convection_named_as_too_low() -> None:
 def test_prior_and_correlation_meet_by_their_errors() -> None:
     """One surface: the maximum over a grid of both densities, and a narrower emissivity than the finish alone has."""
     model = part("0.00420536 [m^2]", "6 [W/(m^2 K)]", "0.225 [W]", "stainless steel, machined")
-    found = td.explain.split(model, "skin", BENCH)
+    found = td.inference.split(model, "skin", BENCH)
     one, finish = found["skin"], FINISHES["stainless steel, machined"]
     z = np.linspace(math.log(0.05), math.log(0.6), 20001)
     black = one.radiative / one.emissivity
@@ -91,7 +91,7 @@ def test_prior_and_correlation_meet_by_their_errors() -> None:
 
 def test_the_floor_cuts_off_what_leaves_less_than_gas_at_rest() -> None:
     """Oxidised aluminium on a coefficient that hardly holds it: the emissivity is pushed below the finish's typical value."""
-    found = td.explain.split(part("0.01 [m^2]", "2.3 [W/(m^2 K)]", "0.3 [W]", "aluminium, oxidised"), conditions=BENCH)["skin"]
+    found = td.inference.split(part("0.01 [m^2]", "2.3 [W/(m^2 K)]", "0.3 [W]", "aluminium, oxidised"), conditions=BENCH)["skin"]
     assert found.emissivity < FINISHES["aluminium, oxidised"].typical
     assert found.convective > found.floor
 
@@ -99,30 +99,30 @@ def test_the_floor_cuts_off_what_leaves_less_than_gas_at_rest() -> None:
 def test_surfaces_of_one_finish_are_alike_in_part() -> None:
     deck = to_dict(elegfo(MACHINED))
     deck["surfaces"]["other"] = dict(deck["surfaces"]["skin"])
-    found = td.explain.split(td.model_from_dict(deck), conditions=BENCH).values
+    found = td.inference.split(td.model_from_dict(deck), conditions=BENCH).values
     assert list(found) == ["skin.emissivity", "other.emissivity"]
     assert found.covariance[0, 1] / found.covariance[0, 0] == pytest.approx(0.5, abs=0.05)
 
 
 def test_nothing_is_split_without_knowing_the_surface_or_the_conditions() -> None:
     with pytest.raises(IdentificationError, match=r"the emissivity of 'skin' is not stated\."):
-        td.explain.split(elegfo(""), conditions=BENCH)
+        td.inference.split(elegfo(""), conditions=BENCH)
     with pytest.raises(IdentificationError, match="the temperatures at which the coefficients were fitted"):
-        td.explain.split(elegfo(MACHINED))
+        td.inference.split(elegfo(MACHINED))
     with pytest.raises(IdentificationError, match=r"'skn' is not a surface with an effective coefficient\."):
-        td.explain.split(elegfo(MACHINED), "skn", BENCH)
+        td.inference.split(elegfo(MACHINED), "skn", BENCH)
     with pytest.raises(IdentificationError, match=r"never more than 0\.2 K from the gas temperature,"):
-        td.explain.split(part("0.1 [m^2]", "5 [W/(m^2 K)]", "0.01 [W]"), conditions=BENCH)
+        td.inference.split(part("0.1 [m^2]", "5 [W/(m^2 K)]", "0.01 [W]"), conditions=BENCH)
     with pytest.raises(IdentificationError, match="no surface has an effective"):
-        td.explain.split(part("0.1 [m^2]", {"htc": "5 [W/(m^2 K)]"}, "1 [W]"), conditions=BENCH)
+        td.inference.split(part("0.1 [m^2]", {"htc": "5 [W/(m^2 K)]"}, "1 [W]"), conditions=BENCH)
 
 
 def test_a_callers_prior_stands_in_place_of_the_finish() -> None:
-    found = td.explain.split(elegfo(MACHINED), conditions=BENCH, priors={"skin.emissivity": (0.06, 0.003)})["skin"]
+    found = td.inference.split(elegfo(MACHINED), conditions=BENCH, priors={"skin.emissivity": (0.06, 0.003)})["skin"]
     assert found.emissivity == pytest.approx(0.06, rel=0.01)
     assert found.emissivity_error == pytest.approx(0.003, rel=0.05)
     with pytest.raises(IdentificationError, match=r"1\.2 \+- 0\.1 is not a valid prior\. Give"):
-        td.explain.split(elegfo(MACHINED), conditions=BENCH, priors={"skin.emissivity": (1.2, 0.1)})
+        td.inference.split(elegfo(MACHINED), conditions=BENCH, priors={"skin.emissivity": (1.2, 0.1)})
 
 
 HIDDEN = part("0.03 [m^2]", {"htc": {"coefficient": "2.4 [W/(m^2 K)]", "exponent": 0.25}, "emissivity": 0.86}, "2.5 [W]", "")
@@ -132,12 +132,12 @@ def test_fitted_in_air_the_hidden_vacuum_is_contained() -> None:
     """A painted box whose convection lies 15 % below the correlation: half-width at most a quarter of the rise, by the finish alone."""
     model = part("0.03 [m^2]", "8 [W/(m^2 K)]", "2.5 [W]", "plastic")
     fit = td.calibrate(model, log_of(HIDDEN, BENCH, 3), ["skin.effective_htc", "case.capacitance"], scenario=BENCH)
-    found = td.explain.split(fit)
+    found = td.inference.split(fit)
     assert list(found.values) == ["skin.effective_htc", "case.capacitance", "skin.emissivity"]
     assert found["skin"].effective_error > 0
     assert found.caution.startswith("'case.capacitance' was fitted together with constant coefficients, although")
     assert str(found).endswith(found.caution)
-    assert td.explain.split(td.calibrate(model, log_of(HIDDEN, BENCH, 3), ["skin.effective_htc"], scenario=BENCH)).caution == ""
+    assert td.inference.split(td.calibrate(model, log_of(HIDDEN, BENCH, 3), ["skin.effective_htc"], scenario=BENCH)).caution == ""
     far = BENCH.vacuum().with_(duration="40 [h]")
     truth = td.simulate(HIDDEN, far)["case"].kelvin[-1]
     assert half_width(found.values, found.model, far, truth) < 0.25
@@ -177,7 +177,7 @@ def test_a_second_record_without_gas_overrides_the_finish() -> None:
     constant = part("0.03 [m^2]", "8 [W/(m^2 K)]", "2.5 [W]", "paint, any non-metallic")
     fit = td.calibrate(constant, records, ["skin.effective_htc", "case.capacitance", "skin.emissivity"], scenario=scenarios)
     assert "are autocorrelated: the model" in " ".join(fit.warnings)
-    found = td.explain.split(fit)
+    found = td.inference.split(fit)
     assert found["skin"].prior == "fitted"
     assert found["skin"].emissivity == fit["skin.emissivity"].value == pytest.approx(0.86, rel=0.01)
     assert found.values.covariance == pytest.approx(fit.values.bare().covariance)

@@ -12,7 +12,7 @@ import pytest
 
 import thermid as td
 from thermid.fit.calibration import Calibration
-from thermid.measure import Channel, Record
+from thermid.measure.records import Channel, Record
 
 START = {"boundaries": {"air": "22 [degC]"}, "start": "22 [degC]"}
 CASE: dict[str, Any] = {

@@ -10,11 +10,10 @@ import numpy as np
 import pytest
 
 import thermid as td
-from thermid.errors import ThermidError
-from thermid.fit.problem.gather import prior_of
-from thermid.fit.problem.residuals import Unknown
-from thermid.knowledge.spreads import read_spread
-from thermid.prediction.predict import foresee
+from thermid.base.errors import ThermidError
+from thermid.fit.problem import Unknown, prior_of
+from thermid.prediction._predict import foresee
+from thermid.values.spreads import read_spread
 
 DECK = """
 title = "part"

@@ -8,13 +8,11 @@ import numpy as np
 import pytest
 
 import thermid as td
-from thermid.judge.correlation import Overlay
-from thermid.prediction.known import Known
-from thermid.prediction.predict import foresee
-from thermid.qualify.plan_schema import TestTable as Planned
-from thermid.qualify.plan_schema import ValidityTable
-from thermid.qualify.programme import uncounted
-from thermid.qualify.trial import dwells, exchanged, extrapolations, not_covered, not_reached
+from thermid.campaign.verdicts import Overlay
+from thermid.prediction.bands import Known, foresee
+from thermid.qualify._plan_schema import TestTable as Planned, ValidityTable
+from thermid.qualify._programme import uncounted
+from thermid.qualify._trial import dwells, exchanged, extrapolations, not_covered, not_reached
 from unit.qualify.things import soak, unit
 
 HOUR = 3600.0

@@ -9,9 +9,9 @@ from pathlib import Path
 import pytest
 
 import thermid as td
-from thermid.errors import DeckError, NameNotFoundError, ScenarioError
-from thermid.qualify.plan import load_plan, lock_plan, lock_status, note_look
-from thermid.qualify.programme import run_plan
+from thermid.base.errors import DeckError, NameNotFoundError, ScenarioError
+from thermid.qualify._plan import load_plan, lock_plan, lock_status, note_look
+from thermid.qualify._programme import run_plan
 from unit.qualify.project import PLAN, measured, project, with_log
 
 
@@ -289,12 +289,12 @@ def test_errors_of_a_plan_s_limits_and_model_name_the_plan(tmp_path: Path) -> No
 
 
 def test_a_stage_that_a_campaign_does_not_have_is_named_with_the_plan(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    from thermid.campaign import stages
+    from thermid.campaign import _stages as stages
 
     plan = td.qualify.load_plan(project(tmp_path))
     source = plan.content.model.model_copy(update={"deck": "", "campaign": "unit.toml", "stage": "unti"})
     other = replace(plan, content=plan.content.model_copy(update={"model": source}))
-    monkeypatch.setattr("thermid.qualify.plan.run_stages", lambda *a, **k: stages.Campaign("c", {"unit": None}, (), {}))  # type: ignore[dict-item]
+    monkeypatch.setattr("thermid.qualify._plan.run_stages", lambda *a, **k: stages.Campaign("c", {"unit": None}, (), {}))  # type: ignore[dict-item]
     with pytest.raises(td.ThermidError, match=r"^plan.toml, model.stage: the campaign has no stage 'unti'. Did you mean 'unit'\?"):
         assert other.known
 

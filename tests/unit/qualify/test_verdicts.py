@@ -10,13 +10,10 @@ import pytest
 from typer.testing import CliRunner
 
 import thermid as td
-from thermid.cli.app import app
-from thermid.judge.correlation import correlate
-from thermid.judge.criteria import CRITERIA, Criteria
-from thermid.judge.limits import Limits, check_limits
-from thermid.judge.margins import POLICIES
-from thermid.qualify.trial import Trial
-from thermid.sourced import MARKS
+from thermid.app.cli.app import app
+from thermid.base.sourced import MARKS
+from thermid.campaign.verdicts import CRITERIA, POLICIES, Criteria, Limits, check_limits, correlate
+from thermid.qualify._trial import Trial
 from unit.qualify.project import LOG, PLAN, measured, project
 from unit.qualify.things import UNIT, soak, unit
 

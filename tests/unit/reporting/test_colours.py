@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from thermid.reporting.pictures.figures import DASHES, SERIES, STYLES
+from thermid.reporting._pictures.figures import DASHES, SERIES, STYLES
 
 # Machado, Oliveira, Fernandes, A physiologically-based model for simulation of color vision deficiency, IEEE TVCG 15 (2009), severity 1
 SIGHT = {
@@ -56,7 +56,7 @@ def difference(one: Colour, two: Colour) -> float:
 
 
 def palette(theme: str) -> dict[str, str]:
-    style = files("thermid.reporting.blocks").joinpath("page.css.jinja").read_text(encoding="utf-8")
+    style = files("thermid.reporting._blocks").joinpath("page.css.jinja").read_text(encoding="utf-8")
     text = re.search(rf"set {theme} -%}}(.*?){{%- endset", style, re.DOTALL)
     assert text is not None
     return dict(re.findall(r"(--[\w-]+):(#[0-9a-f]{3,6})", text[1]))

@@ -10,11 +10,11 @@ from typing import Any
 import pytest
 
 import thermid as td
-from thermid.errors import NameNotFoundError
-from thermid.model.parts.kinds import KINDS
-from thermid.model.tree.flat import flatten
-from thermid.reporting.diagrams.diagram import STYLES, diagram, quantity
-from thermid.reporting.diagrams.layout import arrange, clipped, width_of
+from thermid.base.errors import NameNotFoundError
+from thermid.model.elements import KINDS
+from thermid.model.tree import flatten
+from thermid.reporting._diagrams.diagram import STYLES, diagram, quantity
+from thermid.reporting._diagrams.layout import arrange, clipped, width_of
 
 SVG = "{http://www.w3.org/2000/svg}"
 

@@ -8,10 +8,10 @@ import numpy as np
 import pytest
 
 import thermid as td
-from thermid.fit.problem.residuals import SensorTrace
-from thermid.reporting.pictures import chart, figures
-from thermid.reporting.pictures.chart import Panel, Stroke, thinned
-from thermid.reporting.pictures.figures import Dots, choose, coverage, overview, prediction, time_unit, trace
+from thermid.fit.problem import SensorTrace
+from thermid.reporting._pictures import chart, figures
+from thermid.reporting._pictures.chart import Panel, Stroke, thinned
+from thermid.reporting._pictures.figures import Dots, choose, coverage, overview, prediction, time_unit, trace
 from unit.reporting.conftest import points_in
 
 

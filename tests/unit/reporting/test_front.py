@@ -12,14 +12,14 @@ import numpy as np
 import pytest
 
 import thermid as td
+from thermid.base.errors import ScenarioError
 from thermid.campaign.stages import Campaign
-from thermid.errors import ScenarioError
-from thermid.reporting.blocks.content import Cell, Head, Section, Table, folded
-from thermid.reporting.blocks.numbering import LONG, SHOWN, Sheets, csv_of, numbered
-from thermid.reporting.diagrams.heat import MOST, heat_map
-from thermid.reporting.pages.campaign import report
-from thermid.reporting.pages.front import decisive, front
-from thermid.reporting.pictures import correlation
+from thermid.reporting._blocks.content import Cell, Head, Section, Table, folded
+from thermid.reporting._blocks.numbering import LONG, SHOWN, Sheets, csv_of, numbered
+from thermid.reporting._diagrams.heat import MOST, heat_map
+from thermid.reporting._pages.campaign import report
+from thermid.reporting._pages.front import decisive, front
+from thermid.reporting._pictures import correlation
 from webpage import crossings, limited
 
 

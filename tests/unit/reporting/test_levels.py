@@ -7,9 +7,9 @@ from types import SimpleNamespace
 
 import pytest
 
-from thermid.fit.uncertainty.moved import Move, MovedGroup, Moves
-from thermid.reporting.blocks.content import DASH
-from thermid.reporting.pages.campaign import moved
+from thermid.fit.uncertainty import Move, MovedGroup, Moves
+from thermid.reporting._blocks.content import DASH
+from thermid.reporting._pages.campaign import moved
 
 
 @pytest.fixture

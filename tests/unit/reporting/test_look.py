@@ -11,8 +11,8 @@ import pytest
 from typer.testing import CliRunner
 
 import thermid as td
-from thermid.cli.app import app
-from thermid.errors import ThermidError
+from thermid.app.cli.app import app
+from thermid.base.errors import ThermidError
 
 HEAD = "Logger;7\nsite;lab\n\n"
 

@@ -13,9 +13,9 @@ from xml.etree import ElementTree
 import pytest
 
 import thermid as td
-from thermid.cli import main
-from thermid.model.tree.flat import flatten
-from thermid.reporting.diagrams.map import PAGE, SMALLEST, network_map, placed
+from thermid.app.cli.app import main
+from thermid.model.tree import flatten
+from thermid.reporting._diagrams.map import PAGE, SMALLEST, network_map, placed
 
 BOX = Path(__file__).parents[3] / "examples" / "box" / "box.toml"
 

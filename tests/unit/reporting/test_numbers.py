@@ -8,7 +8,7 @@ import pytest
 
 import thermid as td
 from thermid.campaign.stages import Campaign
-from thermid.reporting.pages.campaign import report
+from thermid.reporting._pages.campaign import report
 from webpage import faults
 
 TABLE = "<table><caption>x.</caption><thead><tr>{}</tr></thead><tbody><tr>{}</tr></tbody></table>"

@@ -14,11 +14,11 @@ import numpy as np
 import pytest
 
 import thermid as td
+from thermid.base.errors import ThermidError
 from thermid.campaign.stages import Campaign
-from thermid.errors import ThermidError
-from thermid.reporting.blocks import extras
-from thermid.reporting.pages import campaign as page_module
-from thermid.reporting.pages.campaign import report
+from thermid.reporting._blocks import extras
+from thermid.reporting._pages import campaign as page_module
+from thermid.reporting._pages.campaign import report
 from webpage import without_script
 
 VOID = {"meta", "br", "img", "hr", "input", "link"}
@@ -279,7 +279,7 @@ def test_report_is_public() -> None:
     ],
 )
 def test_words_of_terminals_are_printed_as_a_page_does(written: str, printed: str) -> None:
-    from thermid.reporting.blocks.content import typeset
+    from thermid.reporting._blocks.content import typeset
 
     assert typeset(written) == printed
     assert typeset(printed) == printed

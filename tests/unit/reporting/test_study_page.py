@@ -10,7 +10,7 @@ import pytest
 
 import thermid as td
 from thermid.campaign.stages import Campaign
-from thermid.reporting.blocks.content import (
+from thermid.reporting._blocks.content import (
     Code,
     Facts,
     Figures,
@@ -25,8 +25,8 @@ from thermid.reporting.blocks.content import (
     Words,
     folded,
 )
-from thermid.reporting.pictures.chart import Area
-from thermid.reporting.pictures.figures import curve, curves
+from thermid.reporting._pictures.chart import Area
+from thermid.reporting._pictures.figures import curve, curves
 from unit.reporting.conftest import points_in
 from webpage import without_script
 

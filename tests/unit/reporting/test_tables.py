@@ -9,8 +9,8 @@ import numpy as np
 import pytest
 
 from thermid.campaign.stages import Campaign
-from thermid.reporting.blocks.content import DASH, Cell, Head, Table, number, pretty, signed, significant
-from thermid.reporting.pages import tables
+from thermid.reporting._blocks.content import DASH, Cell, Head, Table, number, pretty, signed, significant
+from thermid.reporting._pages import tables
 
 
 def column(table: Table, title: str) -> list[str]:

@@ -6,12 +6,12 @@ import re
 
 import pytest
 
+from thermid.base.units import unit
 from thermid.campaign.stages import Campaign
 from thermid.fit.calibration import Calibration
-from thermid.reporting.blocks.content import Table
-from thermid.reporting.pages import tables
-from thermid.reporting.pages.views import calibration_object, fit_object, view
-from thermid.units import unit
+from thermid.reporting._blocks.content import Table
+from thermid.reporting._pages import tables
+from thermid.reporting._pages.views import calibration_object, fit_object, view
 
 STAGES = ["component", "submodel"]
 NUMBER = re.compile(r"[-+]?\d+(?:\.\d+)?(?:e[-+]?\d+)?")

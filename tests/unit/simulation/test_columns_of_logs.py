@@ -9,9 +9,9 @@ import numpy as np
 import pytest
 
 import thermid as td
-from thermid.errors import ThermidError
-from thermid.fit.problem.experiment import bind
-from thermid.model.laws.signal import TableSignal
+from thermid.base.errors import ThermidError
+from thermid.fit.problem import bind
+from thermid.model.laws import TableSignal
 
 LOG = """time_s,room,wall [degC],h,k [W/(m^2 K)],heat,drive,p,w,sun
 1000,20,21,5,3,4,50,101325,0,0

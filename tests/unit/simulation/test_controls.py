@@ -10,8 +10,8 @@ import pytest
 
 import thermid as td
 from controlled import Controlled
-from thermid.errors import SolverError
-from thermid.reporting.diagrams.diagram import diagram
+from thermid.base.errors import SolverError
+from thermid.reporting.diagrams import diagram
 
 AIR, START = 293.15, 295.65
 TIGHT = td.Options(tolerance=1e-9, relative=0.0, method="integrator")
@@ -413,7 +413,7 @@ def test_a_switch_and_a_schedule_while_the_pressure_falls() -> None:
         start="20 [degC]",
         duration="1200 [s]",
         schedule=schedule,
-        environment={"*": td.network.Environment(pressure=pressure)},
+        environment={"*": td.simulation.Environment(pressure=pressure)},
     )
     run_ = td.simulate(td.model_from_dict(deck_), scenario)
     assert run_.heat_balance().relative < 1e-9

@@ -8,8 +8,8 @@ import numpy as np
 import pytest
 
 import thermid as td
-from thermid.errors import SolverError
-from thermid.linear_algebra import solve_conserving
+from thermid.base.errors import SolverError
+from thermid.base.linear_algebra import solve_conserving
 
 ROOM = 22.0
 

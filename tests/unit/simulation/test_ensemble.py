@@ -12,10 +12,10 @@ import pytest
 
 import thermid as td
 from thermid import _kernel
-from thermid.errors import NameNotFoundError, ScenarioError, UnitError
-from thermid.knowledge.values import FittedValue, FittedValues
-from thermid.model.laws.signal import TableSignal
-from thermid.simulation.ensemble import assemble_members
+from thermid.base.errors import NameNotFoundError, ScenarioError, UnitError
+from thermid.model.laws import TableSignal
+from thermid.simulation._ensemble import assemble_members
+from thermid.values.fitted import FittedValue, FittedValues
 
 TIGHT = td.Options(tolerance=1e-9, relative=1e-10, input_tolerance=5e-8)
 DECK: dict[str, Any] = {
@@ -203,7 +203,7 @@ def test_statistics() -> None:
 
 
 def test_kept_quantiles_are_those_of_the_traces(monkeypatch: pytest.MonkeyPatch) -> None:
-    from thermid.simulation import ensemble
+    from thermid.simulation import _ensemble as ensemble
 
     whole = td.ensemble(MODEL, ROOM, DRAWS, every=60.0)
     monkeypatch.setattr(ensemble, "CHUNK", 8 * 21 * 2 * 7)  # seven times at once

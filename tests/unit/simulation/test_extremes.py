@@ -13,14 +13,13 @@ import pytest
 import thermid as td
 from oracle import Oracle, flatten, si
 from switched import switched
-from thermid.judge.limits import Limits, check_limits, check_readings
-from thermid.judge.margins import margins
-from thermid.model.laws.signal import TableSignal
-from thermid.monte_carlo.hold import hold
+from thermid.campaign.verdicts import Limits, check_limits, check_readings, margins
+from thermid.model.laws import TableSignal
 from thermid.physics.constants import ICE_POINT
-from thermid.simulation.solution import Trace
-from thermid.simulation.solver.extremes import first_above, resolved
-from thermid.simulation.solver.problem import signal_turnings
+from thermid.prediction.members import hold
+from thermid.simulation._solution import Trace
+from thermid.simulation._solver.extremes import first_above, resolved
+from thermid.simulation._solver.problem import signal_turnings
 
 PEAK = 20.0 + 50.0 * (1.0 - np.exp(-1.2))
 """End of a pulse: 50 W for 12 s into 10 J/K with 1 W/K to 20 degC. [degC]"""

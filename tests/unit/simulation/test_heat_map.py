@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 import thermid as td
-from thermid.simulation.heat_map import margins
+from thermid.simulation._heat_map import margins
 
 DECK: dict[str, Any] = {
     "title": "x",

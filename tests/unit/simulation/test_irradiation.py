@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 import thermid as td
-from thermid.errors import DeckError, NameNotFoundError, ScenarioError
+from thermid.base.errors import DeckError, NameNotFoundError, ScenarioError
 from thermid.physics.constants import STEFAN_BOLTZMANN
 
 SUN = 1361.0
@@ -27,7 +27,11 @@ def plate(**surface: Any) -> td.Model:
 def under(kelvin: float = 2.7, duration: str = "4 [h]", **flux: Any) -> td.Scenario:
     """What falls on it."""
     return td.Scenario(
-        "sun", boundaries={"space": f"{kelvin} [K]"}, irradiation={"face": td.network.Irradiation(**flux)}, start=300.0, duration=duration
+        "sun",
+        boundaries={"space": f"{kelvin} [K]"},
+        irradiation={"face": td.simulation.Irradiation(**flux)},
+        start=300.0,
+        duration=duration,
     )
 
 
@@ -74,7 +78,11 @@ def test_a_joint_shades_what_it_covers() -> None:
     deck["submodels"]["b"]["use"] = deck["submodels"]["a"]["use"]
     made = td.model_from_dict(deck)
     sun = td.Scenario(
-        "sun", boundaries={"space": "2.7 [K]"}, irradiation={"a.face": td.network.Irradiation(direct=BRIGHT)}, start=300.0, duration=600.0
+        "sun",
+        boundaries={"space": "2.7 [K]"},
+        irradiation={"a.face": td.simulation.Irradiation(direct=BRIGHT)},
+        start=300.0,
+        duration=600.0,
     )
     powers = td.simulate(made, sun).load_powers
     assert powers["a.face.sun"] == pytest.approx(0.25 * 0.06 * SUN)
@@ -162,12 +170,12 @@ def test_surfaces_that_cannot_be_are_refused(surface: dict[str, Any], flux: dict
 )
 def test_radiation_that_cannot_be_is_refused(flux: dict[str, Any], words: str) -> None:
     with pytest.raises(ScenarioError, match=words):
-        td.network.Irradiation(**flux)
+        td.simulation.Irradiation(**flux)
 
 
 def test_a_wrong_name_is_offered_the_right_one() -> None:
     with pytest.raises(NameNotFoundError, match="Did you mean 'face'"):
-        td.simulate(plate(), under(direct=BRIGHT).with_(irradiation={"fase": td.network.Irradiation(direct=BRIGHT)}))
+        td.simulate(plate(), under(direct=BRIGHT).with_(irradiation={"fase": td.simulation.Irradiation(direct=BRIGHT)}))
 
 
 def test_check_sees_an_absorptance_above_one() -> None:

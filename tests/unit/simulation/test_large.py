@@ -9,10 +9,10 @@ import numpy as np
 import pytest
 
 import thermid as td
-from thermid.errors import SolverError
-from thermid.model.laws.signal import TableSignal
-from thermid.simulation.simulator import prepare
-from thermid.simulation.solver import large_steady, problem
+from thermid.base.errors import SolverError
+from thermid.model.laws import TableSignal
+from thermid.simulation._simulator import prepare
+from thermid.simulation._solver import large_steady, problem
 
 from .large_cases import CELLS, NODES, warm_block, warming_room
 

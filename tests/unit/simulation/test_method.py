@@ -8,8 +8,8 @@ import numpy as np
 import pytest
 
 import thermid as td
-from thermid.errors import ScenarioError, SolverError
-from thermid.model.laws.signal import TableSignal
+from thermid.base.errors import ScenarioError, SolverError
+from thermid.model.laws import TableSignal
 
 
 def _model(**law: Any) -> td.Model:

@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 
 import thermid as td
-from thermid.simulation.scenarios.scenario import Scenario
-from thermid.simulation.simulator import output_times
+from thermid.simulation._scenarios.scenario import Scenario
+from thermid.simulation._simulator import output_times
 
 
 @pytest.mark.parametrize(

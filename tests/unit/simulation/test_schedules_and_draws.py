@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 import thermid as td
-from thermid.errors import ScenarioError
+from thermid.base.errors import ScenarioError
 
 
 def model(conductance: str) -> td.Model:
@@ -91,7 +91,7 @@ def test_members_of_a_schedule_are_those_of_single_runs() -> None:
 
 def test_a_schedule_is_evaluated_for_all_members_at_once(monkeypatch: pytest.MonkeyPatch) -> None:
     """It was evaluated for every member: 2,000 members of a scheduled run took minutes."""
-    from thermid.network.network import Network
+    from thermid.simulation._network.network import Network
 
     calls = []
     whole = Network.varied

@@ -11,9 +11,9 @@ import numpy as np
 import pytest
 
 import thermid as td
-from thermid.errors import RecordError, ScenarioError
-from thermid.model.laws.signal import Constant, MeanOf, Mixed, Signal, Sine, TableSignal, added, common_cycle, joined, multiplied, signal
-from thermid.monte_carlo.uncertain import begun_at
+from thermid.base.errors import RecordError, ScenarioError
+from thermid.model.laws import Constant, MeanOf, Mixed, Signal, Sine, TableSignal, added, common_cycle, joined, multiplied, signal
+from thermid.prediction._monte_carlo.uncertain import begun_at
 from thermid.site.ascent import Trajectory
 
 HOUR = 3600.0
@@ -110,12 +110,12 @@ PLACES: dict[str, Callable[[Signal], td.Scenario]] = {
     "load": lambda s: plain(loads={"heater": laid(s, 0.0, 20.0)}),
     "prescribed": lambda s: plain(prescribed={"plug": laid(s, 290.0, 330.0)}),
     "schedule": lambda s: plain(schedule={"ease": laid(s, 0.5, 3.0)}),
-    "pressure": lambda s: plain(environment={"air": td.network.Environment(laid(s, 1e3, 1e5))}),
-    "wind": lambda s: plain(environment={"air": td.network.Environment(wind=laid(s, 0.0, 6.0))}),
+    "pressure": lambda s: plain(environment={"air": td.simulation.Environment(laid(s, 1e3, 1e5))}),
+    "wind": lambda s: plain(environment={"air": td.simulation.Environment(wind=laid(s, 0.0, 6.0))}),
     "radiation": lambda s: plain(
-        irradiation={"face": td.network.Irradiation(direct=laid(s, 0.0, 500.0), infrared=Sine(20.0, 10.0, 4000.0))}
+        irradiation={"face": td.simulation.Irradiation(direct=laid(s, 0.0, 500.0), infrared=Sine(20.0, 10.0, 4000.0))}
     ),
-    "sky": lambda s: plain(irradiation={"face": td.network.Irradiation(sky=laid(s, 220.0, 260.0), sky_view=0.5)}),
+    "sky": lambda s: plain(irradiation={"face": td.simulation.Irradiation(sky=laid(s, 220.0, 260.0), sky_view=0.5)}),
     "orbit": lambda s: plain(
         irradiation={"face": td.site.orbit_irradiation("400 [km]", tilt=30.0, sun=40.0, albedo=0.3, infrared="230 [W/m^2]", lit=s)}
     ),
@@ -151,7 +151,7 @@ def test_a_start_later_is_the_scenario_written_out_at_that_hour(kind: str, place
         )
     if place == "ascent, air":
         falls = TableSignal(np.array([0.0, 2.0 * HOUR]), np.array([50500.0, 1e3]))
-        other = replace(other, environment={"air": td.network.Environment(falls)})
+        other = replace(other, environment={"air": td.simulation.Environment(falls)})
     model = box(facing={"tilt": 0.0}) if place == "sky" else box()
     if place == "sky":
         made, other = (replace(s, start="20 [degC]") for s in (made, other))
@@ -199,7 +199,7 @@ def test_a_scale_of_a_load_is_the_scenario_written_out() -> None:
 def test_a_start_time_moves_wind_pressure_sun_and_schedules_too() -> None:
     """Before, `start_time` moved boundaries, loads and prescribed nodes alone: a plate whose sun rises later stayed in the dark."""
     day = TableSignal(np.array([0.0, 6.0, 12.0, 18.0, 24.0]) * HOUR, np.array([0.0, 0.0, 900.0, 0.0, 0.0]))
-    scenario = plain(irradiation={"face": td.network.Irradiation(direct=day)}, duration=HOUR)
+    scenario = plain(irradiation={"face": td.simulation.Irradiation(direct=day)}, duration=HOUR)
     noon = td.simulate(box(), begun_at(scenario, 11.5 * HOUR), times=[HOUR])["skin"].final
     assert noon > td.simulate(box(), scenario, times=[HOUR])["skin"].final + 10.0
     runs = td.qualify.uncertain_runs(
@@ -294,7 +294,7 @@ def test_an_eclipse_goes_on_after_the_duration() -> None:
 
 def test_a_sine_of_pressure_swings_to_the_end_of_the_run() -> None:
     """Before, it stood still after 200 periods."""
-    swings = plain(environment={"air": td.network.Environment(Sine(6e4, 3e4, 10.0))}, duration=4000.0)
+    swings = plain(environment={"air": td.simulation.Environment(Sine(6e4, 3e4, 10.0))}, duration=4000.0)
     drawn = swings.media().signals()["natural air"]
     assert float(np.ptp(drawn.at(np.linspace(3900.0, 4000.0, 1001)))) > 0.3
 
@@ -411,7 +411,7 @@ def test_the_periodic_state_by_hand() -> None:
 def test_a_periodic_start_of_laws_that_bend_comes_back() -> None:
     face = {
         "irradiation": {
-            "face": td.network.Irradiation(
+            "face": td.simulation.Irradiation(
                 direct={
                     "times": ["0 [s]", "1000 [s]", "3000 [s]"],
                     "values": ["900 [W/m^2]", "0 [W/m^2]", "900 [W/m^2]"],

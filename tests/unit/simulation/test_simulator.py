@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 import thermid as td
-from thermid.errors import DeckError, NameNotFoundError, ScenarioError
+from thermid.base.errors import DeckError, NameNotFoundError, ScenarioError
 
 DECK = {
     "title": "pair",

@@ -41,7 +41,7 @@ def cavity(absorptances: tuple[Any, ...] = ABSORBED, rest: bool = True, yard: bo
 
 
 def lit(*faces: str, **more: Any) -> td.Scenario:
-    falling = {f: td.network.Irradiation(direct=f"{SUN} [W/m^2]") for f in faces}
+    falling = {f: td.simulation.Irradiation(direct=f"{SUN} [W/m^2]") for f in faces}
     return td.Scenario(
         boundaries={"air": "20 [degC]", "yard": "10 [degC]"}, irradiation=falling, start="20 [degC]", duration="1 [h]", **more
     )

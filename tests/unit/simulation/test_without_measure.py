@@ -30,7 +30,7 @@ def test_a_period_that_nobody_can_sample() -> None:
 
 def test_an_environment_is_no_dictionary() -> None:
     with pytest.raises(
-        td.ThermidError, match=r"plate, environment\.air: it takes an environment, not .*\. Make one: td\.network\.Environment\("
+        td.ThermidError, match=r"plate, environment\.air: it takes an environment, not .*\. Make one: td\.simulation\.Environment\("
     ):
         td.Scenario("plate", boundaries={"air": "20 [degC]"}, environment={"air": {"pressure": "1 [atm]"}})  # type: ignore[dict-item]
 

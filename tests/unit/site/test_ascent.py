@@ -9,8 +9,8 @@ import numpy as np
 import pytest
 
 import thermid as td
-from thermid.errors import RecordError, ScenarioError
-from thermid.site.atmosphere import standard_atmosphere
+from thermid.base.errors import RecordError, ScenarioError
+from thermid.site._atmosphere import standard_atmosphere
 
 FLIGHTS = Path(__file__).parents[4] / "shared" / "data" / "rocket_avionics_rocketpy"
 TIMES = np.array([0.0, 30.0, 60.0, 90.0, 120.0, 150.0, 180.0, 240.0])

@@ -7,9 +7,9 @@ from typing import Any
 import pytest
 
 import thermid as td
-from thermid.errors import ScenarioError
+from thermid.base.errors import ScenarioError
+from thermid.base.sourced import Figure
 from thermid.site.ascent import ASCENT_LIMITS
-from thermid.sourced import Figure
 
 
 def curve(*points: tuple[float, float], **more: Any) -> td.Scenario:
@@ -37,7 +37,9 @@ def test_a_brief_faster_decay_is_allowed_and_a_long_one_not() -> None:
 
 
 def test_a_limit_from_memory_decides_nothing() -> None:
-    stream = td.network.Irradiation(stream={"times": ["0 [s]", "50 [s]", "60 [s]"], "values": ["0 [W/m^2]", "2000 [W/m^2]", "100 [W/m^2]"]})
+    stream = td.simulation.Irradiation(
+        stream={"times": ["0 [s]", "50 [s]", "60 [s]"], "values": ["0 [W/m^2]", "2000 [W/m^2]", "100 [W/m^2]"]}
+    )
     made = curve((0, 101), (50, 1), (60, 0)).with_(irradiation={"panel": stream})
     checks = {c.name: c for c in td.site.ascent_checks(made)}
     assert checks["molecular heating"].met is True
@@ -54,7 +56,7 @@ def test_a_project_has_limits_of_its_own() -> None:
 
 def test_a_vented_bay_is_checked_by_its_own_pressure() -> None:
     """A bay with a time constant of 5 s follows a ramp of 2 kPa/s 5 s behind, as fast as the ramp."""
-    bay = td.network.Environment(vented="ambient", time_constant="5 [s]")
+    bay = td.simulation.Environment(vented="ambient", time_constant="5 [s]")
     (only,) = td.site.ascent_checks(curve((0, 101), (50, 1), (60, 0), environment={"bay": bay}), "bay")
     assert only.what == "bay"
     assert only.value == pytest.approx(2000.0, rel=0.01)

@@ -7,8 +7,8 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from thermid.errors import ScenarioError
-from thermid.site.atmosphere import standard_atmosphere
+from thermid.base.errors import ScenarioError
+from thermid.site._atmosphere import standard_atmosphere
 
 TABLE = Path(__file__).parents[4] / "shared" / "data" / "reference_values" / "us_standard_atmosphere_1976_fluids.csv"
 

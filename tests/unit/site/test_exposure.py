@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from thermid.errors import ScenarioError
+from thermid.base.errors import ScenarioError
 from thermid.site.exposure import (
     cloudless_sky,
     driving_rain,

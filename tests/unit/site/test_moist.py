@@ -7,11 +7,11 @@ from typing import Any
 import numpy as np
 import pytest
 
-from thermid.linear_algebra import Array
+from thermid.base.linear_algebra import Array
 from thermid.physics.air import Gas, air_conductivity, air_specific_heat, air_viscosity
 from thermid.physics.constants import ATMOSPHERE, ICE_POINT
 from thermid.physics.plates import vertical_plate_htc
-from thermid.site.moist import (
+from thermid.site._moist import (
     dew_point,
     latent_heat,
     mass_transfer_coefficient,

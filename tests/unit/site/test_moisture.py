@@ -9,7 +9,7 @@ import pytest
 from scipy.integrate import solve_ivp
 
 import thermid as td
-from thermid.site.moist import dew_point, latent_heat, mass_transfer_coefficient, saturation_pressure, vapour_density, vapour_pressure
+from thermid.site._moist import dew_point, latent_heat, mass_transfer_coefficient, saturation_pressure, vapour_density, vapour_pressure
 
 BOX = td.model_from_dict(
     {
@@ -54,7 +54,7 @@ def test_a_cold_box_in_humid_air() -> None:
 def film_at(pressure: float) -> float:
     """Greatest film on a cold mass so heavy that latent heat does not warm it. [kg/m^2]"""
     heavy = BOX.with_values({"case.capacitance": "1e7 [J/K]"})
-    thin = TRANSFER.with_(start="5 [degC]", environment={"air": td.network.Environment(pressure=f"{pressure} [Pa]")})
+    thin = TRANSFER.with_(start="5 [degC]", environment={"air": td.simulation.Environment(pressure=f"{pressure} [Pa]")})
     found = td.site.moisture(heavy, thin, {"air": 0.6})
     share = found.solution.heat_flow("skin")[-1] / (0.08 * (found.solution["case"].kelvin[-1] - 303.15)) / 5.0  # of its coefficient
     return float(found["skin"].film[-1] / share)
@@ -76,7 +76,7 @@ def test_latent_heat_is_that_of_the_film() -> None:
 
 
 def test_another_gas_than_air_is_refused() -> None:
-    helium = TRANSFER.with_(environment={"air": td.network.Environment(gas="He")})
+    helium = TRANSFER.with_(environment={"air": td.simulation.Environment(gas="He")})
     skin = {"of": "case", "to": "air", "area": "0.08 [m^2]", "htc": {"length": "0.2 [m]"}}
     box = td.model_from_dict({"title": "b", "needs": ["air"], "nodes": {"case": {"capacitance": "700 [J/K]"}}, "surfaces": {"skin": skin}})
     with pytest.raises(td.ThermidError, match=r"'air' is He, but the diffusion of vapour is known in air only\. Leave"):
@@ -85,7 +85,7 @@ def test_another_gas_than_air_is_refused() -> None:
 
 def test_vapour_that_is_not_dilute_is_said() -> None:
     """At 15 kPa a sixth of the gas is vapour: the analogy leaves the stream out that it makes."""
-    thin = TRANSFER.with_(start="5 [degC]", environment={"air": td.network.Environment(pressure="15 [kPa]")})
+    thin = TRANSFER.with_(start="5 [degC]", environment={"air": td.simulation.Environment(pressure="15 [kPa]")})
     found = td.site.moisture(BOX.with_values({"case.capacitance": "1e7 [J/K]"}), thin, {"air": 0.6})
     assert ", but mass transfer is computed for dilute vapour. Real" in str(found).splitlines()[1]
 

@@ -10,8 +10,8 @@ import pytest
 from scipy.integrate import solve_ivp
 
 import thermid as td
-from thermid.model.laws.signal import Constant
-from thermid.site.moist import mass_transfer_coefficient, saturation_pressure, vapour_density, vapour_pressure
+from thermid.model.laws import Constant
+from thermid.site._moist import mass_transfer_coefficient, saturation_pressure, vapour_density, vapour_pressure
 from thermid.site.moisture import Moisture
 from thermid.site.vapour import follow
 
@@ -151,7 +151,7 @@ def random_case(seed: int) -> tuple[td.Model, td.Scenario, dict[str, td.site.Vol
         boundaries={"air": "25 [degC]", "plate": plate},
         start="25 [degC]",
         duration="12 [min]",
-        environment={"*": td.network.Environment(pressure=f"{pressure:.6g} [Pa]")},
+        environment={"*": td.simulation.Environment(pressure=f"{pressure:.6g} [Pa]")},
     )
     return td.model_from_dict(deck), scenario, volumes
 

@@ -11,7 +11,7 @@ import pytest
 from scipy.integrate import solve_ivp
 
 import thermid as td
-from thermid.errors import ScenarioError
+from thermid.base.errors import ScenarioError
 from thermid.physics.constants import STEFAN_BOLTZMANN
 from thermid.site.exposure import eclipse, planet_share
 from thermid.site.orbit import PLANETS, OrbitFluxes, Planet, _Path

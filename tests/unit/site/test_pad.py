@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 
 import thermid as td
-from thermid.errors import DeckError, RecordError, ScenarioError
+from thermid.base.errors import DeckError, RecordError, ScenarioError
 from thermid.physics.constants import STEFAN_BOLTZMANN
 from thermid.site.pad import wind_htc
 
@@ -278,7 +278,7 @@ def test_what_the_pad_needs_is_asked_for(weather: td.site.Weather) -> None:
 def test_the_command_line_takes_the_file(
     tmp_path: Path, weather: td.site.Weather, capsys: pytest.CaptureFixture[str], monkeypatch: Any
 ) -> None:
-    from thermid.cli import main
+    from thermid.app.cli.app import main
 
     shutil.copy(tmp_path / "weather.csv", tmp_path / "w.csv")
     td.save_model(skin(), tmp_path / "skin.toml")

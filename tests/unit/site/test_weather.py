@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 
 import thermid as td
-from thermid.errors import MissingDataError, NameNotFoundError, RecordError, UnitError
+from thermid.base.errors import MissingDataError, NameNotFoundError, RecordError, UnitError
 
 from .weather_cases import DRY, SUN, epw, table, tmy3
 

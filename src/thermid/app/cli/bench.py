@@ -1,0 +1,418 @@
+"""The bench on disk and on the screen: log, with the outlook of its channels and the live table."""
+
+from __future__ import annotations
+
+import signal
+import threading
+import time
+from collections.abc import Callable, Iterator, Sequence
+from contextlib import ExitStack, contextmanager
+from dataclasses import dataclass, replace
+from pathlib import Path
+from types import TracebackType
+from typing import Annotated
+
+import typer
+from rich.console import Console
+from rich.live import Live
+from rich.text import Text
+
+from thermid.base.errors import RecordError
+from thermid.base.extensions import require
+from thermid.base.units import TEMPERATURE
+from thermid.bench.bench_files import load_programme, load_sensors
+from thermid.bench.board import BoardPort, simulated
+from thermid.bench.guide import ice_point as guided_ice_point, tell_apart
+from thermid.bench.logger import Logger, Settings
+from thermid.bench.port import check_port, find_port
+from thermid.measure.amounts import amount, duration_text, positive_seconds
+from thermid.measure.records import Channel, Record
+from thermid.measure.sensors import ICE
+from thermid.measure.steadiness import SHORTEST, StabilityRule, channel_stability, rule_of
+from thermid.physics.constants import ICE_POINT
+from thermid.qualify.steadiness import FEWEST, Forecast, forecast
+
+_SHARE = 0.1
+"""Share of a processor that it takes: the logger comes first."""
+HOUR = 3600.0
+_WORST = ("fault", "not stable", "cannot tell", "too early", "", "stable")
+_STYLE = {"fault": "bold red", "not stable": "yellow", "cannot tell": "yellow", "stable": "green"}
+_NARROW = 72
+
+
+def log(
+    file: Annotated[Path, typer.Argument(help="The log; it is continued where it exists.")],
+    port: Annotated[str | None, typer.Option("--port", help="Serial port; the only board that is found by default.")] = None,
+    sensors: Annotated[Path | None, typer.Option("--sensors", help="Sensor map (TOML): ROM to channel.")] = None,
+    programme: Annotated[Path | None, typer.Option("--programme", help="Heater programme (TOML).")] = None,
+    interval: Annotated[str, typer.Option("--interval", help="Time between samples.")] = "1 [s]",
+    bits: Annotated[int, typer.Option("--bits", help="Resolution of the sensors, 9 to 12.")] = 12,
+    limit: Annotated[str, typer.Option("--limit", help="Temperature of any sensor at which heaters go off.")] = "100 [degC]",
+    silence: Annotated[str, typer.Option("--silence", help="Time without this program after which the board turns heaters off.")] = "2 [s]",
+    rule: Annotated[str, typer.Option("--rule", help="Rule of stability, as of `thermid settle`: '3 C/h', '0.5 K/h over 1 h'.")] = "3 C/h",
+    duration: Annotated[str | None, typer.Option("--for", help="End after this time of the board, such as '5 [h]'.")] = None,
+    identify: Annotated[bool, typer.Option("--identify", help="Find out which sensor is which by warming them; writes --sensors.")] = False,
+    ice_point: Annotated[
+        bool, typer.Option("--ice-point", help="Sensors stand in ice water: write their certificates to --sensors.")
+    ] = False,
+    clear_latch: Annotated[
+        bool, typer.Option("--clear-latch", help="Allow heaters again that the board has cut off. Look at the hardware first.")
+    ] = False,
+    simulate: Annotated[bool, typer.Option("--simulate", help="No hardware: three made-up sensors at 60 times their speed.")] = False,
+) -> None:
+    """Log sensors and heaters of a bench to disk, with faults marked.
+
+    Every line is on disk before the next is read. Faults, resets and cable pulls are marked, and logging goes on.
+    """
+    if not simulate:
+        require("log", "a serial port")
+    settings = Settings(
+        positive_seconds(interval, "--interval"),
+        bits,
+        amount(limit, TEMPERATURE, "--limit") - ICE_POINT,
+        positive_seconds(silence, "--silence"),
+    )
+    if (identify or ice_point) and sensors is None:
+        raise RecordError("the map that is to be written must be named: --sensors sensors.toml.", "--identify, --ice-point")
+    known = load_sensors(sensors) if sensors is not None and (sensors.exists() or not identify) else {}
+    steps = load_programme(programme) if programme is not None else None
+    end = positive_seconds(duration, "--for") if duration is not None else None
+    with ExitStack() as stack:
+        # a question to the user is broken off by Ctrl-C itself; all else ends between two lines
+        asked = [] if identify or ice_point else stack.enter_context(_asked_to_end())
+        find: Callable[[], str | BoardPort] = find_port
+        clock, wall = time.monotonic, time.time
+        if simulate:
+            board = simulated()
+            find, clock, wall = lambda: board, board.clock, board.wall
+        elif port is not None:
+            check_port(port)  # a first look, so that a missing board is an error and not a wait
+            find = lambda: port  # noqa: E731
+        else:
+            check_port(find_port())
+        logger = Logger(file, find, known, settings, steps, clear_latch=clear_latch, clock=clock, wall=wall)
+        if logger.store.session > 1:
+            typer.echo(f"{file} is continued: start {logger.store.session} of it.", err=True)
+        stack.callback(_closed, logger)
+        if identify or ice_point:
+            _guided(logger, sensors, identify)
+        else:
+            _logged(logger, end, rule, asked)
+    marks = ", ".join(f"{word} {count}" for word, count in logger.marks.items() if word not in ("port", "wall", "end"))
+    faulty = sum(logger.watch.counts.values())
+    typer.echo(f"{file}: {logger.state.lines} lines, {logger.state.missing} missing, {faulty} faulty values. Marks: {marks or 'none'}.")
+    if logger.store.waiting:
+        where = f"are in {logger.store.rest}; append them to the log when there is room" if logger.store.rest else "are lost"
+        raise RecordError(f"the disk is full: the last {logger.store.waiting / 1e3:.0f} kB {where}.", str(file))
+
+
+def _closed(made: Logger) -> None:
+    """Close a log to its end, however often somebody asks: heaters are turned off there."""
+    with _asked_to_end():
+        made.close()
+
+
+def _logged(made: Logger, end: float | None, rule: str, asked: Sequence[int]) -> None:
+    """Log until the end of the programme, the given time, or Ctrl-C."""
+
+    def ended() -> bool:
+        return bool(asked) or made.done or (end is not None and made.state.seconds >= end)
+
+    console = Console()
+    with Judge(made, rule) as judge:
+        if console.is_terminal and not console.is_dumb_terminal:
+            _shown(made, judge, console, ended)
+        else:
+            _told(made, judge, ended)
+    if asked:
+        typer.echo("stopped; heaters off")
+
+
+@contextmanager
+def _asked_to_end() -> Iterator[list[int]]:
+    """Collect what asks the program to end, so that no line is lost between port and disk; what is ignored stays so (nohup)."""
+    asked: list[int] = []
+    numbers = [signal.SIGINT, signal.SIGTERM, *([signal.SIGHUP] if hasattr(signal, "SIGHUP") else [])]
+    before = {number: signal.getsignal(number) for number in numbers}
+    for number, handler in before.items():
+        if handler is not signal.SIG_IGN:
+            signal.signal(number, lambda number, _: asked.append(number))
+    try:
+        yield asked
+    finally:
+        for number, handler in before.items():
+            signal.signal(number, handler)
+
+
+def _shown(made: Logger, judge: Judge, console: Console, ended: Callable[[], bool]) -> None:
+    """Log, with the table in the terminal."""
+
+    def table() -> Text:
+        return live_table(made, judge, console.width, console.height - 1)
+
+    with Live(table(), console=console, auto_refresh=False, vertical_overflow="crop") as live:
+        last = 0.0
+        while not ended():
+            made.step()
+            if time.monotonic() - last > 0.5:
+                last = time.monotonic()
+                live.update(table(), refresh=True)
+        live.update(table(), refresh=True)
+
+
+def _told(made: Logger, judge: Judge, ended: Callable[[], bool]) -> None:
+    """Log, with a line a minute, and marks on standard error."""
+    shown, told = 0.0, ""
+    while not ended():
+        made.step()
+        if made.last_mark != told:
+            told = made.last_mark
+            typer.echo(told, err=True)
+        if made.elapsed - shown > 60.0 and made.watch.values:
+            shown = made.elapsed
+            typer.echo(plain_line(made, judge))
+    typer.echo(plain_line(made, judge))
+
+
+def _guided(made: Logger, sensors: Path | None, identify: bool) -> None:
+    """Take the user through identify mode or the ice point."""
+    assert sensors is not None
+    try:
+        if identify:
+            tell_apart(made, sensors, typer.echo, typer.prompt)
+        else:
+            guided_ice_point(made, sensors, typer.echo, typer.confirm)
+    except (KeyboardInterrupt, typer.Abort):
+        typer.echo("stopped; what was written stays")
+
+
+@dataclass(frozen=True)
+class Outlook:
+    """What is known of one channel.
+
+    Parameters
+    ----------
+    rate, error : float or None     Its drift and the error of that, None with too few readings. [K/s]
+    verdict : str                   ``stable``, ``not stable``, ``cannot tell``, ``too early``.
+    forecast : Forecast or None     Where it will end, None where readings are too few.
+    """
+
+    rate: float | None
+    error: float | None
+    verdict: str
+    forecast: Forecast | None = None
+
+
+class Judge:
+    """Looks at one channel after the other, in a thread of its own so that no line waits for it.
+
+    Parameters
+    ----------
+    log : Logger     A running log.
+    rule : str       A rule of stability on the rate.
+
+    Raises
+    ------
+    RecordError   When it is no rule on the rate.
+    """
+
+    def __init__(self, log: Logger, rule: str) -> None:
+        self.rule: StabilityRule = rule_of(rule)
+        if self.rule.stored:
+            raise RecordError(
+                f"'{self.rule.name}' is about stored heat, which readings alone do not show. Give a rule on the rate.", "--rule"
+            )
+        self._log = log
+        self._seen: dict[str, tuple[float, Outlook]] = {}
+        self._done = threading.Event()
+        self._thread = threading.Thread(target=self._run, daemon=True)
+
+    def __enter__(self) -> Judge:
+        """Begin to look."""
+        self._thread.start()
+        return self
+
+    def __exit__(self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None) -> None:
+        """End."""
+        self._done.set()
+        self._thread.join(5.0)
+
+    def of(self, source: str) -> Outlook | None:
+        """Return what was found of a sensor under the present conditions, None before the first look."""
+        changed, found = self._seen.get(source, (-1.0, None))
+        return found if changed == self._log.state.changed else None
+
+    def _run(self) -> None:
+        """Go round: every drift, which is cheap, then one forecast."""
+        turn = 0
+        while not self._done.is_set():
+            begun, sources = time.thread_time(), list(self._log.history)
+            for source in sources:
+                self._look(source, source == sources[turn % len(sources)])
+            turn += 1
+            # by processor time: on a busy machine it must not give way twice
+            self._done.wait(min(max(0.5, (time.thread_time() - begun) * (1.0 / _SHARE - 1.0)), 5.0))
+
+    def _look(self, source: str, ahead: bool) -> None:
+        """Look at a sensor; keep the forecast of the time before, unless a new one is due or conditions have changed."""
+        changed, before = self._log.state.changed, self.of(source)
+        found = self.look(source, ahead)
+        if not ahead and before is not None:
+            found = replace(found, forecast=before.forecast)
+        self._seen[source] = (changed, found)
+
+    def look(self, source: str, ahead: bool = True) -> Outlook:
+        """Return what the readings of a sensor say now, with a forecast if asked."""
+        log, sensor = self._log, self._log.sensors.get(source)
+        times, celsius = log.history[source].arrays()
+        if times.size < 2:
+            return Outlook(None, None, "too early")
+        offset = sensor.certificate.offset if sensor is not None and sensor.certificate is not None else 0.0
+        step = 2.0 ** (8 - log.state.bits.get(source, log.settings.bits))
+        channel = Channel.of(source, celsius + ICE - offset, column=source, resolution=step)
+        record = Record.from_arrays(log.store.path.name, times, {source: channel}, synthetic=False)
+        try:
+            found = channel_stability(record, source, self.rule)
+        except RecordError:  # the rule looks further back than the readings go
+            return Outlook(None, None, "too early")
+        enough = ahead and times.size >= FEWEST and times[-1] - times[0] >= SHORTEST
+        told = forecast(record, source, rule=self.rule) if enough else None
+        return Outlook(found.rate, found.error, found.verdict, told)
+
+
+def live_table(log: Logger, judge: Judge, width: int, height: int) -> Text:
+    """Return the table as it is, in at most `height` lines of at most `width` characters."""
+    head = [*_head(log, width), _rule_line(log, judge)]
+    foot = [log.last_mark] if log.last_mark else []
+    rows = [_cells(log, judge, source, width < _NARROW) for source in _sources(log)]
+    room = max(1, height - len(head) - len(foot) - 2)
+    rest = ""
+    if len(rows) > room:
+        rows.sort(key=lambda row: _WORST.index(row[0]))
+        left, rows = rows[room - 1 :], rows[: room - 1]
+        kinds = {word: sum(row[0] == word for row in left) for word in _WORST}
+        rest = f"... and {len(left)} more: " + ", ".join(f"{count} {word or 'silent'}" for word, count in kinds.items() if count)
+    out = Text(no_wrap=True, overflow="crop")
+    for line in head:
+        out.append(line[:width] + "\n", style="bold red" if "DISK FULL" in line else "")
+    title = ("channel", "degC", "K/h", "by the rule", "will end at")
+    widths = [max(len(row[1][k]) for row in [("", title), *rows]) for k in range(5)]
+    widths[0] = max(8, min(widths[0], width - sum(widths[1:]) - 8))
+    out.append(_joined(title, widths)[:width] + "\n", style="bold")
+    for word, cells in rows:
+        out.append(_joined(cells, widths)[:width] + "\n", style=_STYLE.get(word, ""))
+    if rest:
+        out.append(rest[:width] + "\n")
+    out.append("\n".join(line[:width] for line in foot), style="dim")
+    return out
+
+
+def _head(log: Logger, width: int) -> list[str]:
+    """Return what is said of the log, and of heaters and supply."""
+    state, bad = log.state, sum(log.watch.counts.values())
+    counts = f"{state.lines} lines, {state.missing} missing, {bad} faulty"
+    lines = [f"{log.store.path.name}  {duration_text(state.seconds)}  {counts}"]
+    if len(lines[0]) > width:
+        lines = [f"{_short(log.store.path.name, width)}", f"{duration_text(state.seconds)}  {counts}"]
+    if log.store.waiting:
+        lines.append(f"DISK FULL: {log.store.waiting / 1e3:.0f} kB wait in memory")
+    if others := _others(log):
+        lines.append(others)
+    return lines
+
+
+def _others(log: Logger) -> str:
+    """Return heaters and supply in one line."""
+    names = {"H": "heater", "V": "voltage", "I": "current"}
+    out = []
+    for source in sorted({*log.watch.values, *log.watch.faults}):
+        if len(source) == 16:
+            continue
+        fault, value = log.watch.faults.get(source), log.watch.values.get(source)
+        name = f"{names[source[0]]}{source[1:]}"
+        if fault or value is None:
+            out.append(f"{name} FAULT {fault}")
+        else:
+            out.append(f"{name} {value * 100:g} %" if source[0] == "H" else f"{name} {value:.4g} {'V' if source[0] == 'V' else 'A'}")
+    return "  ".join(out)
+
+
+def _rule_line(log: Logger, judge: Judge) -> str:
+    """Return the rule, and how long conditions have been as they are."""
+    held = duration_text(log.state.seconds - log.state.changed)
+    since = f"heaters as they are for {held}" if log.state.changed else f"watched for {held}"
+    doubt = "" if judge.rule.mark != "memory" else " (its number is from memory)"
+    return f"rule {judge.rule.name}{doubt}; {since}"
+
+
+def _sources(log: Logger) -> list[str]:
+    """Return the sensors: those of the map in its order, then others."""
+    roms = {source for source in {*log.watch.values, *log.watch.faults, *log.state.bits} if len(source) == 16}
+    return [*log.sensors, *sorted(roms - set(log.sensors))]
+
+
+def _cells(log: Logger, judge: Judge, source: str, narrow: bool) -> tuple[str, tuple[str, ...]]:
+    """Return the state of a channel, and its cells."""
+    name, fault, value = log.name_of(source), log.watch.faults.get(source), log.watch.values.get(source)
+    if fault:
+        return "fault", (name, "FAULT", "", fault, "")
+    if value is None:
+        return "", (name, "-", "", "", "")
+    sensor, found = log.sensors.get(source), judge.of(source)
+    offset = sensor.certificate.offset if sensor is not None and sensor.certificate is not None else 0.0
+    shown = f"{value - offset:.2f}"
+    if found is None:
+        return "too early", (name, shown, "", "too early", "")
+    rate = "" if found.rate is None or found.error is None else f"{found.rate * HOUR:+.2f}"
+    if rate and not narrow:
+        rate += f" +- {(found.error or 0.0) * HOUR:.2f}"
+    return found.verdict, (name, shown, rate, _when(log, found), _end(found, narrow))
+
+
+def _when(log: Logger, found: Outlook) -> str:
+    """Return the verdict of the rule, and when it will hold."""
+    holds = None if found.forecast is None else found.forecast.holds
+    remaining = None if holds is None else holds - log.state.seconds
+    if found.verdict != "not stable" or remaining is None or remaining <= 0.0:
+        return found.verdict
+    for limit, size, unit in ((5400.0, HOUR, "h"), (90.0, 60.0, "min"), (0.0, 1.0, "s")):
+        if remaining >= limit:
+            return f"in {remaining / size:.2g} {unit}" if remaining / size < 10.0 else f"in {remaining / size:.0f} {unit}"
+    return found.verdict
+
+
+def _end(found: Outlook, narrow: bool) -> str:
+    """Return where a channel will end, or that nobody can say yet."""
+    if found.forecast is None:
+        return ""
+    if found.forecast.declined:
+        return "open"
+    final = found.forecast.final
+    return f"{final.value - ICE:.2f}" + ("" if narrow else f" +- {final.error:.2f}")
+
+
+def _joined(cells: Sequence[str], widths: Sequence[int]) -> str:
+    """Return a line: the name to the left, numbers to the right."""
+    first = _short(cells[0], widths[0]).ljust(widths[0])
+    return "  ".join([first, *(cell.rjust(width) for cell, width in zip(cells[1:], widths[1:], strict=True))])
+
+
+def _short(name: str, width: int) -> str:
+    """Return a name without its middle: names of one kind differ at their ends, ROMs too."""
+    if len(name) <= width:
+        return name
+    tail = (width - 2) // 2
+    return f"{name[: width - 2 - tail]}..{name[len(name) - tail :]}"
+
+
+def plain_line(log: Logger, judge: Judge) -> str:
+    """Return the table as one line, for an output that is no terminal."""
+    cells = [_cells(log, judge, source, True)[1] for source in _sources(log)]
+    said = []
+    for name, value, rate, verdict, end in cells:
+        text = f"{name} {value} degC" if value not in ("FAULT", "-") else f"{name} {value} {verdict}".rstrip()
+        if rate:
+            text += f" ({rate} K/h, {verdict}" + (f", will end at {end}" if end not in ("", "open") else "") + ")"
+        said.append(text)
+    others = _others(log)
+    return f"{duration_text(log.state.seconds)}: " + ", ".join([*said, *([others] if others else [])])

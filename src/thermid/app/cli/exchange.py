@@ -1,0 +1,273 @@
+"""Commands of other tools' files: import, write-back, export, equations."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Sequence
+from pathlib import Path
+from typing import Annotated, Any
+
+import typer
+
+from thermid.app.cli.options import (
+    Accept,
+    AsPrinted,
+    Boundaries,
+    Deck,
+    Duration,
+    Force,
+    Json,
+    KeepValues,
+    Loads,
+    Parameters,
+    ScenarioPath,
+    Start,
+    Vacuum,
+    ValuesPath,
+    fitted_model,
+    leave,
+    pairs,
+    say,
+    scenario_of,
+)
+from thermid.app.cli.screen import show
+from thermid.base.errors import DeckError, OutputError, refuse_unknown
+from thermid.base.extensions import require
+from thermid.base.files import COPY, DECK, EQUATIONS, EXPORT, SCENARIO, FileKind, may_write, read_bytes, write_bytes, write_text
+from thermid.base.units import counted
+from thermid.interop.c99 import to_c
+from thermid.interop.decks import NetworkFile, balance, read_esatan, read_sinda, sinda_print, to_esatan, to_sinda
+from thermid.interop.equations import equations as derived
+from thermid.interop.fmu import to_fmu
+from thermid.interop.initfcn import read_initfcn
+from thermid.interop.modelica import to_modelica
+from thermid.interop.octave import to_octave
+from thermid.interop.spice import to_spice
+from thermid.model.deck import load_model, model_from_dict, save_model, toml_text
+from thermid.model.laws import literal
+from thermid.model.tree import Model
+from thermid.simulation.scenarios import Scenario
+from thermid.values.store import model_standing
+
+COMMENTS = {"octave": "%", "c": "//", "modelica": "//", "spice": "*", "sinda": "C", "esatan": "#"}
+"""Form of an export -> what begins a comment in it."""
+To = Annotated[Path | None, typer.Option("--to", help="The file to write; standard output without it.")]
+
+
+def _say(text: str, to: Path | None, as_json: bool, kind: FileKind, comment: str, **more: Any) -> None:
+    """Write a text to its file or to standard output."""
+    if to is not None:
+        write_text(to, text, kind, comment)
+    if as_json:
+        shown = {"file": to.name} if to is not None else {"text": text}
+        say(True, {**shown, **more}, "")
+    elif to is not None:
+        show(f"written: {to}")
+    else:
+        typer.echo(text, nl=False)
+
+
+def import_file(
+    file: Annotated[
+        Path,
+        typer.Argument(help="A SINDA case (.inp, .cc), an ESATAN deck (.d) or an InitFcn script (.m): name = expression; % comment [unit]"),
+    ],
+    to: Annotated[Path | None, typer.Option("--to", help="The deck to write; what was read is only shown without it.")] = None,
+    case: Annotated[
+        Path | None, typer.Option("--scenario", help="The scenario to write: boundaries, starts, courses of SINDA or ESATAN.")
+    ] = None,
+    results: Annotated[
+        Path | None, typer.Option("--results", help="SINDA's printed output (.out): the balance of each node at its last temperatures.")
+    ] = None,
+    block: Annotated[
+        bool,
+        typer.Option("--block", help="Of a script: write one mass that convects and is heated around the values, each found by its unit."),
+    ] = False,
+    force: Force = False,
+    as_json: Json = False,
+) -> None:
+    """Read a SINDA or ESATAN deck, or an InitFcn script.
+
+    A deck becomes a model and a scenario; of a script the values are read. What cannot be said is listed.
+    """
+    if file.suffix.lower() == ".m":
+        _import_script(file, to, block, force, as_json)
+        return
+    network = _network(file)
+    model, closing = network.model(), None
+    if results is not None:
+        closing = balance(network, network.celsius(sinda_print(results)[-1]))
+    if to is not None:
+        save_model(model, to)
+    if case is not None:
+        write_text(case, toml_text(network.case()), SCENARIO)
+    shown = {
+        "nodes": len(network.nodes),
+        "conductors": len(network.conductors),
+        "loads": len(network.loads),
+        "groups": network.groups(),
+        "dropped": [str(each) for each in network.remarks if each.dropped],
+        "remarks": [str(each) for each in network.remarks if not each.dropped],
+    }
+    if closing is not None:
+        shown["not_closed_W"] = closing.open()
+    files = [f"written: {each}" for each in (to, case) if each is not None]
+    say(as_json, shown, "\n".join([str(network), *([str(closing)] if closing is not None else []), *files]))
+
+
+def write_back(
+    file: Annotated[Path, typer.Argument(help="The SINDA case (.inp, .cc) or ESATAN deck (.d) that `thermid import` read.")],
+    deck: Annotated[Path, typer.Argument(help="The deck that the import wrote.")],
+    to: Annotated[Path, typer.Option("--to", help="The folder for the changed files; the read ones stay as they are.")],
+    values: ValuesPath = None,
+    keep_values: KeepValues = False,
+    param: Parameters = [],  # noqa: B006
+    accept: Accept = None,
+    force: Force = False,
+    as_json: Json = False,
+) -> None:
+    """Write fitted values into copies of a SINDA or ESATAN deck.
+
+    The copies are equal but for the numbers that changed, each with a comment.
+    """
+    network = _network(file)
+    model = fitted_model(deck, values, keep_values, param)
+    standing = model_standing(model).accept(accept or ())
+    texts, left = network.written_back(model), network.not_written_back(model)
+    targets = {to / Path(name).name: text for name, text in texts.items()}
+    if targets:
+        to.mkdir(parents=True, exist_ok=True)
+    for target, text in targets.items():
+        write_bytes(target, text.encode("latin-1"), COPY)
+    lines = [f"written: {target}" for target in targets]
+    if not targets:
+        lines = ["no file was written" if left else "nothing differs from the deck: no file was written"]
+    if left:
+        what = f"INCOMPLETE: {counted(len(left), 'changed value')} without a number of its own in the deck, not written: {', '.join(left)}"
+        lines.insert(0, what)
+    shown = {"files": [target.name for target in targets], "not_written": list(left), "standing": standing.to_dict()}
+    say(as_json, shown, "\n".join(lines))
+    leave(standing)
+
+
+def _network(file: Path) -> NetworkFile:
+    """Return the network of a deck; its content tells which tool wrote it."""
+    head = read_bytes(file)[:1_000_000].decode("latin-1") if file.is_file() else ""
+    if re.search(r"^\s*\$MODEL\b", head, re.MULTILINE | re.IGNORECASE):
+        return read_esatan(file)
+    if not head or re.search(r"^\s*HEADER\s+\w+", head, re.MULTILINE | re.IGNORECASE):
+        return read_sinda(file)
+    raise DeckError("it has neither $MODEL (ESATAN) nor HEADER (SINDA); an InitFcn script ends with .m.", str(file))
+
+
+def _import_script(script: Path, to: Path | None, block: bool, force: bool, as_json: bool) -> None:
+    """Read the parameters of an InitFcn script and write them as a deck."""
+    script_values = read_initfcn(script)
+    title = (to or script).stem
+    if to is not None:
+        may_write(to, DECK.of(title))
+    deck = script_values.block(title) if block else script_values.deck(title)
+    model = model_from_dict(deck)
+    if to is not None and not force and to.is_file():
+        if load_model(to) != model:
+            raise OutputError("another deck is there already. Give another name or move it away; --force replaces it.", str(to))
+    elif to is not None:
+        save_model(model, to)
+    shown = {"file": to.name} if to is not None else {}
+    parameters = {n: {"text": p.text, "number": script_values.numbers[n], "note": p.note} for n, p in script_values.parameters.items()}
+    rest = "" if block else "; its nodes, surfaces and loads are still to be written"
+    text = f"{script_values}\nwritten: {to}{rest}" if to is not None else script_values
+    say(as_json, {**shown, "parameters": parameters, "remarks": list(script_values.remarks)}, text)
+
+
+def export(
+    deck: Deck,
+    form: Annotated[
+        str,
+        typer.Option(
+            "--as",
+            help="octave (also for MATLAB), c (C99 header), modelica (package), spice (netlist), sinda, esatan (deck), fmu (with --to).",
+        ),
+    ] = "octave",
+    to: To = None,
+    fmi: Annotated[str, typer.Option("--fmi", help="Version of the FMU: 3.0 or 2.0.")] = "3.0",
+    scenario: ScenarioPath = None,
+    boundary: Boundaries = [],  # noqa: B006
+    param: Parameters = [],  # noqa: B006
+    load: Loads = [],  # noqa: B006
+    start: Start = None,
+    duration: Duration = None,
+    vacuum: Vacuum = False,
+    as_printed: AsPrinted = False,
+    values: ValuesPath = None,
+    keep_values: KeepValues = False,
+    accept: Accept = None,
+    force: Force = False,
+    step: Annotated[
+        str | None, typer.Option("--step", help="Length of a step of the C header: 5 [s]; the longest with an error of 1 mK without it.")
+    ] = None,
+    library: Annotated[
+        str | None, typer.Option("--library", help="Of a Modelica package: modelica, its Standard Library, or none: parts of its own.")
+    ] = None,
+    as_json: Json = False,
+) -> None:
+    """Write a model as C, Modelica, FMI, Octave, SPICE, SINDA, ESATAN.
+
+    The scenario is written with it. What the format cannot say is refused.
+    """
+    forms = (*COMMENTS, "fmu")
+    refuse_unknown([form], forms, "--as", f"a model is not written as '{{}}'.{{near}} There are {', '.join(forms)}.", DeckError)
+    model = fitted_model(deck, values, keep_values, param)
+    conditions = scenario_of(scenario, boundary, load, start, duration, vacuum, as_printed)
+    if step is not None and form != "c":
+        raise DeckError(f"a step is of a C header; '{form}' has no steps of its own.", "--step")
+    if library is not None and form != "modelica":
+        raise DeckError(f"a library is of a Modelica package; '{form}' has none.", "--library")
+    if form == "fmu":
+        _export_fmu(model, conditions, to, fmi, accept or (), as_json)
+        return
+    name = to.stem if to is not None else ""
+    if form == "octave":
+        text = to_octave(model, conditions, name=name)
+    elif form == "c":
+        text = to_c(model, conditions, name=name, step=literal(step, "s", "--step") if step is not None else None)
+    elif form == "modelica":
+        text = to_modelica(model, conditions, name=name, library=library or "modelica")
+    else:
+        text = {"spice": to_spice, "sinda": to_sinda, "esatan": to_esatan}[form](model, conditions)
+    standing = model_standing(model).accept(accept or ())
+    if not standing.fair and not as_json:
+        show(standing.line(), err=True)  # what is written is for another tool to read
+    _say(text, to, as_json, EXPORT, COMMENTS[form], standing=standing.to_dict())
+    leave(standing)
+
+
+def _export_fmu(model: Model, conditions: Scenario, to: Path | None, version: str, accept: Sequence[str], as_json: bool) -> None:
+    """Write an FMU, and say what is fixed in it."""
+    if to is None:
+        raise OutputError("an FMU is a file of bytes: give it a name, --to model.fmu.", "--as fmu")
+    written = to_fmu(model, conditions, to, version)
+    standing = model_standing(model).accept(accept)
+    shown = {"file": to.name, **written.to_dict(), "standing": standing.to_dict()}
+    say(as_json, shown, standing.over(f"{written}\nwritten: {to}"))
+    leave(standing)
+
+
+def equations(
+    deck: Deck,
+    form: Annotated[str, typer.Option("--as", help="text, latex, python or octave.")] = "text",
+    name: Annotated[list[str], typer.Option("--name", help="PATH=SYMBOL of a conductor, node or load, such as stack.gap=R_cn3.")] = [],  # noqa: B006
+    to: To = None,
+    force: Force = False,
+    as_json: Json = False,
+) -> None:
+    """Derive the state equations of a linear model as symbols.
+
+    Needs sympy.
+    """
+    require("symbolic", "thermid equations")
+    forms = ("text", "latex", "python", "octave")
+    refuse_unknown([form], forms, "--as", "equations are not written as '{}'.{near} There are {known}.", DeckError)
+    system = derived(load_model(deck), pairs(name, "--name"))
+    text = f"{system}\n" if form == "text" else str(getattr(system, form)())
+    _say(text, to, as_json, EQUATIONS, "%" if form in ("latex", "octave") else "#", symbols=dict(system.symbols))

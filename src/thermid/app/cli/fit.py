@@ -1,0 +1,397 @@
+"""Commands of a campaign: calibrate, report, identify, credibility, swap; and those that ask a fitted model: predict, hold."""
+
+from __future__ import annotations
+
+import math
+import tomllib
+from collections.abc import Sequence
+from dataclasses import replace
+from pathlib import Path
+from typing import Annotated, Any
+
+import typer
+
+from thermid.app.cli.options import (
+    Accept,
+    Audience,
+    CampaignPath,
+    Data,
+    Force,
+    Json,
+    Moments,
+    Page,
+    Pdf,
+    Results,
+    ScenarioPath,
+    Vacuum,
+    Verbose,
+    Whole,
+    campaign_progress,
+    leave,
+    moments,
+    pairs,
+    ready,
+    say,
+    staged,
+    with_unit,
+    writable,
+    written,
+)
+from thermid.app.cli.screen import Progress, show, working
+from thermid.app.cli.summary import show_campaign
+from thermid.base.errors import ScenarioError, SolverError
+from thermid.base.files import CREDIBILITY, PICTURE, TABLE, VALUES, may_write
+from thermid.campaign import studies as origins
+from thermid.campaign.stages import Campaign, file_name, local_of, plain_readings, read_campaign, scenario_of, survey
+from thermid.campaign.studies import plan_retune
+from thermid.fit.calibration import Calibration
+from thermid.fit.estimation import estimated
+from thermid.fit.problem import LocalSpec
+from thermid.model.laws import literal
+from thermid.prediction import bands as prediction
+from thermid.prediction.bands import predict_record, second_opinion
+from thermid.prediction.members import load_hold
+from thermid.reporting import pages as page
+from thermid.reporting.objects import calibration_object, campaign_object, campaign_standing, retune_object
+from thermid.reporting.pages import check_audience, tables_folder
+from thermid.reporting.pictures import picture
+from thermid.simulation.scenarios import load_scenario
+
+Kept = Annotated[Path | None, typer.Option("--to", help="Folder for the values files; 'results' beside the campaign by default.")]
+Fresh = Annotated[bool, typer.Option("--fresh", help="Run every stage, also those whose model, logs and request are unchanged.")]
+
+
+def _run(path: Path, data: Path | None, to: Path | None, fresh: bool, accept: list[str] | None) -> tuple[Campaign, list[Path]]:
+    """Run a campaign with progress, taking finished stages from the results folder."""
+    folder = to if to is not None else path.parent / "results"
+    for stage in read_campaign(path).content.stages if folder.is_dir() else ():
+        may_write(folder / f"{file_name(stage.name)}.values.toml", VALUES.of(stage.name))
+    campaign = staged(path, data, folder, accept, fresh=fresh)
+    return campaign, campaign.save(folder)
+
+
+def calibrate(
+    campaign: CampaignPath,
+    data: Data = None,
+    to: Kept = None,
+    fresh: Fresh = False,
+    accept: Accept = None,
+    force: Force = False,
+    verbose: Verbose = False,
+    as_json: Json = False,
+) -> None:
+    """Fit the stages of a campaign to logs and judge hold-out records.
+
+    Exit code 1 if a verdict failed or a fit is not credible, 4 if the data cannot decide.
+    """
+    result, files = _run(campaign, data, to, fresh, accept)
+    names = [f.name for f in files]
+    if as_json:
+        say(True, campaign_object(result, names), "")
+    elif verbose:
+        again = [
+            f"fitted again: {stage}; changed since the results were kept: {', '.join(changed)}"
+            for stage, changed in result.changed.items()
+            if changed
+        ]
+        inputs = [f"{stage}: inputs\n{fit.inputs.indented}" for stage, fit in result.stages.items() if fit.inputs.rows]
+        show("\n\n".join([str(result), *inputs, *again, f"values: {', '.join(names)}"]))
+    else:
+        show_campaign(result, names)
+    leave(result.standing, result.exit_code)
+
+
+def report(
+    campaign: CampaignPath,
+    to: Page = None,
+    pdf: Pdf = None,
+    data: Data = None,
+    results: Annotated[Path | None, typer.Option("--results", help="Folder for the values files.")] = None,
+    audience: Audience = "all",
+    fresh: Fresh = False,
+    accept: Accept = None,
+    force: Force = False,
+    as_json: Json = False,
+) -> None:
+    """Run a campaign and write its report as a page, a PDF or both.
+
+    Exit code as for calibrate.
+    """
+    if to is None and pdf is None:
+        raise ScenarioError("a report needs a file: --to page.html, --pdf page.pdf, or both.", "command line")
+    to, pdf = ready(to, pdf)
+    check_audience(audience)
+    result, _ = _run(campaign, data, results, fresh, accept)
+    beside = tables_folder(to or pdf or "")
+    with working("writing the report"):
+        files = written(lambda path: page.report(result, to=path, audience=audience, tables_to=beside), to, pdf)
+    text = result.standing.over("\n".join(f"report: {path}" for path in files.values()), "stage")
+    say(as_json, {**files, "passed": result.passed, "standing": campaign_standing(result)}, text)
+    leave(result.standing, result.exit_code)
+
+
+def identify(
+    campaign: CampaignPath,
+    stage: Annotated[str, typer.Option("--stage", help="One stage; all of them without it.")] = "",
+    after: Annotated[bool, typer.Option("--after", help="Look at the ends of the fits, not at their starts.")] = False,
+    data: Data = None,
+    results: Results = None,
+    verbose: Whole = False,
+    as_json: Json = False,
+) -> None:
+    """Show which parameters the logs can identify, before a fit.
+
+    Parameters that cannot be separated are named, with the measurement that would help.
+    """
+    with campaign_progress(campaign) as progress:
+        stages = survey(campaign, stage, after=after, data=data, cache=results or campaign.parent / "results", notice=progress)
+    text = "\n\n".join(f"{i}\n  inputs:\n{i.inputs.indented}" for i in stages.values())
+    say(as_json, {"stages": {name: i.to_dict() for name, i in stages.items()}}, text, verbose)
+
+
+def estimate(
+    campaign: CampaignPath,
+    noise: Annotated[
+        list[str],
+        typer.Option(
+            "--noise",
+            help="What drives a node, load or boundary: wall=free, wall='2e-3 [K/s^0.5]', or heater='free over 20 [min]', which forgets "
+            "after that time.",
+        ),
+    ],
+    stage: Annotated[str, typer.Option("--stage", help="The stage; the last one by default.")] = "",
+    start: Annotated[list[str], typer.Option("--start-sd", help="NODE=DEVIATION of a start, such as wall='0.1 [K]'.")] = [],  # noqa: B006
+    horizon: Annotated[
+        str, typer.Option("--horizon", help="Over which left-out readings are foreseen; a fifth of the log by default.")
+    ] = "",
+    scenario: ScenarioPath = None,
+    data: Data = None,
+    results: Results = None,
+    verbose: Whole = False,
+    as_json: Json = False,
+) -> None:
+    """Fit a stage with process noise and compare its forecasts.
+
+    Process noise and output error are compared on left-out readings over a horizon; --scenario predicts a run by both, with the noise in
+    its bands. Exit code 1 if the search did not converge.
+    """
+    conditions = load_scenario(scenario) if scenario is not None else None
+    result = staged(campaign, data, results)
+    request = result.requests[result[stage].stage if stage else list(result)[-1]]
+    found = estimated(replace(request, fit_start=False), pairs(noise, "--noise"), pairs(start, "--start-sd"), with_unit(horizon, "s"))
+    said, lines = found.as_object(), [str(found)]
+    if conditions is not None:
+        runs = {e.name: found.predict(conditions, by=e.name) for e in (found.chosen, found.process, found.output)}
+        lines += [f"prediction by {n}:\n{run}" for n, run in runs.items()]
+        said |= {"predictions": {n: run.as_object() for n, run in runs.items()}}
+    say(as_json, said, "\n".join(lines), verbose)
+    raise SystemExit(0 if found.chosen.maximum.converged else 1)
+
+
+def credibility(
+    campaign: CampaignPath,
+    data: Data = None,
+    results: Results = None,
+    to: Annotated[Path | None, typer.Option("--to", help="The file to write, JSON or TOML; standard output without it.")] = None,
+    force: Force = False,
+    verbose: Whole = False,
+    as_json: Json = False,
+) -> None:
+    """List source, state, tests, date and range of every value.
+
+    Level and origin of every value are listed too; --to writes JSON or TOML.
+    """
+    writable((to, CREDIBILITY))
+    record = origins.credibility(staged(campaign, data, results))
+    if to is not None:
+        record.save(to)
+    say(as_json, record.to_dict(), f"written: {to}" if to is not None else record, verbose)
+
+
+def swap(
+    campaign: CampaignPath,
+    part: Annotated[str, typer.Argument(help="Path of the part in the model of the last stage, such as pre.ele.")],
+    deck: Annotated[Path, typer.Argument(help="Deck of the part that replaces it.")],
+    data: Annotated[Path | None, typer.Option("--data", help="Folder of the logs before the swap; THERMID_DATA does the same.")] = None,
+    results: Results = None,
+    new_data: Annotated[Path | None, typer.Option("--new-data", help="Folder of the repeated tests: retune with them.")] = None,
+    part_only: Annotated[bool, typer.Option("--part-only", help="Fit the new part to its own tests alone, before the others.")] = False,
+    to: Annotated[Path | None, typer.Option("--to", help="Folder for the values files of the retune.")] = None,
+    accept: Accept = None,
+    force: Force = False,
+    verbose: Whole = False,
+    as_json: Json = False,
+) -> None:
+    """Plan the replacement of a part: which tests and fits are due.
+
+    The plan lists what is assumed. With --new-data, only the stages that are due are fitted.
+    """
+    if to is not None and new_data is None:
+        raise ScenarioError("without a retune there are no values to write. Give the folder of the repeated tests: --new-data.", "--to")
+    if to is not None:
+        to.mkdir(parents=True, exist_ok=True)  # a name that is no folder's is refused before minutes of work
+    plan = plan_retune(staged(campaign, data, results, accept), part, deck)
+    content: dict[str, Any] = {"plan": retune_object(plan)}
+    texts, standing, code = [str(plan)], plan.standing, 0
+    if new_data is not None:
+        retuned = plan.run(new_data, part_only=part_only)
+        standing, code = retuned.standing, retuned.exit_code
+        run = [s.name for s in plan.stages if s.action == "run" and (s.alone or not part_only)]
+        content["stages"] = [calibration_object(retuned[name]) for name in run]
+        texts += [str(retuned[name]) for name in run]
+        if to is not None:
+            content["values_files"] = [f.name for f in retuned.save(to)]
+            texts.append(f"values: {', '.join(content['values_files'])}")
+    say(as_json, {**content, "standing": standing.to_dict()}, "\n\n".join(texts), verbose)
+    leave(standing, code)
+
+
+def predict(
+    campaign: CampaignPath,
+    stage: Annotated[str, typer.Option("--stage", help="The stage whose values are used; the last one by default.")] = "",
+    scenario: ScenarioPath = None,
+    record: Annotated[
+        list[str], typer.Option("--record", help="A logged run of the campaign in place of a scenario, or a pattern; may be repeated.")
+    ] = [],  # noqa: B006
+    spread: Annotated[
+        list[str],
+        typer.Option("--spread", help="NAME=SPREAD of what is not known exactly, such as air='1 [K]' or scale.heater='2 [%]'."),
+    ] = [],  # noqa: B006
+    at: Moments = [],  # noqa: B006
+    draws: Annotated[int, typer.Option("--draws", min=0, help="Members drawn, for spreads so wide that derivatives do not do.")] = 0,
+    vacuum: Vacuum = False,
+    csv: Annotated[Path | None, typer.Option("--csv", help="Write temperatures and bands to a CSV file.")] = None,
+    force: Force = False,
+    data: Data = None,
+    results: Results = None,
+    accept: Accept = None,
+    verbose: Whole = False,
+    as_json: Json = False,
+) -> None:
+    """Predict a scenario with a fitted stage, with 95 % bands.
+
+    The bands are broken down into their causes. A logged run is compared with its readings.
+    """
+    if (scenario is None) == (not record):
+        raise ScenarioError("a prediction needs a scenario, --scenario FILE, or a logged run, --record NAME; one of both.", "command line")
+    conditions = load_scenario(scenario) if scenario is not None else None
+    writable((csv, TABLE))
+    stages = staged(campaign, data, results, accept)
+    name = stage or list(stages)[-1]
+    if conditions is None:
+        _predict_records(campaign, data, stages[name], name, record, as_json, verbose)
+        return
+    predicted = prediction.predict(stages[name], conditions.vacuum() if vacuum else conditions, spread=_spreads(spread), draws=draws)
+    times = moments(at, conditions.seconds)
+    if csv is not None:
+        predicted.to_csv(csv)
+    lines = [str(predicted), *(f"  at {t:g} s: " + ", ".join(f"{n} {b.at(t)}" for n, b in predicted.bands.items()) for t in times)]
+    say(as_json, {"stage": name, **predicted.to_dict(times)}, "\n".join(lines), verbose or bool(times))
+    leave(predicted.standing)
+
+
+def _predict_records(
+    campaign: Path, data: Path | None, fit: Calibration, name: str, patterns: Sequence[str], as_json: bool, verbose: bool
+) -> None:
+    """Say what a stage predicts of logged runs, each beside its readings; as the verdict on a run takes it, else as the stage does."""
+    source = read_campaign(campaign, data)
+    stage = next(s for s in source.content.stages if s.name == name)
+    scores = []
+    for run in source.pick(patterns, "--record"):
+        verdict = next((v for v in source.content.verdicts if v.model == name and run in source.pick([v.record], "verdicts")), None)
+        own = {n: _as_table(s) for n, s in source.local_of_record(run).items()}
+        scenario = verdict.scenario if verdict is not None and verdict.scenario is not None else stage.scenario
+        readings = verdict.readings if verdict is not None and verdict.readings is not None else stage.readings
+        local = local_of(verdict.local) if verdict is not None else local_of(stage.local) | own
+        scores.append(
+            predict_record(
+                fit,
+                source.bound(run, stage),
+                scenario=scenario_of(scenario, run),
+                local=local,
+                readings=plain_readings(readings),
+                window=literal(stage.window, "s", "window"),
+            )
+        )
+    lines = [str(t) for t in scores]
+    if len(scores) > 1:
+        lines.append(
+            f"{len(scores)} runs: {100 * sum(t.inside() for t in scores) / len(scores):.0f} % of the readings inside their 95 % bands"
+        )
+    fresh = [t for t in scores if t.record not in fit.records]
+    opinion = second_opinion(fresh)
+    if len(fresh) < len(scores):
+        lines.append(f"fitted by the stage itself: {', '.join(t.record for t in scores if t.record in fit.records)}")
+    if opinion is not None:
+        lines.append(str(opinion))
+    said = {"records": [t.to_dict() for t in scores], "second_opinion": opinion.to_dict() if opinion is not None else None}
+    say(as_json, {"stage": name, **said}, "\n".join(lines), verbose)
+    leave(fit.standing)
+
+
+def _as_table(spec: LocalSpec) -> dict[str, str]:
+    """Return a value that each record has for itself as a table."""
+    return {"start": spec.start} | ({"sd": f"{spec.sd} [K]"} if math.isfinite(spec.sd) else {})
+
+
+def _spreads(texts: list[str]) -> dict[str, Any]:
+    """Return ``NAME=SPREAD`` options as a dictionary; a spread in braces is read as an inline table."""
+    out: dict[str, Any] = {}
+    for text in texts:
+        name, equals, value = text.partition("=")
+        if not equals or not name.strip() or not value.strip():
+            raise ScenarioError(f"'{text}' must be written as NAME=SPREAD, such as air=1 [K].", "--spread")
+        try:
+            out[name.strip()] = tomllib.loads(f"x = {value}")["x"] if value.lstrip().startswith("{") else value.strip()
+        except tomllib.TOMLDecodeError as error:
+            raise ScenarioError(f"'{value}' is no table such as {{ low = '-2 [K]', high = '2 [K]' }}: {error}", "--spread") from None
+    return out
+
+
+def hold(
+    question: Annotated[Path, typer.Argument(help="A hold question (TOML): model, scenario, limits, spread.")],
+    members: Annotated[int, typer.Option("--members", help="How many runs; the file's, or 10000.", min=0)] = 0,
+    to: Annotated[Path | None, typer.Option("--to", help="Folder where runs are kept; 'results' beside the file.")] = None,
+    workers: Annotated[int, typer.Option("--workers", help="Processes of this machine.", min=1)] = 1,
+    cluster: Annotated[str, typer.Option("--cluster", help="Address of a Dask scheduler, tcp://host:8786.")] = "",
+    figure: Annotated[Path | None, typer.Option("--figure", help="Write the curve (png, svg, pdf).")] = None,
+    accept: Accept = None,
+    force: Force = False,
+    verbose: Whole = False,
+    as_json: Json = False,
+) -> None:
+    """Compute how long limits are kept, with probabilities.
+
+    The answer is the probability of passing a limit against time, the safe time, and the inputs that decide it.
+
+    Runs are kept in a folder: an interrupted command goes on where it was.
+    """
+    writable((figure, PICTURE))
+    asked = load_hold(question)
+    folder = to if to is not None else question.parent / "results"
+    with MemberProgress() as progress:
+        try:
+            _, answer = asked.run(n=members, folder=folder, workers=workers, cluster=cluster, progress=progress)
+        except KeyboardInterrupt:
+            done = f"interrupted with {progress.finished} of {progress.members} members done"
+            raise SolverError(f"{done}. The same command goes on from there.") from None
+    answer = replace(answer, standing=answer.standing.accept(accept or ()))
+    if figure is not None:
+        picture(answer, figure)
+    say(as_json, answer.to_dict(), answer, verbose)
+    leave(answer.standing)
+
+
+class MemberProgress(Progress):
+    """Members done and time left."""
+
+    def __init__(self) -> None:
+        super().__init__("members")
+        self.finished, self.members = 0, 0
+        self._at = -1
+
+    def __call__(self, done: int, members: int) -> None:
+        """Show how many members are done; what the folder held took no time."""
+        self._at = done if self._at < 0 else self._at
+        self.finished, self.members = done, members
+        self.now(f"{done} of {members} members", (done - self._at) / (members - self._at) if members > self._at else 1.0)

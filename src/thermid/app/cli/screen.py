@@ -1,0 +1,195 @@
+"""What people see in a terminal: lines that fit, colours by severity, progress of a long command. What is piped stays plain and whole."""
+
+from __future__ import annotations
+
+import os
+import re
+import shutil
+import sys
+import textwrap
+import threading
+import time
+from collections.abc import Callable, Iterable, Iterator, Sequence
+from contextlib import contextmanager
+from typing import TYPE_CHECKING, Final, Self
+
+import typer
+
+from thermid.base.errors import spoken
+
+if TYPE_CHECKING:
+    from rich.console import Console
+
+LONGEST: Final = 100
+"""Characters of a line at most, however wide the terminal is: longer lines are hard to read."""
+SCREEN: Final = 45
+"""Lines that an answer has at most in a terminal without -v, where no warning is lost by that."""
+PATIENCE: Final = 2.0
+"""Time after which a command says how far it is. [s]"""
+STYLES: Final = (
+    ("bold red", r"NOT CREDIBLE|FAILED|NOT JUDGED|(?i:not met)|^\s*(?:\S+: )?error:|(?i:do not use)|: (?:failed|not credible)$"),
+    ("yellow", r"NOT ADEQUATE|^\s*(?:\S+: )?(?:warning|likely mistake|check):|(?i:not decided)|: not adequate$"),
+    ("green", r"\bPASSED\b|: met$|: credible$"),
+    ("dim", r"^\s*note:"),
+)
+"""Style -> what a line of that severity has; the first that matches counts."""
+
+
+def width() -> int:
+    """Characters of a line: those of the terminal (or `COLUMNS`), 80 where there is none, at most `LONGEST`."""
+    return min(LONGEST, shutil.get_terminal_size((80, 24)).columns)
+
+
+def severity(line: str) -> str:
+    """Return the style of a line; empty for a plain one."""
+    return next((style for style, pattern in STYLES if re.search(pattern, line)), "")
+
+
+def folded(line: str, columns: int) -> list[str]:
+    """Return a line as lines of at most so many characters, the further ones indented by two more than the first."""
+    if len(line) <= columns:
+        return [line]
+    indent = " " * min(len(line) - len(line.lstrip()) + 2, columns // 2)
+    return textwrap.wrap(
+        line, columns, subsequent_indent=indent, break_on_hyphens=False, replace_whitespace=False, drop_whitespace=True
+    ) or [""]
+
+
+def brief(lines: Sequence[str], most: int, columns: int) -> list[str]:
+    """Return lines that fill at most so many lines of a terminal, and how many were left out.
+
+    First come the first line, the last one where it has no indent, and those that warn; then the heads of paragraphs (lines without
+    indent), then the others in turn: the first below each head, the second, and so on. They stand in their old order.
+
+    Parameters
+    ----------
+    lines : sequence of str     The whole text.
+    most, columns : int         Lines and columns that there are.
+    """
+    if sum(len(folded(line, columns)) for line in lines) <= most:
+        return list(lines)
+    depth, below = [], 0
+    for line in lines:
+        below = below + 1 if line[:1] in (" ", "") else 0
+        depth.append(below)
+    loud = {style: k for k, (style, _) in enumerate(STYLES[:2])}
+    rank = [loud.get(severity(line), 2) for line in lines]
+    full = [k for k, line in enumerate(lines) if line.strip()]
+    ends = {full[0], *(k for k in full[-1:] if depth[k] == 0)}
+    room, kept = most - 1, set()
+    for k in sorted(full, key=lambda k: (k not in ends, rank[k], depth[k], k)):
+        rows = len(folded(lines[k], columns))
+        if rows <= room:
+            room -= rows
+            kept.add(k)
+    return [*(lines[k] for k in sorted(kept)), f"{len(full) - len(kept)} more lines: -v"]
+
+
+def console(err: bool = False) -> Console:
+    """Return the console of an output: colours in a terminal alone, and none where NO_COLOR is set."""
+    from rich.console import Console
+
+    return Console(stderr=err, width=width(), highlight=False, markup=False, emoji=False, soft_wrap=False)
+
+
+def show(text: str, err: bool = False, whole: bool = True) -> None:
+    """Print a text: folded and coloured in a terminal, where without `whole` it is brief; as it is elsewhere."""
+    stream = sys.stderr if err else sys.stdout
+    if not stream.isatty():
+        typer.echo(text, err=err)
+        return
+    out, lines = console(err), text.split("\n")
+    show_lines(out, lines if whole else brief(lines, SCREEN, out.width))
+
+
+def show_lines(out: Console, lines: Iterable[str], style: str | None = None) -> None:
+    """Print lines, folded and coloured by their severity or in one style."""
+    from rich.text import Text
+
+    for line in lines:
+        for part in folded(line, out.width):
+            out.print(Text(part, style=severity(line) if style is None else style), soft_wrap=True)
+
+
+class Progress:
+    """How far a command is, on standard error, once it takes over `PATIENCE`.
+
+    In a terminal one line says what is done, for how long, and the time left as far as it can be estimated; it is cleared at the end.
+    Elsewhere each new text is one line.
+
+    Parameters
+    ----------
+    text : str          What is being done.
+    share : callable    Returns how much of the work is done, 0 to 1; 0 where nobody knows.
+    """
+
+    def __init__(self, text: str = "", share: Callable[[], float] | None = None) -> None:
+        self.text = text
+        self.done = 0.0
+        self.share: Callable[[], float] = share if share is not None else lambda: self.done
+        self._begun = time.monotonic()
+        self._ended = threading.Event()
+        self._thread: threading.Thread | None = None
+        self._told = ""
+        self._pen = threading.Lock()
+
+    def now(self, text: str, done: float | None = None, step: str = "") -> None:
+        """Say what is done now, and how much of the whole is finished; texts of one step are one line where there is no terminal."""
+        self.text = text
+        self.done = self.done if done is None else done
+        if self._thread is None and (step or text) != self._told and time.monotonic() - self._begun >= PATIENCE:
+            self._told = step or text
+            typer.echo(text, err=True)
+
+    def say(self, text: str) -> None:
+        """Print a text that stays."""
+        if self._thread is None:
+            typer.echo(text, err=True)
+            return
+        with self._pen:  # the line of the other thread would otherwise stand between the wiped line and the text
+            sys.stderr.write("\r\x1b[2K")
+            show(text, err=True)
+
+    def line(self) -> str:
+        """Return the line of a terminal: text, time spent, time left."""
+        spent = spoken(time.monotonic() - self._begun)
+        return f"{self.text}: {spent}{self.left()}" if self.text else f"{spent}{self.left()}"
+
+    def left(self) -> str:
+        """Return the time left in words, with a comma before it; empty where nobody knows."""
+        spent, share = time.monotonic() - self._begun, min(max(self.share(), 0.0), 1.0)
+        return f", about {spoken(spent * (1.0 - share) / share)} left" if 0.0 < share < 1.0 else ""
+
+    def __enter__(self) -> Self:
+        """Begin; the line is drawn beside the work, so that one long step is seen too."""
+        if sys.stderr.isatty() and os.environ.get("TERM") != "dumb":
+            self._thread = threading.Thread(target=self._draw, daemon=True)
+            self._thread.start()
+        return self
+
+    def __exit__(self, *error: object) -> None:
+        """End, and clear the line."""
+        self._ended.set()
+        if self._thread is not None:
+            self._thread.join(1.0)
+
+    def _draw(self) -> None:
+        drawn = False
+        self._ended.wait(PATIENCE)
+        while not self._ended.is_set():
+            drawn = True
+            with self._pen:
+                sys.stderr.write(f"\r\x1b[2K{self.line()[: width() - 1]}")
+                sys.stderr.flush()
+            self._ended.wait(0.5)
+        if drawn:
+            sys.stderr.write("\r\x1b[2K")
+            sys.stderr.flush()
+
+
+@contextmanager
+def working(text: str, seconds: float = 0.0) -> Iterator[Progress]:
+    """Say that something long is being done; `seconds` is what it takes at most, where that is known."""
+    begun = time.monotonic()
+    with Progress(text, (lambda: (time.monotonic() - begun) / seconds) if seconds > 0.0 else None) as progress:
+        yield progress

@@ -1,0 +1,94 @@
+"""Commands of a site: moisture."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Annotated, Any
+
+import typer
+
+from thermid.app.cli.options import (
+    Accept,
+    Boundaries,
+    Deck,
+    Duration,
+    Json,
+    KeepValues,
+    Start,
+    ValuesPath,
+    fitted_model,
+    leave,
+    pairs,
+    say,
+    scenario_of,
+    with_unit,
+)
+from thermid.base.toml_files import read_toml
+from thermid.model.laws import literal
+from thermid.physics.constants import ICE_POINT
+from thermid.site.moisture import Moisture, moisture as moist_run
+from thermid.values.store import model_standing
+
+
+def moisture(
+    deck: Deck,
+    scenario: Annotated[Path | None, typer.Option("--scenario", help="A scenario (TOML); humidities of its gases are taken.")] = None,
+    humidity: Annotated[list[str], typer.Option("--humidity", help="GAS=RELATIVE HUMIDITY, such as air='60 [%]' or air=0.6.")] = [],  # noqa: B006
+    boundary: Boundaries = [],  # noqa: B006
+    start: Start = None,
+    duration: Duration = None,
+    every: Annotated[str, typer.Option("--every", help="Time between outputs.")] = "1 [min]",
+    values: ValuesPath = None,
+    keep_values: KeepValues = False,
+    accept: Accept = None,
+    as_json: Json = False,
+) -> None:
+    """Print the margin to the dew point of every surface.
+
+    Minutes of condensation, water on the surface, and when it is dry again are printed too.
+    """
+    model = fitted_model(deck, values, keep_values)
+    standing = model_standing(model).accept(accept or ())
+    conditions = scenario_of(scenario, boundary, [], start, duration)
+    written = read_toml(scenario)[0].get("environment", {}) if scenario is not None else {}
+    known: dict[str, Any] = {
+        gas: conditions.environment[gas].humidity for gas, table in written.items() if gas != "*" and "humidity" in table
+    }
+    known |= {gas: literal(with_unit(text, "1"), "1", "--humidity") for gas, text in pairs(humidity, "--humidity").items()}
+    answer = moist_run(model, conditions, known, every=with_unit(every, "s"))
+    say(as_json, {**_object(answer), "standing": standing.to_dict()}, standing.over(str(answer)))
+    leave(standing)
+
+
+def _object(answer: Moisture) -> dict[str, Any]:
+    """Return the object of ``thermid moisture --json``."""
+    surfaces = {}
+    for name, s in answer.surfaces.items():
+        k = int(s.margin.argmin())
+        dew = float(answer.dew_points[s.gas][k])
+        surfaces[name] = {
+            "gas": s.gas,
+            "least_margin_K": float(s.margin[k]) if dew > 0.0 else None,
+            "at_s": float(s.times[k]),
+            "dew_point_C": dew - ICE_POINT if dew > 0.0 else None,
+            "condensing_s": s.condensing,
+            "wet_s": s.wet,
+            "film_kg_m2": float(s.film.max()),
+            "latent_J": s.heat,
+        }
+    solution, water = answer.solution, answer.water
+    return {
+        "title": solution.title,
+        "scenario": solution.scenario,
+        "surfaces": surfaces,
+        "water": {
+            "vapour_kg": water.vapour,
+            "films_kg": water.films,
+            "exchanged_kg": water.exchanged,
+            "open_air_kg": water.open_air,
+            "settled_kg": water.settled,
+            "dried_kg": water.dried,
+            "relative": water.relative,
+        },
+        "warnings": [*answer.warnings, *solution.warnings],
+    }

@@ -1,0 +1,208 @@
+"""Commands of the first afternoon: init, improve, example."""
+
+from __future__ import annotations
+
+import sys
+from collections.abc import Sequence
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from thermid.app.cli.options import CampaignPath, Data, Json, leave, pairs, say, staged
+from thermid.app.cli.screen import show, working
+from thermid.app.cli.summary import show_campaign
+from thermid.base.errors import ScenarioError
+from thermid.campaign import start as improved
+from thermid.campaign.start import (
+    EXAMPLES,
+    PUBLIC,
+    TEMPLATES,
+    Roles,
+    copies,
+    copy_example,
+    example_named,
+    parted,
+    propose,
+    roles_of,
+    thinned,
+    word,
+    write_project,
+    write_template,
+)
+from thermid.measure.readers import read_record
+from thermid.measure.records import without_strays
+from thermid.reporting import pages as page
+
+
+def init(
+    logs: Annotated[list[Path] | None, typer.Argument(help="Logs of one unit, in any format; the last of several judges.")] = None,
+    to: Annotated[Path, typer.Option("--to", help="Folder of the project.")] = Path("."),
+    temperature: Annotated[
+        list[str] | None, typer.Option("--temperature", help="COLUMN or COLUMN=PART; all that look like temperatures by default.")
+    ] = None,
+    surroundings: Annotated[
+        str, typer.Option("--surroundings", help="The column of the surroundings, or their temperature: '23 [degC]'.")
+    ] = "",
+    power: Annotated[list[str] | None, typer.Option("--power", help="COLUMN or COLUMN=PART; all that look like powers by default.")] = None,
+    full_scale: Annotated[
+        list[str] | None, typer.Option("--full-scale", help="COLUMN=POWER of a duty at 100 %, such as Q1='1.2 [W]'.")
+    ] = None,
+    name: Annotated[str, typer.Option("--name", help="Name of the model.")] = "",
+    time: Annotated[str | None, typer.Option("--time", help="The time column, where it cannot be told.")] = None,
+    template: Annotated[str, typer.Option("--template", help="Without a log: part, box, chamber or tclab.")] = "",
+    seconds: Annotated[float, typer.Option("--seconds", help="Time for the search of a structure.")] = 60.0,
+    as_json: Json = False,
+) -> None:
+    """Propose a model for a log; write deck, scenario and campaign.
+
+    Exit code 4 if the log cannot decide between structures.
+    """
+    if not logs:
+        _from_template(template, to, as_json)
+        return
+    if template:
+        raise ScenarioError("a template is for a project without a log; give one of them.", "--template")
+    scales = pairs(full_scale or [], "--full-scale")
+    roles = roles_of(logs[0], temperature or (), surroundings, power or (), scales, time)
+    if sys.stdin.isatty() and not as_json:
+        roles = _asked(logs[0], roles, time, bool(temperature), bool(power))
+    read = [without_strays(read_record(log, roles.channels(), time=time, name=word(log.name.partition(".")[0]))) for log in logs]
+    records, masked = [record for record, _ in read], [said for _, lines in read for said in lines]
+    fitted, kept = parted(records)
+    with working("searching for a structure", seconds):
+        found = propose(roles, [thinned(r) for r in fitted], seconds)
+    title = name or word(logs[0].name.partition(".")[0])
+    made = write_project(to, found, fitted, kept, ", ".join(log.name for log in logs), title, masked)
+    ignored = [f"not used: {column}: {why}" for column, why in roles.ignored.items()]
+    content = {
+        "masses": found.chosen.nodes,
+        "cannot_tell": sorted(found.search.orders) if len(found.search.orders) > 1 else [],
+        "changes": [c.name for c in found.chosen.changes],
+        "rmse_K": found.chosen.rmse,
+        "assumed": found.assumed,
+        "masked": masked,
+        "unexplained": found.unexplained,
+        "fixed": list(made.fixed),
+        "left_out": list(made.left_out),
+        "files": [str(f) for f in made.files],
+    }
+    say(as_json, content, "\n".join([str(made), *ignored]))
+
+
+def _from_template(name: str, to: Path, as_json: bool) -> None:
+    """Write a project of a template."""
+    if not name and sys.stdin.isatty() and not as_json:
+        for known, (words, _) in TEMPLATES.items():
+            typer.echo(f"  {known}: {words}", err=True)
+        typer.echo("  tclab: two heaters on a board, real measurements", err=True)
+        name = typer.prompt("1 of 1. Template", default="part", err=True)
+    if not name:
+        raise ScenarioError(f"give a log, or a template: --template {', '.join([*TEMPLATES, 'tclab'])}.", "init")
+    if name == "tclab":
+        made = copy_example(name, to if to != Path() else None, copies(None))
+        say(as_json, {"files": [str(made.folder)], "next": made.example.first}, str(made))
+        return
+    command, files = write_template(name, to)
+    lines = [*(f"wrote {file}" for file in files), f"next: {command}"]
+    say(as_json, {"files": [str(f) for f in files], "next": command}, "\n".join(lines))
+
+
+def _asked(log: Path, roles: Roles, time: str | None, temperatures: bool, powers: bool) -> Roles:
+    """Return the roles after at most five questions; a question whose flag was given is not asked, an empty answer keeps what is shown."""
+    typer.echo("Press return to keep what is shown.", err=True)
+    parts = [f"{c}={n}" for c, n in roles.parts.items()]
+    if not temperatures:
+        parts = _several("1 of 5. Temperatures of parts, COLUMN=PART", parts)
+    around = roles.surroundings
+    if not around or not roles.logged:
+        around = typer.prompt(
+            "2 of 5. Surroundings: a column, or a temperature such as 23 [degC]; - if unknown", default=around or "-", err=True
+        )
+        around = "" if around == "-" else around
+    heats = [f"{p.column}={p.node}" if p.node else p.column for p in roles.powers]
+    if not powers:
+        heats = _several("3 of 5. Powers and duties, COLUMN or COLUMN=PART; - for none", heats)
+    scales = {p.column: p.full_scale for p in roles.powers if p.full_scale}
+    duty = next((p.column for p in roles.powers if p.anchored), "")
+    if duty:
+        answer = typer.prompt(f"4 of 5. Power of '{duty}' at 100 %, such as 1.2 [W]; - if unknown", default="-", err=True)
+        scales |= {} if answer == "-" else {duty: answer}
+    return roles_of(log, parts, around, heats, scales, time)
+
+
+def _several(question: str, shown: Sequence[str]) -> list[str]:
+    answer = typer.prompt(question, default=", ".join(shown) or "-", err=True)
+    return [] if answer == "-" else [part.strip() for part in answer.split(",") if part.strip()]
+
+
+def improve(
+    campaign: CampaignPath,
+    stage: Annotated[str, typer.Option("--stage", help="The stage; the last one by default.")] = "",
+    seconds: Annotated[float, typer.Option("--seconds", help="Time for the search of a structure.")] = 60.0,
+    data: Data = None,
+    as_json: Json = False,
+) -> None:
+    """Search for a better structure of a stage and write its files.
+
+    Deck and campaign are written beside the old ones, with a comparison before and after.
+    """
+    with working("searching for a structure", seconds):
+        made = improved.improve(campaign, stage, seconds, data)
+    content = {
+        "changes": list(made.changes),
+        "gain": made.search.likelihood(made.search.proposed),
+        "cannot_tell": [t.name for t in made.last.ties if t.nodes != made.last.proposed.nodes],
+        "sensors": made.rows(),
+        "delays": [d.to_dict() for d in made.delays],
+        "files": [str(f) for f in made.files],
+    }
+    say(as_json, content, str(made))
+
+
+def example(
+    name: Annotated[str, typer.Argument(help="Name of an example; without it, the list.")] = "",
+    to: Annotated[Path | None, typer.Option("--to", help="A new folder; the example's name by default.")] = None,
+    originals: Annotated[
+        Path | None,
+        typer.Option("--from", help=f"Folder with copies of published repositories, OWNER/REPOSITORY/path; {PUBLIC} does the same."),
+    ] = None,
+    run: Annotated[bool, typer.Option("--run", help="Run its campaign too and write report.html.")] = False,
+    as_json: Json = False,
+) -> None:
+    """Copy a shipped example with its data into a new folder.
+
+    Published measurements are fetched and checked.
+    """
+    if not name:
+        rows = [{"name": e.name, "shows": e.shows, "data": e.data.words if e.data else ""} for e in EXAMPLES.values()]
+        width = max(len(n) for n in EXAMPLES)
+        text = "\n".join(f"{r['name']:<{width}}  {r['shows']}" + (f"\n{'':<{width}}  {r['data']}" if r["data"] else "") for r in rows)
+        say(as_json, {"examples": rows}, text)
+        return
+    asked = example_named(name)
+    if run and not asked.campaign:
+        raise ScenarioError(f"example '{name}' has no campaign; its command is: {asked.first}", "--run")
+    if asked.data is not None and not as_json:
+        show(asked.data.words, err=True)
+    with working("making the synthetic logs" if asked.makes else ""):
+        made = copy_example(name, to, copies(originals), _told if asked.data is not None and sys.stderr.isatty() else None)
+    content = {"folder": str(made.folder), "logs": made.logs, "checked": made.checked, "next": asked.first}
+    if not run:
+        say(as_json, content, str(made))
+        return
+    if not as_json:
+        show(str(made))
+    result = staged(made.folder / asked.campaign, None, made.folder / "results")
+    files = result.save(made.folder / "results")
+    where = page.report(result, to=made.folder / "report.html")
+    if as_json:
+        say(True, {**content, "page": str(where), "passed": result.passed}, "")
+    else:
+        show_campaign(result, [f.name for f in files])
+        show(f"report: {where}")
+    leave(result.standing, result.exit_code)
+
+
+def _told(count: int, whole: int) -> None:
+    typer.echo(f"\r\x1b[2K{count} of {whole} logs", nl=count == whole, err=True)

@@ -1,0 +1,37 @@
+"""The local page: studio."""
+
+from __future__ import annotations
+
+import webbrowser
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from thermid.app.cli.options import Data
+from thermid.app.studio.project import Project
+from thermid.app.studio.server import serve
+from thermid.base.extensions import require
+
+
+def studio(
+    file: Annotated[Path, typer.Argument(help="A deck or a campaign (TOML).")],
+    data: Data = None,
+    results: Annotated[Path | None, typer.Option("--results", help="Folder of finished stages; 'results' beside the file.")] = None,
+    log: Annotated[Path | None, typer.Option("--log", help="A log that grows, to be followed in the view Bench.")] = None,
+    port: Annotated[int, typer.Option("--port", min=0, max=65535, help="Port on this machine; any free one where it is 0.")] = 0,
+    browser: Annotated[bool, typer.Option("--browser/--no-browser", help="Whether to open the page in a browser.")] = True,
+) -> None:
+    """Open a deck or campaign as a page on this machine.
+
+    The page has sliders, levels, scenarios, and a view of a log that grows. Nothing leaves this machine.
+    """
+    require("studio", "thermid studio")
+    project = Project(file, data, results)
+
+    def ready(address: str) -> None:
+        typer.echo(f"studio: {address}  (this machine only; end it with Ctrl+C)")
+        if browser:
+            webbrowser.open(address)
+
+    serve(project, port, ready, log.resolve() if log is not None else None)

@@ -1,0 +1,141 @@
+"""A campaign on one screen: the answer, one table a stage, the verdicts, what to do next; `-v` prints all that is known instead."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
+
+from thermid.app.cli.screen import SCREEN, console, folded, severity, show_lines, width
+from thermid.base.sourced import VERDICTS
+from thermid.base.units import counted
+from thermid.campaign.stages import Campaign, next_command
+from thermid.campaign.verdicts import Check, Verdict
+from thermid.fit.calibration import FIRST, LOUD, Calibration
+from thermid.measure.amounts import digits, short
+from thermid.values.fitted import FittedValue
+
+Row = tuple[str, ...]
+
+
+@dataclass(frozen=True)
+class StageRows:
+    """The table of a stage: a line of its own, rows of its values, and sentences below that nobody may miss."""
+
+    name: str
+    state: str
+    sensor: str
+    values: tuple[Row, ...]
+    notes: tuple[str, ...]
+
+    def lines(self, most: int) -> int:
+        """How many lines it takes with so many values at most."""
+        return 1 + min(len(self.values), most) + sum(map(_rows, self.notes))
+
+    def head(self, most: int) -> str:
+        """Return its own line."""
+        count = len(self.values)
+        shown = f"{counted(count, 'value')}{f', {most} shown' if 0 < most < count else ''}"
+        return f"{self.name}: {self.state}; {shown}; {self.sensor}"
+
+
+def show_campaign(made: Campaign, files: Sequence[str]) -> None:
+    """Print a campaign: summary first, then a table a stage.
+
+    Parameters
+    ----------
+    made : Campaign     What ran.
+    files : sequence    Names of the values files that were written.
+    """
+    from rich.table import Table
+
+    out = console()
+    top, blocks = list(_top(made)), [_block(made, name, fit) for name, fit in made.stages.items()]
+    below = [*map(_verdict_line, made.verdicts), *_last(made, files)]
+    around = sum(map(_rows, (*top, *below))) + 2
+    most = next((n for n in (12, 8, 6, 5, 4, 3, 2, 1) if around + sum(b.lines(n) for b in blocks) <= SCREEN), 0)
+    show_lines(out, [*top, ""])
+    widths = [max((len(row[k]) for b in blocks for row in b.values[:most]), default=0) for k in range(5)]
+    for block in blocks:
+        show_lines(out, [block.head(most)], severity(f"state: {block.state}"))
+        table = Table(box=None, show_header=False, pad_edge=False, padding=(0, 2, 0, 0))
+        for k, size in enumerate(widths):
+            table.add_column(justify="right" if k in (1, 4) else "left", min_width=min(size, 40), overflow="fold")
+        for row in block.values[:most]:
+            table.add_row(*row)
+        if block.values[:most]:
+            out.print(table)
+        show_lines(out, block.notes, "yellow")
+    out.print()
+    show_lines(out, below)
+
+
+def _rows(line: str) -> int:
+    return len(folded(line, width()))
+
+
+def _top(made: Campaign) -> Iterator[str]:
+    """Yield the answer: what must not be used, what passed, the worst sensor of the hold-out records, what would explain a bad fit."""
+    if line := made.standing.line(link="stage"):
+        yield line
+    judged = [v for v in made.verdicts if v.passed is not None]
+    said = f", {sum(v.passed is True for v in judged)} of {counted(len(made.verdicts), 'verdict')} passed" if made.verdicts else ""
+    synthetic = ", synthetic data" if any(fit.synthetic for fit in made.stages.values()) else ""
+    yield f"{made.title}: {counted(len(made.stages), 'stage')}{said}{synthetic}"
+    checks = [(v, c) for v in judged for c in v.checks]
+    if checks:
+        v, c = max(checks, key=lambda pair: pair[1].used)
+        yield f"worst hold-out sensor: {_check_text(c)}, in {v.record}"
+    for name, asked in made.mistakes.items():
+        yield from (f"{name}: {line}" for line in asked.lines())
+
+
+def _check_text(c: Check) -> str:
+    return f"{c.sensor}, {c.title} {short(c.found, 3)} K, limit {short(c.limit, 3)} K".removeprefix(", ")
+
+
+def _block(made: Campaign, name: str, fit: Calibration) -> StageRows:
+    """Return the table of a stage."""
+    fitted = [v for v in fit.values.values() if v.kind in ("parameter", "level")]
+    worst = max(fit.sensors.items(), key=lambda item: item[1].rmse, default=None)
+    sensor = f"worst sensor {worst[0]}, RMSE {short(worst[1].rmse, 2)} K" if worst is not None else "tuned by hand"
+    assumed = fit.inputs.assumed
+    notes = [f"{name}: {w}" for w in fit.warnings if w.startswith(FIRST)]
+    for why, partly in (("neither log nor scenario gives it", False), ("its channel begins late or ends early", True)):
+        inputs = ", ".join(dict.fromkeys(f"{i.name} ({i.kind})" for i in assumed if i.partly == partly))
+        if inputs:
+            notes.append(f"{name}: assumed{' where the log is silent' if partly else ''}, because {why}: {inputs}")
+    if command := next_command(made.file, fit, made.mistakes[name]):
+        notes.append(f"{name}: next: {command}")
+    rows = sorted(fitted, key=lambda v: -abs(v.error / v.value) if v.value else 0.0)
+    return StageRows(name, fit.standing.state, sensor, tuple(map(_value, rows)), tuple(notes))
+
+
+def _value(v: FittedValue) -> Row:
+    error = v.shown(v.error)
+    per_cent = f"{short(100.0 * abs(v.error / v.value), 2)} %" if v.value else ""
+    return (f"  {v.path}", digits(v.in_unit, error), f"+- {short(error)}", v.unit, per_cent)
+
+
+def _verdict_line(v: Verdict) -> str:
+    """Return a verdict with the criterion that decides it."""
+    if v.passed is None:
+        return f"{v.head}; the record was not opened"
+    before = f", no longer independent: {counted(len(v.failed_before), 'failed verdict')} before" if v.failed_before else ""
+    if (c := v.worst) is None:
+        return v.head + before
+    count = f"; {len(v.missed)} of {len(v.checks)} criteria not met" if v.missed else ""
+    return f"{v.head}{before}; {_check_text(c)}: {VERDICTS[c.passed]}{count}"
+
+
+def _last(made: Campaign, files: Sequence[str]) -> Iterator[str]:
+    """Yield what is not shown, and where the values are."""
+    warned = {name: n for name, fit in made.stages.items() if (n := sum(not w.startswith((LOUD, FIRST)) for w in fit.warnings))}
+    if warned:
+        yield f"{counted(sum(warned.values()), 'warning')} in {counted(len(warned), 'stage')}; -v prints them with all details"
+    again: dict[str, list[str]] = {}
+    for stage, changed in made.changed.items():
+        if changed:
+            again.setdefault(", ".join(changed), []).append(stage)
+    for what, stages_again in again.items():
+        yield f"fitted again, because {what} changed since the results were kept: {', '.join(stages_again)}"
+    yield f"values: {files[0]} and {len(files) - 1} more" if len(files) > 3 else f"values: {', '.join(files)}"

@@ -1,0 +1,235 @@
+"""The command that watches a running test: watch."""
+
+from __future__ import annotations
+
+import json
+import re
+import time as clock
+from collections.abc import Iterator
+from contextlib import ExitStack
+from dataclasses import dataclass
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, Any, Final
+
+import numpy as np
+import typer
+
+from thermid.app.cli.options import (
+    Accept,
+    Boundaries,
+    Data,
+    KeepValues,
+    Loads,
+    Results,
+    ScenarioPath,
+    Start,
+    ValuesPath,
+    fitted_model,
+    leave,
+    pairs,
+    scenario_of,
+    staged,
+    with_unit,
+)
+from thermid.base.errors import RecordError
+from thermid.base.extensions import extension
+from thermid.base.units import TEMPERATURE
+from thermid.campaign.stages import RunningTest, running_test
+from thermid.measure.amounts import amount, duration_text
+from thermid.measure.records import Record
+from thermid.measure.steadiness import rule_of
+from thermid.model.laws import literal
+from thermid.model.parameters import UNJUDGED, Standing
+from thermid.qualify.watch import BoundColumns, GrowingLog, Stopping, TemperatureLimit, Watcher, WatchLook, played
+from thermid.reporting.objects import clean
+from thermid.simulation.scenarios import Scenario
+from thermid.values.store import model_standing
+
+if TYPE_CHECKING:
+    from thermid.bench.capture import PortCapture
+
+PORT: Final = "a serial port that is watched"
+SILENT: Final = 60.0
+"""Without a new reading before that is told, at least. [s]"""
+
+
+Channels = Annotated[
+    list[str],
+    typer.Option("--channel", help="Column, or COLUMN=NODE, BOUNDARY or LOAD of the deck; by default what has a name of the deck's."),
+]
+FullScale = Annotated[list[str], typer.Option("--full-scale", help="COLUMN=POWER of a duty at 100 %, such as Q1='1.2 [W]'.")]
+LogPath = Annotated[
+    Path, typer.Argument(help="A log that grows: text, or of the bench as 'thermid log' writes it; or a serial port that sends lines.")
+]
+LikeCampaign = Annotated[
+    Path | None, typer.Option("--campaign", help="A campaign: its record has the meaning of the columns, its stage the model.")
+]
+
+
+def watch(
+    log: LogPath,
+    channel: Channels = [],  # noqa: B006
+    full_scale: FullScale = [],  # noqa: B006
+    time: Annotated[str | None, typer.Option("--time", help="The time column, where its name does not say.")] = None,
+    separator: Annotated[str | None, typer.Option("--separator", help="Separator of the columns, where it cannot be told.")] = None,
+    decimal: Annotated[str | None, typer.Option("--decimal", help="Decimal sign, where the file has both.")] = None,
+    date: Annotated[str | None, typer.Option("--clock", help="Form of the stamps, such as '%d/%m/%Y %H:%M'.")] = None,
+    rule: Annotated[str, typer.Option("--rule", help="The plan's own rule of stability, such as '3 C/h' or '1 K over 4 h'.")] = "3 C/h",
+    required: Annotated[bool, typer.Option("--required", help="The plan asks that its rule holds; no stop is advised before.")] = False,
+    within: Annotated[str, typer.Option("--within", help="Half of the interval of where a channel ends, at most.")] = "1 [K]",
+    limit: Annotated[list[str], typer.Option("--limit", help="CHANNEL=TEMPERATURE that must be decided; may be repeated.")] = [],  # noqa: B006
+    slowest: Annotated[str | None, typer.Option("--slowest", help="Longest time constant that the unit can have, without a model.")] = None,
+    since: Annotated[str, typer.Option("--since", help="When conditions last changed.")] = "start",
+    model: Annotated[Path | None, typer.Option("--model", help="Deck of the unit: nodes without sensors, faults with suspects.")] = None,
+    values: ValuesPath = None,
+    keep: KeepValues = False,
+    campaign: LikeCampaign = None,
+    record: Annotated[str, typer.Option("--record", help="The record of the campaign that the log is like.")] = "",
+    stage: Annotated[str, typer.Option("--stage", help="The stage whose values are used; the last one by default.")] = "",
+    scenario: ScenarioPath = None,
+    boundary: Boundaries = [],  # noqa: B006
+    load: Loads = [],  # noqa: B006
+    start: Start = None,
+    noise: Annotated[str | None, typer.Option("--noise", help="Noise of one reading; what the readings show by default.")] = None,
+    every: Annotated[str, typer.Option("--every", help="Time between looks.")] = "60 [s]",
+    replay: Annotated[bool, typer.Option("--replay", help="Look at a log that ended as if it grew.")] = False,
+    capture: Annotated[Path | None, typer.Option("--capture", help="File that keeps the lines of a serial port.")] = None,
+    once: Annotated[bool, typer.Option("--once", help="Look once and leave.")] = False,
+    as_json: Annotated[bool, typer.Option("--json", help="Print one JSON object per look and line.")] = False,
+    data: Data = None,
+    results: Results = None,
+    accept: Accept = None,
+) -> None:
+    """Watch a running test: when to stop, and what went wrong.
+
+    Temperatures that nobody measures are estimated with a model. Exit code 0 at a stop, 1 with an alarm, 4 if no stop is advised.
+    """
+    step = literal(with_unit(every, "s"), "s", "--every")
+    if not step > 0.0:
+        raise RecordError(f"the time between looks is above zero, not '{every}'.", "--every")
+    if capture is not None and not _is_port(log):
+        raise RecordError(f"'{log}' is no serial port, whose lines could be kept. Leave --capture out.", "--capture")
+    by_hand = model is not None or values is not None or bool(channel or full_scale)
+    if by_hand if campaign is not None else bool(record or stage):
+        raise RecordError(
+            "give a campaign with --record and --stage, or a deck with --model, --values, --channel and --full-scale.",
+            "command line",
+        )
+    given = bool(boundary or load or scenario is not None or start is not None)
+    said = scenario_of(scenario, boundary, load, start, None) if given else None
+    stated = None if noise is None else with_unit(noise, "K")
+    read = {"time": time, "separator": separator, "decimal": decimal, "clock": date}
+    test = None if campaign is None else running_test(staged(campaign, data, results, accept), record, stage)
+    if test is None:
+        deck = None if model is None else fitted_model(model, values, keep)
+        columns = BoundColumns(_told(channel), pairs(full_scale, "--full-scale"), stated, deck, read)
+    else:
+        columns = _columns_of(test, stated, read)
+    standing = UNJUDGED if columns.model is None else model_standing(columns.model).accept(accept or ())
+    made = _Made(rule, within, limit, slowest, said, required, columns, test)
+    with ExitStack() as open_:
+        line = open_.enter_context(extension("serial_port", PORT, str(log))(log, capture)) if _is_port(log) else None
+        path = log if line is None else line.path
+        if replay or once:
+            records = _replayed(columns.read(path, path.stem).trim(with_unit(since, "s"), "end"), step, once)
+        else:
+            records = _growing(GrowingLog(path, lambda piece: columns.read(piece, path.stem)), step, since, line)
+        look = _looks(records, made, standing, as_json)
+    leave(standing, 4 if look is None else 1 if look.alarms else {"stop": 0}.get(look.advice.word, 4))
+
+
+def _columns_of(test: RunningTest, noise: str | None, read: dict[str, str | None]) -> BoundColumns:
+    """Return the columns of a log that is like a record of a campaign."""
+    options = test.options | {k: v for k, v in read.items() if v is not None}
+    columns = BoundColumns(noise=noise, model=test.model, options=options, tables=dict(test.table.channels), bound=test.bound)
+    columns.remarks = test.remarks
+    return columns
+
+
+def _told(channel: list[str]) -> dict[str, str]:
+    """Return column -> what it is bound to, of ``COLUMN`` and ``COLUMN=PATH``."""
+    return {n.strip(): path.strip() or n.strip() for n, _, path in (text.partition("=") for text in channel)}
+
+
+def _looks(records: Iterator[Record], made: _Made, standing: Standing, as_json: bool) -> WatchLook | None:
+    """Look at every record up to a stop and say what is seen, below what must be known of the values; return the last look."""
+    watcher: Watcher | None = None
+    look: WatchLook | None = None
+    for record in records:
+        first = watcher is None
+        watcher = watcher or made.watcher(record)
+        look = watcher.look(record)
+        text = str(look) if first or look.advice.word == "stop" else look.seen()
+        said = {"schema": 1, **look.as_object(), "standing": standing.to_dict()}
+        typer.echo(json.dumps(clean(said)) if as_json else standing.over(text))
+        if look.advice.word == "stop":
+            break
+    return look
+
+
+def _replayed(record: Record, step: float, once: bool) -> Iterator[Record]:
+    """Yield a log that ended as if it grew, or all of it once. [s]"""
+    least = 10.0 * record.step
+    if once or record.duration < least:
+        yield record
+        return
+    yield from (r for r in played(record, step) if r.duration >= least)
+
+
+def _growing(log: GrowingLog, step: float, since: str, line: PortCapture | None) -> Iterator[Record]:
+    """Yield a log every time that something came. [s]"""
+    seen, came, silent = -1.0, clock.monotonic(), False
+    while True:
+        record = log.record()
+        if record is not None and record.times[-1] > seen:
+            seen, came, silent = float(record.times[-1]), clock.monotonic(), False
+            start = literal(with_unit(since, "s"), "s", "--since") if since != "start" else float(record.times[0])
+            if np.count_nonzero(record.times >= start) > 1:
+                yield record.trim(start, "end")
+        elif record is not None and not silent and clock.monotonic() - came > max(SILENT, 10.0 * record.step, 3.0 * step):
+            silent = True
+            waited = duration_text(round(clock.monotonic() - came))
+            typer.echo(f"ALARM logger: no new reading for {waited}. Check the logger; the last one was at {seen:.0f} s.", err=True)
+        if line is None:
+            clock.sleep(step)
+        else:
+            line.listen(step)
+
+
+def _is_port(path: Path) -> bool:
+    """Whether a path is a serial port and no file."""
+    return path.is_char_device() or re.fullmatch(r"COM\d+", path.name) is not None
+
+
+@dataclass(frozen=True)
+class _Made:
+    """What a watcher is made of, once the first lines of the log say which channels there are."""
+
+    rule: str
+    within: str
+    limit: list[str]
+    slowest: str | None
+    said: Scenario | None
+    required: bool
+    columns: BoundColumns
+    test: RunningTest | None
+
+    def watcher(self, record: Record) -> Watcher:
+        """Return what watches."""
+        names = tuple(n for n in record.channels if record.channel(n).role == "node" and record.channel(n).quantity == "temperature")
+        limits = tuple(
+            TemperatureLimit(n, False, literal(with_unit(t, "degC"), TEMPERATURE, "--limit"))
+            for n, t in pairs(self.limit, "--limit").items()
+        )
+        for m in limits:
+            record.channel(m.channel)
+        width = amount(with_unit(self.within, "K"), "K", "--within")
+        more: dict[str, Any] = {} if self.slowest is None else {"slowest": with_unit(self.slowest, "s")}
+        deck = self.columns.model
+        if deck is None:
+            return Watcher(Stopping(rule_of(self.rule), width, limits, required=self.required, **more), names)
+        said = self.said if self.test is None else self.test.conditions(record, self.said)
+        more |= {"model": deck, "scenario": said or Scenario(record.name)}
+        made = Watcher(Stopping(rule_of(self.rule), width, limits, required=self.required, **more), names, deck, said)
+        made.remarks = self.columns.remarks
+        return made

@@ -1,0 +1,482 @@
+"""What can be run in the studio - profiles, scenarios, conditions of logs, tests of plans - and what it came to, held against limits."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from thermid.app.studio.curves import Window, texts_of, thinned_curve
+from thermid.app.studio.desk import Desk
+from thermid.base.errors import ScenarioError, ThermidError, look_up, refuse_unknown
+from thermid.base.toml_files import project_root, read_toml
+from thermid.campaign.verdicts import LimitCheck, Limits, Margin, check_limits, margins, read_limits, spans
+from thermid.model.parameters import UNJUDGED, Standing
+from thermid.physics.constants import ICE_POINT
+from thermid.prediction.bands import Band, Known, foresee
+from thermid.qualify.plans import load_plan, run_test
+from thermid.qualify.profiles import ProfileRun, ThermalProfile, load_profile, profile_names, profile_of, run_profile, typed
+from thermid.simulation.network import compile_network
+from thermid.simulation.runs import Solution, simulate
+from thermid.simulation.scenarios import Scenario
+
+
+@dataclass(frozen=True)
+class Course:
+    """Something that can be run.
+
+    Parameters
+    ----------
+    key : str       By which a page names it.
+    title, group    What it is called, and what it belongs to.
+    kind : str      'profile', 'scenario', 'record' or 'test'.
+    of : tuple      Standard, profile and level; or file and name.
+    """
+
+    key: str
+    title: str
+    group: str
+    kind: str
+    of: tuple[Any, ...] = field(repr=False)
+
+
+class Shelf:
+    """All that can be run with one deck or campaign, and the limits that are kept beside it.
+
+    Parameters
+    ----------
+    path : Path     The deck or campaign; its folder, the folders in it, and the one above within the project are looked at.
+    """
+
+    def __init__(self, path: Path) -> None:
+        self.folder = path.parent
+        self._tables = {f: content for f in _files(self.folder) if (content := _read(f))}
+
+    def courses(self, desk: Desk) -> dict[str, Course]:
+        """Return key -> what can be run on a desk's model, or on a plan's own."""
+        courses = [*_own(desk), *self._written(), *_standards()]
+        return {c.key: c for c in courses}
+
+    def course(self, desk: Desk, key: str) -> Course:
+        """Return one of them.
+
+        Raises
+        ------
+        NameNotFoundError   When there is none of that key.
+        """
+        known = self.courses(desk)
+        return look_up(key, known, "unknown run '{}'.", desk.title)
+
+    def limits(self, desk: Desk) -> tuple[tuple[Limits, ...], str]:
+        """Return the limits beside the deck whose nodes its model has, and the files that hold them."""
+        network = compile_network(desk.model)
+        nodes, loads = set(network.nodes), {load.path for load in network.flat.loads}
+        out: dict[str, Limits] = {}
+        files: dict[str, None] = {}
+        for file, content in self._tables.items():
+            if not content or not all(isinstance(t, Mapping) and {"node", "operating"} <= set(t) for t in content.values()):
+                continue
+            try:
+                fitting = [one for one in read_limits(content, file.name) if one.node in nodes and set(one.loads) <= loads]
+            except ThermidError:
+                continue  # a plan or a check that reads them says why
+            out |= {one.point: one for one in fitting if one.point not in out}
+            if fitting:
+                files[file.name] = None
+        return tuple(out.values()), ", ".join(files)
+
+    def _written(self) -> Iterator[Course]:
+        for file, content in self._tables.items():
+            name = file.name
+            if isinstance(content.get("profile"), Mapping):
+                yield Course(
+                    f"profile {self._at(file)}", str(content["profile"].get("title", name)), "Profiles of files", "profile", (file,)
+                )
+            tests = content.get("tests")
+            if isinstance(content.get("model"), Mapping) and isinstance(tests, list):
+                for test in tests:
+                    if isinstance(test, Mapping) and "name" in test:
+                        group = f"Plan {name}, on its own model"
+                        yield Course(f"test {self._at(file)} {test['name']}", str(test["name"]), group, "test", (file, str(test["name"])))
+
+    def _at(self, file: Path) -> str:
+        return file.relative_to(project_root(self.folder)).as_posix() if file.is_relative_to(project_root(self.folder)) else file.name
+
+
+def profile_for(course: Course, asked: Mapping[str, Any]) -> ThermalProfile:
+    """Return a profile with what was changed on the page.
+
+    Parameters
+    ----------
+    course : Course     Of kind 'profile'.
+    asked : dict        ``lowest`` and ``highest`` predicted [degC], ``numbers``: name -> text, in its usual unit where it has none.
+
+    Raises
+    ------
+    ScenarioError   When a number is none, or one of the two predicted temperatures is missing.
+    """
+    profile = load_profile(course.of[0]) if len(course.of) == 1 else profile_of(course.of[0], course.of[1], level=course.of[2])
+    ends = [asked.get("lowest"), asked.get("highest")]
+    if (ends[0] is None) != (ends[1] is None):
+        raise ScenarioError("give both the lowest and the highest predicted temperature, or neither.", course.title)
+    numbers = asked.get("numbers", {})
+    if not isinstance(numbers, Mapping) or not all(isinstance(v, str) for v in numbers.values()):
+        raise ScenarioError("give numbers as texts by name.", course.title)
+    try:
+        predicted = None if ends[0] is None else [f"{float(str(v))!r} [degC]" for v in ends]
+    except ValueError:
+        raise ScenarioError(f"give the predicted temperatures as numbers, not {ends[0]!r} and {ends[1]!r}.", course.title) from None
+    changed: dict[str, Any] = {str(k): typed(str(k), v) for k, v in numbers.items() if v.strip()}
+    return profile.with_(predicted=predicted, **changed)
+
+
+def profile_object(found: ThermalProfile) -> dict[str, Any]:
+    """Return a profile's numbers with clauses and marks, as a page lists them; those not known yet with the reason."""
+    numbers: dict[str, dict[str, str]] = {}
+    lacking = ""
+    try:
+        numbers = {k: {"text": n.text, "mark": n.mark, "clause": n.clause, "note": n.note} for k, n in found.used.items()}
+        steps, remarks, trust = len(found.steps), list(found.check()), found.trust
+    except ScenarioError as error:
+        steps, remarks, trust, lacking = 0, [], "", error.message
+        numbers = {k: {"text": n.text, "mark": n.mark, "clause": n.clause, "note": n.note} for k, n in found.numbers.items()}
+    return {
+        "title": found.title,
+        "kind": found.kind,
+        "note": found.note,
+        "numbers": numbers,
+        "steps": steps,
+        "remarks": remarks,
+        "trust": trust,
+        "lacking": lacking,
+    }
+
+
+def _own(desk: Desk) -> Iterator[Course]:
+    kind, group = ("record", "As in its logs") if desk.problem is not None else ("scenario", "Scenarios")
+    for k, title in enumerate(desk.runs):
+        yield Course(f"{kind} {k}", title, group, kind, (k,))
+
+
+def _standards() -> Iterator[Course]:
+    for standard, profiles in profile_names().items():
+        for name, levels in profiles.items():
+            for level in levels or ("",):
+                title = f"{name}, {level}" if level else name
+                yield Course(f"{standard} {title}", title, standard, "profile", (standard, name, level))
+
+
+def _files(folder: Path) -> list[Path]:
+    """Return the decks, plans and tables that may belong to a file of a folder."""
+    root = project_root(folder)
+    near = sorted(folder.glob("*.toml")) + sorted(folder.glob("*/*.toml"))
+    above = sorted(folder.parent.glob("*.toml")) if folder.parent.is_relative_to(root) else []
+    return [f for f in dict.fromkeys([*near, *above]) if f.resolve().is_relative_to(root)]
+
+
+def _read(file: Path) -> dict[str, Any]:
+    try:
+        return read_toml(file)[0]
+    except ThermidError:
+        return {}
+
+
+Told = Callable[[int, int, float], None]
+SAMPLES = 3000
+"""Stored times of a scenario."""
+SHOWN = 12
+"""Nodes shown beside those that have limits: the widest swings."""
+
+
+@dataclass(frozen=True, eq=False)
+class Outcome:
+    """A run held against limits.
+
+    Parameters
+    ----------
+    title : str                     What was run, on what.
+    solution : Solution
+    limits : tuple of Limits        Under the paths of the run's model.
+    checks : tuple of LimitCheck    Every point in every state that it was in.
+    course : ProfileRun or None     The phases, where a profile says the course.
+    margins : tuple of Margin       Where the uncertainty of a fit is known.
+    bands : dict                    Node -> what is expected of it with its error, likewise.
+    state : str                     Of points whose limits name no loads.
+    source : str                    Where the limits stand.
+    remarks : tuple of str          What a reader must know.
+    standing : Standing             Of the values that it was run with.
+    """
+
+    title: str
+    solution: Solution
+    limits: tuple[Limits, ...]
+    checks: tuple[LimitCheck, ...]
+    course: ProfileRun | None = None
+    margins: tuple[Margin, ...] = ()
+    bands: Mapping[str, Band] | None = None
+    state: str = "operating"
+    source: str = ""
+    remarks: tuple[str, ...] = ()
+    standing: Standing = UNJUDGED
+
+    @property
+    def worst(self) -> LimitCheck | None:
+        """The check that comes nearest to a limit, or passes it furthest."""
+        return min((c for c in self.checks if np.isfinite(c.room)), key=lambda c: c.room, default=None)
+
+    @property
+    def shown(self) -> tuple[str, ...]:
+        """Nodes whose curves are shown: chamber, base, those with limits, then the widest swings."""
+        course = self.course
+        first = [*(course.chamber[:1] if course is not None else ()), *([course.base] if course is not None and course.base else [])]
+        first += [one.node for one in self.limits]
+        driven = set(course.chamber) if course is not None else set()
+        swings = sorted((n for n in self.solution.nodes if n not in driven), key=lambda n: -float(np.ptp(self.solution[n].kelvin)))
+        kept = list(dict.fromkeys(self.solution[n].path for n in first))
+        return tuple(dict.fromkeys([*kept, *swings[: max(SHOWN - len(kept), 0)]]))
+
+
+def run_course(shelf: Shelf, desk: Desk, course: Course, values: Mapping[str, float], asked: Mapping[str, Any], told: Told) -> Outcome:
+    """Return what a course comes to, with the sliders' values; a plan's test runs on the plan's own model.
+
+    Parameters
+    ----------
+    shelf, desk, course     What is run, and on what.
+    values : dict           Slider -> value in its unit.
+    asked : dict            Of a profile as in `profile_for`, ``chamber``, ``base``; of a scenario ``gas``; ``state``, ``uncertain``.
+    told : callable         Told how far it is; what it raises ends the run.
+
+    Raises
+    ------
+    ThermidError   When it cannot be run; the message says why.
+    """
+    if course.kind == "test":
+        return _tested(course, told)
+    state = str(asked.get("state") or "operating")
+    run: ProfileRun | None = None
+    if course.kind == "profile":
+        chamber = list(texts_of(asked, "chamber") or desk.boundaries)
+        run = run_profile(desk.tuned(values), profile_for(course, asked), chamber=chamber, base=str(asked.get("base") or ""), told=told)
+        solution, scenario = run.solution, run.scenario
+    else:
+        model, given = desk.run_of(course.of[0], values, sensors=False)
+        scenario = _scenario(given, str(asked.get("gas") or "air"))
+        solution = simulate(model, scenario, every=max(scenario.seconds / SAMPLES, 1e-3))
+    limits, source = shelf.limits(desk)
+    checks = check_limits(solution, limits, state=state)
+    told(1, 1, scenario.seconds)
+    rooms: tuple[Margin, ...] = ()
+    bands: Mapping[str, Band] | None = None
+    if asked.get("uncertain") and limits:
+        if desk.calibration is None or values:
+            raise ScenarioError("the uncertainty applies to fitted values only. Run the stage, and reset the sliders (Reset).", desk.title)
+        expected = foresee(Known.of(desk.calibration), scenario, nodes=[one.node for one in limits], times=solution.times)
+        rooms, bands = margins({course.title: expected}, limits, states={course.title: state}), expected.prediction.bands
+    remarks = run.remarks if run is not None else tuple(solution.warnings)
+    return Outcome(f"{course.title} on {desk.title}", solution, limits, checks, run, rooms, bands, state, source, tuple(remarks))
+
+
+def _scenario(scenario: Scenario, gas: str) -> Scenario:
+    refuse_unknown([gas], ("air", "vacuum", "printed"), "studio", "'{}' is not one of {known}.", ScenarioError)
+    return scenario if gas == "air" else scenario.vacuum(gas == "printed")
+
+
+def _tested(course: Course, told: Told) -> Outcome:
+    """Return a plan's test as it is predicted; no log is read."""
+    file, name = course.of
+    plan = load_plan(file)
+    test = next(t for t in plan.tests if t.name == name)
+    trial = run_test(plan, test.model_copy(update={"log": None}), told)
+    state, policy = "operating" if test.operating else "non-operating", plan.content.margins
+    found = margins({name: trial.foresight}, trial.limits, policy.policy, tested=policy.balance_tested, states={name: state})
+    bands = trial.foresight.prediction.bands
+    remarks = (*(trial.course.remarks if trial.course is not None else ()), *trial.outside)
+    title = f"{name} on {trial.known.model.title}"
+    return Outcome(
+        title,
+        trial.foresight.solution,
+        trial.limits,
+        trial.checks,
+        trial.course,
+        found,
+        bands,
+        state,
+        file.name,
+        remarks,
+        trial.foresight.standing,
+    )
+
+
+def outcome_object(found: Outcome, window: Window = None) -> dict[str, Any]:
+    """Return a run for a page: curves thinned to a window, all else whole."""
+    run, solution = found.course, found.solution
+    return {
+        "title": found.title,
+        "duration": float(solution.times[-1]),
+        "waited": None if run is None else run.waited,
+        "trust": "" if run is None else run.trust,
+        "decides": run is None or run.decides,
+        "standing": found.standing.to_dict(),
+        "verdict": _doubted(found, _verdict(found)),
+        "worst": _check(found.worst) if found.worst is not None else None,
+        "phases": [] if run is None else [_phase(p) for p in run.phases],
+        "levels": [] if run is None else _levels(run),
+        "nodes": len(solution.nodes),
+        "curves": [_curve(found, n, window) for n in found.shown],
+        "points": [_point(found, one) for one in found.limits],
+        "checks": [_check(c) for c in found.checks],
+        "margins": [_margin(m) for m in found.margins],
+        "source": found.source,
+        "moisture": _moisture(run, window),
+        "remarks": list(found.remarks),
+    }
+
+
+def _doubted(found: Outcome, verdict: dict[str, str]) -> dict[str, str]:
+    """Return a verdict that decides nothing where the values of the run are not credible or failed."""
+    state, why = found.standing.state.upper(), found.standing.reason()
+    if found.standing.fair:
+        return verdict
+    if found.standing.usable:
+        return {**verdict, "text": f"The values are {state}: {why}. {verdict['text']}"}
+    return {"word": "not decided", "text": f"The values are {state}, so do not use them: {why}. With them: {verdict['text']}"}
+
+
+def _verdict(found: Outcome) -> dict[str, str]:
+    """Return the worst part and time as a sentence, with a word that a mark can stand for."""
+    worst, run = found.worst, found.course
+    if worst is None:
+        driven = set(run.chamber) if run is not None else set()
+        nodes = [n for n in found.solution.nodes if n not in driven]
+        hot = max(nodes, key=lambda n: found.solution[n].highest)
+        trace = found.solution[hot].maximum
+        at = _hours(trace.time)
+        why = "No limits are stored for the nodes of this deck"
+        return {"word": "open", "text": f"{why}. The hottest part is {hot}: {trace.celsius:.1f} °C at {at}.{_settling(run)}"}
+    side, temperature, time = _nearest(worst)
+    limit = worst.limits[1 if side == "upper" else 0]
+    what = f"{worst.point} ({worst.node}), {worst.state}: {temperature - ICE_POINT:.1f} °C at {_hours(time)}"
+    if worst.crossings:
+        first = min(worst.crossings, key=lambda c: c.time)
+        text = (
+            f"Limit exceeded. Worst: {what}, {-worst.room:.1f} K beyond its {side} limit of {limit - ICE_POINT:.4g} °C; first exceeded at "
+        )
+        text += f"{_hours(first.time)}, {_hours(sum(c.outside for c in worst.crossings))} beyond."
+        word = "passed a limit"
+    else:
+        text = f"All limits met. Smallest margin: {what}, {worst.room:.1f} K left to its {side} limit of {limit - ICE_POINT:.4g} °C."
+        word = "kept"
+    undecided = [c.undecided for c in found.checks if c.undecided]
+    if run is not None and not run.decides:
+        undecided.append("numbers of the profile are quoted from memory")
+    if undecided and all(c.passed is not False for c in found.checks):
+        word, text = "not decided", f"{text} Not decided: {'; '.join(dict.fromkeys(undecided))}."
+    return {"word": word, "text": text + _settling(run)}
+
+
+def _settling(run: ProfileRun | None) -> str:
+    """Return where water settles first, of a humidity test."""
+    if run is None or run.moisture is None or not run.moisture.surfaces:
+        return ""
+    s = min(run.moisture.surfaces.values(), key=lambda s: float(s.margin.min()))
+    least, at = float(s.margin.min()), _hours(float(s.times[int(s.margin.argmin())]))
+    if least >= 0.0:
+        return f" No surface reaches the dew point; nearest: {s.surface}, {least:.1f} K above it at {at}."
+    return f" Water condenses: worst {s.surface}, {-least:.1f} K below the dew point at {at}, condensing for {_hours(s.condensing)}."
+
+
+def _nearest(check: LimitCheck) -> tuple[str, float, float]:
+    """Return the side of a check that is nearer to its limit, with the extreme temperature there [K] and its time [s]."""
+    if check.limits[1] - check.highest <= check.lowest - check.limits[0]:
+        return "upper", check.highest, check.highest_time
+    return "lower", check.lowest, check.lowest_time
+
+
+def _hours(seconds: float) -> str:
+    return f"{seconds / 3600.0:.2f} h" if seconds >= 600.0 else f"{seconds / 60.0:.1f} min"
+
+
+def _check(c: LimitCheck) -> dict[str, Any]:
+    side, temperature, time = _nearest(c)
+    crossings = [{"side": x.side, "time": x.time, "worst": x.worst - ICE_POINT, "outside": x.outside} for x in c.crossings]
+    out: dict[str, Any] = {
+        "point": c.point,
+        "node": c.node,
+        "state": c.state,
+        "side": side,
+        "mark": c.mark,
+        "passed": c.passed,
+        "why": c.undecided,
+    }
+    out |= {"limits": [c.limits[0] - ICE_POINT, c.limits[1] - ICE_POINT], "lowest": c.lowest - ICE_POINT, "highest": c.highest - ICE_POINT}
+    return out | {"room": c.room, "value": temperature - ICE_POINT, "time": time, "crossings": crossings}
+
+
+def _point(found: Outcome, one: Limits) -> dict[str, Any]:
+    """Return a reference point with its limits, and the stretches of time in which each of them holds."""
+    drawn = [
+        {"state": s.state, "from": s.start, "to": s.end, "limits": [s.limits[0] - ICE_POINT, s.limits[1] - ICE_POINT]}
+        for s in spans(found.solution, one, found.state)
+    ]
+    return {"point": one.point, "node": found.solution[one.node].path, "spans": drawn, "mark": one.mark, "source": one.source}
+
+
+def _curve(found: Outcome, node: str, window: Window) -> dict[str, Any]:
+    trace, run = found.solution[node], found.course
+    times, values = thinned_curve(trace.course[0], trace.course[1] - ICE_POINT, window)
+    out: dict[str, Any] = {"name": node, "times": times, "values": values, "chamber": run is not None and node in run.chamber}
+    band = None if found.bands is None else found.bands.get(node)
+    if band is not None:
+        at, error = thinned_curve(band.times, 1.96 * band.error, window, 200)
+        out |= {"band_times": at, "band": error, "band_values": np.interp(at, trace.times, trace.celsius)}
+    return out
+
+
+def _phase(p: Any) -> dict[str, Any]:
+    shade = p.kind if p.power else "off"
+    return {"name": p.name, "cycle": p.cycle, "kind": shade, "from": p.start, "to": p.end, "rule": p.rule, "slowest": p.slowest}
+
+
+def _levels(run: ProfileRun) -> list[dict[str, Any]]:
+    used = run.profile.used
+    return [{"name": f"{s} level", "value": float(used[s].value) - ICE_POINT, "mark": used[s].mark} for s in ("hot", "cold") if s in used]
+
+
+def _margin(m: Margin) -> dict[str, Any]:
+    return {
+        "point": m.point,
+        "side": m.side,
+        "state": m.state,
+        "time": m.time,
+        "predicted": m.predicted - ICE_POINT,
+        "uncertainty": m.printed,
+        "added": m.policy.acceptance.value + m.policy.qualification.value,
+        "limit": m.limit - ICE_POINT,
+        "margin": m.margin,
+        "policy": m.policy.name,
+    }
+
+
+def _moisture(run: ProfileRun | None, window: Window) -> dict[str, Any] | None:
+    """Return dew points, and every surface with its least margin above them."""
+    if run is None or run.moisture is None:
+        return None
+    wet = run.moisture
+    gases = [(g, *thinned_curve(wet.solution.times, v - ICE_POINT, window)) for g, v in wet.dew_points.items()]
+    surfaces: Sequence[Any] = sorted(wet.surfaces.values(), key=lambda s: float(s.margin.min()))
+    return {
+        "dew": [{"name": f"dew point of {g}", "times": t, "values": v} for g, t, v in gases],
+        "surfaces": [
+            {
+                "surface": s.surface,
+                "margin": float(s.margin.min()),
+                "time": float(s.times[int(s.margin.argmin())]),
+                "condensing": s.condensing,
+                "film": 1e3 * float(s.film.max()),
+            }
+            for s in surfaces
+        ],
+    }

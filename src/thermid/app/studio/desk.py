@@ -1,0 +1,351 @@
+"""`Desk`: one stage or deck made ready for tuning by hand; values in, curves and metrics out, nothing kept."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Collection, Mapping, Sequence
+from dataclasses import dataclass
+from functools import cached_property
+
+import numpy as np
+
+from thermid.app.studio.curves import POINTS, RunCurves, ThinnedCurve, Window, thinned_curve
+from thermid.base.errors import NameNotFoundError, refuse_unknown
+from thermid.base.linear_algebra import Array
+from thermid.base.units import from_si, in_si, unit
+from thermid.fit.calibration import Calibration
+from thermid.fit.problem import Bench, Problem, Unknown
+from thermid.model.tree import Entry, Model, parameter_table
+from thermid.reporting.diagrams import diagram, parts_of
+from thermid.simulation.network import compile_network
+from thermid.simulation.runs import Simulator, Solution, prepare
+from thermid.simulation.scenarios import Scenario
+
+ICE = 273.15
+
+
+@dataclass(frozen=True, eq=False)
+class Moment:
+    """What a picture shows of one time of a run.
+
+    Parameters
+    ----------
+    model : Model           What is drawn.
+    temperatures : dict     Node or boundary -> temperature. [K]
+    flows : dict            Conductor -> heat flow from its first end to its second. [W]
+    powers : dict           Load -> power. [W]
+    """
+
+    model: Model
+    temperatures: Mapping[str, float]
+    flows: Mapping[str, float]
+    powers: Mapping[str, float]
+
+
+@dataclass(frozen=True, eq=False)
+class Desk:
+    """One model, or one stage of a campaign, ready for any values of its parameters.
+
+    Parameters
+    ----------
+    title : str                     Of the stage or deck.
+    model : Model                   As the stage has it, with inherited values.
+    problem : Problem or None       The stage's records, wired; None for a deck alone.
+    scenarios : tuple               What is run where nothing was measured.
+    calibration : Calibration       What the stage's fit found; None before.
+    """
+
+    title: str
+    model: Model
+    problem: Problem | None = None
+    scenarios: tuple[Scenario, ...] = ()
+    calibration: Calibration | None = None
+
+    @cached_property
+    def sliders(self) -> tuple[Slider, ...]:
+        """Every parameter that is a number other than zero: those that the stage frees first, then in the order of the decks."""
+        fitted = {} if self.calibration is None else {p: v for p, v in self.calibration.values.items() if v.kind == "parameter"}
+        unknowns = {u.name: u for u in self.problem.unknowns if u.kind == "parameter"} if self.problem is not None else {}
+        shared = {p for u in unknowns.values() for p in u.also}
+        out = []
+        for path, entry in parameter_table(self.model).items():
+            literal = entry.parameter.expression.literal
+            if literal is None or path in shared:
+                continue
+            value, error = (fitted[path].value, fitted[path].error) if path in fitted else (literal.value, None)
+            if value != 0.0 and math.isfinite(value):
+                unknown = unknowns.get(path)
+                out.append(slider_of(path, entry, value, error, unknown is not None, unknown.also if unknown is not None else ()))
+        return tuple(sorted(out, key=lambda s: not s.free))
+
+    @cached_property
+    def others(self) -> Mapping[str, Unknown]:
+        """What the stage looks for beside its parameters: errors of sensors and meters, starts, values of one record."""
+        return {u.name: u for u in self.problem.unknowns if u.kind != "parameter"} if self.problem is not None else {}
+
+    def si(self, values: Mapping[str, float]) -> dict[str, float]:
+        """Return path -> value for every instance that moves with a slider, from values in the units of the sliders. [SI]
+
+        Raises
+        ------
+        NameNotFoundError   When there is neither such a slider nor anything else of that name that the stage looks for.
+        """
+        known = {s.path: s for s in self.sliders}
+        out: dict[str, float] = {}
+        for path, value in values.items():
+            if path in self.others:
+                continue
+            refuse_unknown([path], known, self.title, "no slider '{}'.", NameNotFoundError)
+            out |= dict.fromkeys((path, *known[path].also), in_si(value, known[path].unit))
+        return out
+
+    def tuned(self, values: Mapping[str, float]) -> Model:
+        """Return the model at values in the units of the sliders."""
+        held = self.calibration.fitted_model if self.calibration is not None else self.model
+        return self._laid(held, {path: v for path, v in values.items() if path not in self.others})
+
+    def fixed_at(self, values: Mapping[str, float], free: Collection[str]) -> Model:
+        """Return the model whose parameters stand where their sliders do, but for those that a fit is about to find.
+
+        These keep the deck's value: it is the mean of a prior that names none.
+        """
+        fit_values = self.calibration.values if self.calibration is not None else {}
+        shown = {
+            s.path: values.get(s.path, s.value) for s in self.sliders if s.path not in free and (s.path in values or s.path in fit_values)
+        }
+        return self._laid(self.model, shown)
+
+    def _laid(self, model: Model, values: Mapping[str, float]) -> Model:
+        """Return a model with values of sliders laid over it, in every instance that moves with them."""
+        sliders = {s.path: s for s in self.sliders}
+        refuse_unknown(values, sliders, self.title, "there is no slider '{}'.", NameNotFoundError)
+        texts = {p: f"{v!r} [{sliders[path].unit}]" for path, v in values.items() for p in (path, *sliders[path].also)}
+        return model.with_values(texts, "tuned by hand")
+
+    def curves(self, values: Mapping[str, float], window: Window = None) -> tuple[RunCurves, ...]:
+        """Return measured and simulated curves of every record, or of every scenario where nothing was measured.
+
+        Parameters
+        ----------
+        values : dict           Slider -> value in its unit, and what a fit found beside the sliders: name in `others` -> value [SI].
+                                What is not given stands as the stage's fit found it, or as the fit would start.
+        window : (begin, end)   What a page shows of them; all of it by default. Metrics are of all readings all the same. [s]
+
+        Raises
+        ------
+        ThermidError   When a run cannot be finished at these values.
+        """
+        if self.problem is None:
+            values_si = {**self._starts, **self.si(values)}
+            return tuple(_of_scenario(simulator, values_si, window) for simulator in self._simulators)
+        return tuple(self._of_record(i, values, window) for i in range(len(self.problem.experiments)))
+
+    @cached_property
+    def boundaries(self) -> tuple[str, ...]:
+        """Names of what is given from outside: gases, plates, shrouds."""
+        return compile_network(self.model).boundaries
+
+    @cached_property
+    def nodes(self) -> tuple[str, ...]:
+        """Paths of all nodes whose temperature a run finds."""
+        return compile_network(self.model).nodes
+
+    @cached_property
+    def parts(self) -> tuple[str, ...]:
+        """Paths of all submodels."""
+        return parts_of(self.model)
+
+    def without_gas(self, values: Mapping[str, float], as_printed: bool) -> dict[str, tuple[ThinnedCurve, ...]]:
+        """Return run -> the same curves in vacuum, or with every coefficient zero as the source document prints it.
+
+        Raises
+        ------
+        ThermidError   When a coefficient holds radiation that nobody has split off, or a run cannot be finished.
+        """
+        out = {}
+        for run, nodes in enumerate(self._shown):
+            model, scenario = self.run_of(run, values)
+            simulator = prepare(model, scenario.vacuum(as_printed), every=scenario.seconds / (POINTS // 2))
+            out[self.runs[run]] = _curves_of(simulator.run(), nodes or simulator.wiring.network.nodes)
+        return out
+
+    def run_of(self, run: int, values: Mapping[str, float], sensors: bool = True) -> tuple[Model, Scenario]:
+        """Return the model and the scenario of one run as its curves have them.
+
+        Parameters
+        ----------
+        run : int       Which record or scenario.
+        values : dict   As in `curves`.
+        sensors : bool  Whether sensors that touch the hardware belong to the model.
+        """
+        model = self.tuned(values)
+        if self.problem is None:
+            return model, self.scenarios[run]
+        fitted = self._fitted(values)
+        return self.problem.bench(run, fitted).experiment.as_fitted(model, self._inputs(run, fitted), sensors)
+
+    def moment(self, values: Mapping[str, float], run: int, time: float) -> Moment:
+        """Return temperatures, heat flows and powers at a time of one run. [s]"""
+        model, scenario = self.run_of(run, values)
+        at = min(max(time, 0.0), scenario.seconds)
+        solution = prepare(model, scenario, times=np.unique([0.0, at])).run()
+        last = {name: {k: float(v[-1]) for k, v in table.items()} for name, table in _tables(solution).items()}
+        return Moment(model, last["temperatures"], last["flows"], last["powers"])
+
+    def drawn(self, values: Mapping[str, float], run: int, time: float | None, folded: Sequence[str]) -> str:
+        """Return the model as SVG, with temperatures, heat flows and powers at a time of one of its runs.
+
+        Parameters
+        ----------
+        values : dict       As in `curves`.
+        run : int           Which record or scenario.
+        time : float        Since its beginning; None for the plain picture. [s]
+        folded : sequence   Submodels drawn as one mass.
+        """
+        if time is None or not 0 <= run < len(self.runs):
+            return diagram(self.tuned(values), folded=folded, marked=True)
+        now = self.moment(values, run, time)
+        return diagram(now.model, temperatures=now.temperatures, flows=now.flows, powers=now.powers, folded=folded, marked=True)
+
+    @cached_property
+    def runs(self) -> tuple[str, ...]:
+        """Titles of the records, or of the scenarios where nothing was measured."""
+        return tuple(s.title for s in self.scenarios) if self.problem is None else tuple(e.record.name for e in self.problem.experiments)
+
+    @cached_property
+    def _shown(self) -> tuple[tuple[str, ...], ...]:
+        """Observed nodes of every run; none where all are shown."""
+        if self.problem is None:
+            return ((),) * len(self.scenarios)
+        return tuple(tuple(o.node for o in e.observations) for e in self.problem.experiments)
+
+    @cached_property
+    def _names(self) -> tuple[str, ...]:
+        """Every path that a slider moves."""
+        return tuple(dict.fromkeys(p for s in self.sliders for p in (s.path, *s.also)))
+
+    @cached_property
+    def _starts(self) -> dict[str, float]:
+        """Where every path that a slider moves stands before anything was moved. [SI]"""
+        return self.si({s.path: s.value for s in self.sliders})
+
+    @cached_property
+    def _simulators(self) -> tuple[Simulator, ...]:
+        return tuple(prepare(self.model, scenario, self._names, every=scenario.seconds / (POINTS // 2)) for scenario in self.scenarios)
+
+    @cached_property
+    def _benches(self) -> dict[int, Bench]:
+        """Run -> its record, wired with everything that a slider or the fit moves; made when first asked for."""
+        return {}
+
+    def _bench(self, run: int, fitted: Array) -> Bench:
+        """Return the bench of a record, its second clock where the unknowns put it."""
+        assert self.problem is not None
+        own = self.problem.bench(run, fitted)
+        kept = self._benches.get(run)
+        if kept is None or kept.experiment is not own.experiment:
+            kept = self._benches[run] = Bench.of(own.experiment, tuple(dict.fromkeys((*own.free, *self._names))))
+        return kept
+
+    def _fitted(self, values: Mapping[str, float]) -> Array:
+        """Return the fitted forms (unknowns,): as moved or found since, else as the stage's fit found them, else where it would start."""
+        assert self.problem is not None
+        si = {**self.si(values), **{name: v for name, v in values.items() if name in self.others}}
+        fitted = self.calibration.fitted if self.calibration is not None else {}
+        return np.array(
+            [u.to_fitted(si[u.name]) if u.name in si else fitted.get(u.name, u.to_fitted(u.start)) for u in self.problem.unknowns]
+        )
+
+    def _inputs(self, run: int, fitted: Array) -> dict[str, float]:
+        """Return name in the wiring of a record -> value, of all on which an unknown acts. [SI]"""
+        assert self.problem is not None
+        return dict(zip(self.problem.benches()[run].free, self.problem.inputs(run, fitted)[0].tolist(), strict=True))
+
+    def _of_record(self, run: int, values: Mapping[str, float], window: Window) -> RunCurves:
+        """Return the curves of one record, with starts, constant errors and powers as the fit found them."""
+        problem = self.problem
+        assert problem is not None
+        fitted = self._fitted(values)
+        bench = self._bench(run, fitted)
+        values_si = {**self._starts, **self.si(values), **self._inputs(run, fitted)}
+        columns, _ = bench.temperatures(np.array([values_si[n] for n in bench.free]), False, problem.options)
+        out = []
+        for k, o in enumerate(bench.experiment.observations):
+            predicted = columns[o.index, k] + _bias(problem, o.sensor, fitted)
+            times = bench.experiment.times[o.index]
+            left = o.measured - predicted
+            rmse, bias, largest = float(np.sqrt(np.mean(left**2))), float(left.mean()), float(np.abs(left).max())
+            (at, simulated), (seen, measured), (apart, rest) = (
+                thinned_curve(times, v, window) for v in (predicted - ICE, o.measured - ICE, left)
+            )
+            out.append(ThinnedCurve(o.sensor, o.seat, at, simulated, seen, measured, apart, rest, rmse, bias, largest, int(left.size)))
+        return RunCurves(bench.experiment.record.name, tuple(out))
+
+
+def _tables(solution: Solution) -> dict[str, Mapping[str, Array]]:
+    """Return temperatures [K], heat flows and powers [W] over time, by name."""
+    temperatures = {n: solution[n].kelvin for n in solution.nodes}
+    return {"temperatures": temperatures, "flows": solution.heat_flows, "powers": solution.load_powers}
+
+
+def _of_scenario(simulator: Simulator, si: Mapping[str, float], window: Window) -> RunCurves:
+    """Return the curves of a scenario, those of every mass."""
+    solution = simulator.run(dict(si))
+    return RunCurves(
+        simulator.wiring.scenario.title, _curves_of(solution, simulator.wiring.network.nodes, window), tuple(solution.warnings)
+    )
+
+
+def _curves_of(solution: Solution, nodes: Sequence[str], window: Window = None) -> tuple[ThinnedCurve, ...]:
+    return tuple(ThinnedCurve(n, n, *thinned_curve(solution.times, solution[n].celsius, window)) for n in nodes)
+
+
+def _bias(problem: Problem, sensor: str, fitted: Array) -> float:
+    """Return the constant error of a sensor. [K]"""
+    places = (k for k, u in enumerate(problem.unknowns) if u.kind == "sensor" and u.name == f"sensor {sensor}")
+    k = next(places, None)
+    return problem.fixed_bias.get(sensor, 0.0) if k is None else float(fitted[k])
+
+
+@dataclass(frozen=True)
+class Slider:
+    """A parameter that may be moved.
+
+    Parameters
+    ----------
+    path : str              The parameter.
+    unit : str              In which values and bounds are written.
+    value, low, high        Where it starts and how far it may go. [unit]
+    log : bool              Whether the track is logarithmic.
+    free : bool             Whether the stage fits it.
+    error : float or None   Standard error that the fit found. [unit]
+    source, note : str      Where the value comes from.
+    also : tuple of str     Other instances that move with it.
+    """
+
+    path: str
+    unit: str
+    value: float
+    low: float
+    high: float
+    log: bool
+    free: bool = False
+    error: float | None = None
+    source: str = ""
+    note: str = ""
+    also: tuple[str, ...] = ()
+
+
+def slider_of(path: str, entry: Entry, value: float, error: float | None, free: bool, also: tuple[str, ...]) -> Slider:
+    """Return the slider of a parameter: its own bounds, or a factor of five either way where it has none."""
+    given = entry.parameter
+    of = unit(given.unit or "1")
+    low, high = (None if b is None else from_si(b, of) for b in (given.minimum, given.maximum))
+    at = from_si(value, of)
+    log = at > 0 and not of.absolute and (low is None or low > 0)
+    span = abs(at) if not of.absolute else 50.0
+    low = low if low is not None else at / 5 if log else at - span
+    high = high if high is not None else at * 5 if log else at + span
+    shown = None if error is None or not math.isfinite(error) else error / float(of.factor)
+    note = "; ".join(t for t in (given.note, given.basis) if t)
+    return Slider(path, of.text, at, min(low, at), max(high, at), log, free, shown, given.source or entry.origin, note, also)

@@ -1,0 +1,283 @@
+"""A log that grows: read again when it has, held against a rule of stability, and where it will end."""
+
+from __future__ import annotations
+
+import math
+import time
+from collections.abc import Mapping
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from thermid.app.studio.curves import Window, thinned_curve, window_of
+from thermid.app.studio.live import LiveWatch
+from thermid.base.errors import DeckError, MissingDataError, RecordError, ThermidError, refuse_unknown
+from thermid.base.linear_algebra import Array, Bools
+from thermid.base.toml_files import project_root, resolve_inside
+from thermid.measure.readers import UNFINISHED, is_bench_log, read_record, temperature_columns
+from thermid.measure.records import Channel, Record
+from thermid.measure.steadiness import RULES, ChannelStability, StabilityRule, channel_stability, rule_of, since_when
+from thermid.physics.constants import ICE_POINT
+from thermid.qualify.steadiness import Stability, forecast
+
+KINDS = ("*.csv", "*.log", "*.txt", "*.tsv", "*.csv.gz")
+OFFERED = 200
+BUDGET = 1.5
+"""Time that forecasts of one look may take; the channel looked at comes first. [s]"""
+BREAK = 5.0
+"""A time between samples that is so many times the usual one is drawn as a gap."""
+
+
+@dataclass
+class _Kept:
+    """Forecasts, which take longer than all else, kept for a while."""
+
+    of: tuple[Any, ...]
+    told: dict[str, dict[str, Any]]
+    end: float
+    made: float
+    took: float
+    behind: bool = False
+
+    @property
+    def due(self) -> bool:
+        """Whether they may be made again: they take a fifth of the time at most."""
+        return time.monotonic() - self.made > 4.0 * self.took
+
+
+class Follower:
+    """Logs of one project.
+
+    Parameters
+    ----------
+    folder : Path       Of the deck or campaign; only files of its project are opened from the page.
+    log : Path or None  A file that was named on the command line, wherever it lies.
+    live : LiveWatch    What watches the log that is looked at; without one by its readings alone.
+    """
+
+    def __init__(self, folder: Path, log: Path | None = None, live: LiveWatch | None = None) -> None:
+        self.folder, self.log = folder, log
+        self._live = live or LiveWatch(lambda: None)
+        self._kept: _Kept | None = None
+
+    def offered(self) -> dict[str, Any]:
+        """Return the logs that may be followed, newest first, and the rules that there are."""
+        root = project_root(self.folder)
+        logs = [f for kind in KINDS for depth in ("", "*/", "*/*/") for f in self.folder.glob(depth + kind)]
+        inside = sorted((f for f in set(logs) if f.is_file() and f.resolve().is_relative_to(root)), key=lambda f: -f.stat().st_mtime)
+        rules = [{"name": r.name, "source": r.source, "mark": r.mark} for r in RULES.values() if not r.stored]
+        names = [f.relative_to(self.folder).as_posix() for f in inside[:OFFERED]]
+        return {"given": None if self.log is None else self.log.name, "logs": names, "rules": rules}
+
+    def look(self, asked: Mapping[str, Any]) -> dict[str, Any]:
+        """Return how a log stands; ``{"same": ...}`` where nothing has come since `known`.
+
+        Parameters
+        ----------
+        asked : dict    ``file`` (empty for the one of the command line), ``rule``, ``since`` and ``slowest`` [h], ``reference``,
+                        ``channel`` that is looked at, ``window`` [s], ``known``; ``boundaries`` and ``within`` as `LiveWatch` takes them.
+
+        Raises
+        ------
+        ThermidError    When the file is none of the project's, or rule, channel or time make no sense.
+        """
+        path, rule = self._path(str(asked.get("file") or "")), rule_of(str(asked.get("rule") or "3 C/h"))
+        try:
+            stat = path.stat()
+        except OSError:
+            return {"waiting": f"The file '{path.name}' does not exist yet.", "known": ""}
+        known, age = f"{stat.st_mtime_ns} {stat.st_size}", max(time.time() - stat.st_mtime, 0.0)
+        due = self._kept is None or self._kept.due
+        if asked.get("known") == known and not (due and self._kept is not None and self._kept.behind):
+            return {"same": True, "known": known, "age": age}
+        begun, before = time.monotonic(), self._kept
+        try:
+            columns = temperature_columns(path)
+            if not columns:
+                return {
+                    "waiting": "No column is recognised as a temperature. Give it a unit, such as T1 [degC].",
+                    "known": known,
+                    "age": age,
+                }
+            record = _whole_lines(path, columns)
+        except (MissingDataError, RecordError) as error:
+            return {"waiting": f"Nothing to show yet: {error.message}", "known": known, "age": age}
+        out = self._told(record, rule, asked)
+        slowest, since = _hours(asked.get("slowest"), "slowest"), _hours(asked.get("since"), "since")
+        out["watch"] = self._live.look(record, rule, asked, slowest, since)
+        spent = self._kept.took if self._kept is not None and self._kept is not before else 0.0
+        return out | {"file": path.name, "known": known, "age": age, "seconds": time.monotonic() - begun - spent}
+
+    def _path(self, name: str) -> Path:
+        if not name:
+            if self.log is None:
+                raise DeckError("no log is open. Choose one of the project, or start with --log FILE.", "bench")
+            return self.log
+        return resolve_inside(self.folder, name, "bench")
+
+    def _told(self, record: Record, rule: StabilityRule, asked: Mapping[str, Any]) -> dict[str, Any]:
+        """Return curves, stability and forecasts of a log."""
+        window, reference = window_of(asked), str(asked.get("reference") or "")
+        since = _hours(asked.get("since"), "since")
+        names = [n for n in record.channels if n != reference]
+        refuse_unknown([reference] if reference else (), record.channels, record.name, "unknown channel '{}'.")
+        stabilities: dict[str, ChannelStability] = {}
+        why: dict[str, str] = {}
+        first = float(record.times[0]) if since is None else since
+        for n in names:
+            try:
+                stabilities[n] = channel_stability(record, n, rule, since=first)
+            except RecordError as error:
+                why[n] = error.message
+        when = {n: since_when(record, n, rule, first) if c.verdict == "stable" else None for n, c in stabilities.items()}
+        whole = Stability(record.name, rule, float(record.times[-1]), stabilities, {}, when, None) if stabilities else None
+        focus = str(asked.get("channel") or "") or (whole.slowest if whole else names[0])
+        kept = self._forecasts(record, sorted(names, key=lambda n: n != focus), rule, asked)
+        shown = [_channel(record.channels[n], record.times, window) | _words(n, stabilities, why, when) for n in record.channels]
+        for c in shown:
+            c["forecast"] = kept.told.get(c["name"])
+        return {
+            "rows": int(record.times.size),
+            "begin": float(record.times[0]),
+            "end": float(record.times[-1]),
+            "step": record.step,
+            "rule": {"name": rule.name, "source": rule.source, "mark": rule.mark},
+            "forecast_at": kept.end,
+            "slowest": whole.slowest if whole else None,
+            "verdict": _verdict(whole, why, names),
+            "channels": shown,
+            "reference": reference,
+            "synthetic": record.origin.synthetic,
+            "notes": list(record.steps),
+        }
+
+    def _forecasts(self, record: Record, order: list[str], rule: StabilityRule, asked: Mapping[str, Any]) -> _Kept:
+        """Return where channels will end; what was worked out a moment ago where it is too soon to do so again."""
+        of = (record.origin.file, rule.name, order[0], *(asked.get(k) for k in ("since", "slowest", "reference", "channel")))
+        end, kept = float(record.times[-1]), self._kept
+        if kept is not None and kept.of == of and (not kept.due or kept.end == end):
+            kept.behind = kept.end != end
+            return kept
+        begun = time.monotonic()
+        forecasts = {n: _forecast(record, n, rule, asked, begun) for n in order}
+        self._kept = _Kept(of, forecasts, end, time.monotonic(), time.monotonic() - begun)
+        return self._kept
+
+
+def _whole_lines(path: Path, columns: list[str]) -> Record:
+    """Return a log without a last line that is still being written: half of a number is a number, and would be a spike."""
+    before = _ended(path)
+    record = read_record(path, {n: {"node": n} for n in columns})
+    dropped = any(UNFINISHED in note for note in record.steps)
+    if (before and _ended(path)) or dropped or record.times.size < 3:
+        return record
+    return replace(record.trim(float(record.times[0]), float(record.times[-2])), steps=(*record.steps, f"the last line {UNFINISHED}"))
+
+
+def _ended(path: Path) -> bool:
+    """Whether a file ends with a whole line; a log of the bench has checksums and is packed or whole by itself."""
+    with path.open("rb") as file:
+        head = file.read(4096)
+        if is_bench_log(head) or head[:2] == b"\x1f\x8b" or not head:
+            return True
+        file.seek(-1, 2)
+        return file.read(1) in b"\r\n"
+
+
+def _hours(given: Any, name: str) -> float | None:
+    """Return a time from hours; None where none is given. [s]"""
+    if given is None or given == "":
+        return None
+    if isinstance(given, bool) or not isinstance(given, int | float) or not math.isfinite(given):
+        raise RecordError(f"'{name}' is a number of hours.", "bench")
+    return 3600.0 * float(given)
+
+
+def _forecast(record: Record, name: str, rule: StabilityRule, asked: Mapping[str, Any], begun: float) -> dict[str, Any]:
+    """Return where a channel will end, or why that is not said."""
+    if time.monotonic() - begun > BUDGET:
+        return {"declined": "Not computed, to save time. Choose this channel to compute it.", "final": None, "open": True}
+    since, slowest = _hours(asked.get("since"), "since"), _hours(asked.get("slowest"), "slowest")
+    reference = str(asked.get("reference") or "")
+    try:
+        outlook = forecast(record, name, since="start" if since is None else since, rule=rule, reference=reference, slowest=slowest)
+    except ThermidError as error:
+        return {"declined": error.message, "final": None}
+    final, declined = outlook.final, bool(outlook.declined)
+    ends = [v - ICE_POINT for v in (final.value, final.low, final.high)]
+    return {
+        "declined": outlook.declined,
+        "final": None if declined else ends[0],
+        "low": ends[1],
+        "high": ends[2],
+        "error": None if declined else final.error,
+        "holds": outlook.holds,
+        "late": outlook.holds_late,
+    }
+
+
+def _channel(channel: Channel, times: Array, window: Window) -> dict[str, Any]:
+    """Return the readings of one channel, faulty ones and silences as gaps with their reasons."""
+    celsius = np.where(channel.valid, channel.values - ICE_POINT, np.nan)
+    usual = float(np.median(np.diff(times)))
+    silent = np.flatnonzero(np.diff(times) > BREAK * usual)
+    at = np.insert(times, silent + 1, 0.5 * (times[silent] + times[silent + 1])) if silent.size else times
+    drawn = np.insert(celsius, silent + 1, np.nan) if silent.size else celsius
+    shown, values = thinned_curve(at, drawn, window)
+    valid = np.flatnonzero(channel.valid)
+    last = int(valid[-1]) if valid.size else None
+    gaps = [(float(times[a]), float(times[b]), why, b - a + 1) for why, mask in channel.masks.items() for a, b in _runs(mask)]
+    gaps += [(float(times[k]), float(times[k + 1]), "nothing came", 0) for k in silent]
+    return {
+        "name": channel.name,
+        "times": shown,
+        "values": values,
+        "latest": None if last is None else float(celsius[last]),
+        "latest_at": None if last is None else float(times[last]),
+        "gaps": [{"from": a, "to": b, "why": why, "count": int(n)} for a, b, why, n in sorted(gaps)],
+    }
+
+
+def _runs(mask: Bools) -> list[tuple[int, int]]:
+    """Return first and last place of every run of True."""
+    edges = np.flatnonzero(np.diff(np.concatenate([[False], mask, [False]]).astype(int)))
+    return [(int(a), int(b) - 1) for a, b in zip(edges[::2], edges[1::2], strict=True)]
+
+
+def _words(name: str, found: Mapping[str, ChannelStability], why: Mapping[str, str], when: Mapping[str, float | None]) -> dict[str, Any]:
+    c = found.get(name)
+    if c is None:
+        return {
+            "verdict": "too early" if name in why else "reference",
+            "why": why.get(name, ""),
+            "rate": None,
+            "error": None,
+            "since": None,
+        }
+    return {
+        "verdict": c.verdict,
+        "why": "",
+        "rate": 3600.0 * c.rate,
+        "error": 3600.0 * c.error,
+        "over": c.end - c.start,
+        "since": when[name],
+    }
+
+
+def _verdict(whole: Stability | None, why: Mapping[str, str], names: list[str]) -> dict[str, str]:
+    """Return how the log stands as a sentence, with a word that a mark can stand for."""
+    if whole is None:
+        return {"word": "too early", "text": next(iter(why.values()), "The log has no temperature.")}
+    word = "cannot tell" if why and whole.stable else whole.verdict
+    c, settled = whole.channels[whole.slowest], sum(x.verdict == "stable" for x in whole.channels.values())
+    span = f"{(c.end - c.start) / 60.0:.3g} min"
+    text = f"by '{whole.rule.name}'. Slowest: {whole.slowest}, {3600.0 * c.rate:+.2f} ± {3600.0 * c.error:.2f} K/h over the last {span}. "
+    text += f"{settled} of {len(names)} channels settled"
+    begun = [t for t in whole.since.values() if t is not None]
+    text += f", all since {max(begun) / 3600.0:.2f} h." if word == "stable" and begun else "."
+    return {
+        "word": word,
+        "text": text + ("" if whole.decides else " The number of this rule is quoted from memory, so it is not used for a verdict."),
+    }

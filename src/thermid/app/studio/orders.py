@@ -1,0 +1,187 @@
+"""What the page may ask for and order, by name, what is done for it, and what the page is told: plain objects for JSON, in usual units."""
+
+from __future__ import annotations
+
+import base64
+import json
+import math
+from collections.abc import Callable, Mapping
+from dataclasses import asdict
+from typing import Any
+
+import numpy as np
+
+from thermid.app.studio.courses import Shelf, outcome_object, profile_for, profile_object
+from thermid.app.studio.curves import RunCurves, ThinnedCurve, Window, texts_of, window_of
+from thermid.app.studio.desk import Desk
+from thermid.app.studio.follow import Follower
+from thermid.app.studio.project import Project
+from thermid.app.studio.work import Work
+from thermid.base.errors import DeckError, refuse_unknown
+from thermid.base.linear_algebra import Array
+from thermid.reporting.objects import clean, swap_object
+from thermid.values.store import model_standing
+
+Body = Mapping[str, Any]
+
+
+def questions(project: Project, work: Work, follower: Follower) -> dict[str, Callable[[Mapping[str, str]], Any]]:
+    """Return name -> answer to what is only read, from the query of an address."""
+
+    def stage(query: Mapping[str, str]) -> str:
+        return query.get("stage", project.stages[0])
+
+    return {
+        # the job before the stages: one that has ended has set all of them
+        "project": lambda q: project_object(project, work.state()),
+        "desk": lambda q: desk_object(project.desk(stage(q))),
+        "shelf": lambda q: shelf_object(work.shelf, project.desk(stage(q))),
+        "job": lambda q: work.state(),
+        "fresh": lambda q: work.fresh(),
+        "logs": lambda q: follower.offered(),
+    }
+
+
+def orders(project: Project, work: Work) -> dict[str, Callable[[Body], Any]]:
+    """Return name -> answer to what comes with a body of JSON."""
+
+    def curves(body: Body) -> Any:
+        desk, measured = project.desk(_text(body, "stage")), bool(body.get("measured", True))
+        return curves_object(desk, _values(body), _text(body, "gas"), measured, window_of(body))
+
+    def profile(body: Body) -> Any:
+        course = work.shelf.course(project.desk(_text(body, "stage")), _text(body, "course"))
+        if course.kind != "profile":
+            raise DeckError(f"'{course.title}' is not a profile, so it has no numbers to change.", "studio")
+        return profile_object(profile_for(course, body))
+
+    def outcome(body: Body) -> Any:
+        if work.outcome is None:
+            raise DeckError("no run exists yet. Run one first.", "studio")
+        return outcome_object(work.outcome, window_of(body))
+
+    return {
+        "curves": curves,
+        "picture": lambda b: picture(project.desk(_text(b, "stage")), _values(b), b),
+        "run": lambda b: work.run(_text(b, "stage"), bool(b.get("below"))),
+        "fit": lambda b: work.fit(_text(b, "stage"), _values(b), texts_of(b, "free")),
+        "save": lambda b: {"file": project.save(_text(b, "stage"), _values(b), _text(b, "name")).name},
+        "profile": profile,
+        "scenario": lambda b: work.scenario(_text(b, "stage"), _text(b, "course"), _values(b), b),
+        "stop": lambda b: work.stop(),
+        "outcome": outcome,
+        "swap": lambda b: swap_object(project.swap(_text(b, "part"), _text(b, "deck"))),
+    }
+
+
+def _text(body: Mapping[str, Any], key: str) -> str:
+    text = body.get(key, "")
+    if not isinstance(text, str):
+        raise DeckError(f"'{key}' is not a text.", "studio")
+    return text
+
+
+def _values(body: Mapping[str, Any]) -> dict[str, float]:
+    sliders = body.get("values", {})
+    if not isinstance(sliders, dict) or not all(
+        isinstance(v, int | float) and not isinstance(v, bool) and math.isfinite(v) for v in sliders.values()
+    ):
+        raise DeckError("give values as numbers by path.", "studio")
+    return {str(k): float(v) for k, v in sliders.items()}
+
+
+SINGLE = 1e6
+"""Up to here four bytes tell times to a tenth of a second and temperatures to a millikelvin."""
+GASES = ("air", "vacuum", "printed")
+
+
+def project_object(project: Project, job: Mapping[str, Any]) -> dict[str, Any]:
+    """Return what is open, where its stages stand, and the state of the job that runs or ran last."""
+    table = project.table()
+    return {
+        "title": project.title,
+        "file": project.path.name,
+        "kind": "deck" if project.source is None else "campaign",
+        "note": "" if project.source is None else project.source.content.note,
+        "stages": [asdict(project.states[name]) for name in project.stages],
+        "decks": project.decks() if project.source is not None else (),
+        "table": {"heads": [c.title for c in table.columns], "rows": [[[c.text, c.look] for c in row] for row in table.rows]},
+        "job": job,
+    }
+
+
+def desk_object(desk: Desk) -> dict[str, Any]:
+    """Return the sliders of a stage, its curves as they are, and its parts."""
+    return {
+        "title": desk.title,
+        "sliders": [asdict(s) for s in desk.sliders],
+        "others": list(desk.others),
+        "parts": desk.parts,
+        "fitted": desk.calibration is not None,
+        "measured": desk.problem is not None,
+        "warnings": list(desk.calibration.warnings) if desk.calibration is not None else [],
+        "standing": (desk.calibration.standing if desk.calibration is not None else model_standing(desk.model)).to_dict(desk.title),
+        "synthetic": desk.problem is not None and any(e.record.origin.synthetic for e in desk.problem.experiments),
+        **curves_object(desk, {}, "air"),
+    }
+
+
+def curves_object(desk: Desk, values: Mapping[str, float], gas: str, measured: bool = True, window: Window = None) -> dict[str, Any]:
+    """Return the curves at values of the sliders, in air, in vacuum, or in vacuum as the source document prints it.
+
+    Raises
+    ------
+    DeckError       When there is no such gas.
+    ThermidError    When a run is refused or cannot be finished.
+    """
+    refuse_unknown([gas], GASES, "studio", "'{}' is not one of {known}.", DeckError)
+    runs = desk.curves(values, window)
+    without = desk.without_gas(values, as_printed=gas == "printed") if gas != "air" else {}
+    return {"runs": [_run(r, without.get(r.name, ()), measured) for r in runs]}
+
+
+def _run(run: RunCurves, without: tuple[ThinnedCurve, ...], measured: bool) -> dict[str, Any]:
+    gone = {c.node: c for c in without}
+    return {"name": run.name, "remarks": run.remarks, "curves": [_curve(c, gone.get(c.node), measured) for c in run.curves]}
+
+
+def _curve(curve: ThinnedCurve, without: ThinnedCurve | None, measured: bool) -> dict[str, Any]:
+    still = ("name", "node", "seen", "measured", "count") if measured else ()
+    out = {k: getattr(curve, k) for k in (*still, "times", "simulated", "apart", "left", "rmse", "bias", "largest")}
+    if without is not None:
+        out |= {"gone_times": without.times, "gone": without.simulated}
+    return out
+
+
+def picture(desk: Desk, values: Mapping[str, float], asked: Mapping[str, Any]) -> dict[str, Any]:
+    """Return the model as SVG at a time of one of its runs, submodels folded as asked."""
+    folded = texts_of(asked, "folded")
+    refuse_unknown(folded, desk.parts, desk.title, "unknown part '{}'.", DeckError)
+    time, run = asked.get("time"), asked.get("run", 0)
+    if not isinstance(run, int) or isinstance(run, bool) or not (time is None or (isinstance(time, int | float) and math.isfinite(time))):
+        raise DeckError("give a run as a whole number and a time as a number.", "studio")
+    return {"svg": desk.drawn(values, run, None if time is None else float(time), folded)}
+
+
+def shelf_object(shelf: Shelf, desk: Desk) -> dict[str, Any]:
+    """Return what can be run, and what the form of a profile asks for."""
+    limits, source = shelf.limits(desk)
+    return {
+        "courses": [{"key": c.key, "title": c.title, "group": c.group, "kind": c.kind} for c in shelf.courses(desk).values()],
+        "boundaries": desk.boundaries,
+        "nodes": desk.nodes,
+        "limits": [one.point for one in limits],
+        "source": source,
+        "fitted": desk.calibration is not None,
+    }
+
+
+def as_json(value: object) -> str:
+    """Return a value as JSON that a script element cannot break out of; arrays as bytes, numbers that JSON lacks as null."""
+    return json.dumps(clean(value, _packed), allow_nan=False).replace("<", "\\u003c")
+
+
+def _packed(values: Array) -> dict[str, str]:
+    # text of many numbers takes longer to write and read than a simulation does
+    single = values.size == 0 or not np.nanmax(np.abs(values), initial=0.0) > SINGLE
+    return {"f4" if single else "f8": base64.b64encode(values.astype("<f4" if single else "<f8").tobytes()).decode()}

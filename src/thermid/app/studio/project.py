@@ -1,0 +1,462 @@
+"""`Project`: a deck or campaign opened in the studio; which stages are done or stale, and the desks of those that can be tuned."""
+
+from __future__ import annotations
+
+import fnmatch
+import os
+from collections.abc import Callable, Collection, Iterator, Mapping, Sequence
+from dataclasses import dataclass, field, replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from thermid.app.studio.desk import Desk
+from thermid.base.errors import DeckError, IdentificationError, NameNotFoundError, ThermidError, refuse_unknown
+from thermid.base.toml_files import project_root, read_toml, resolve_inside
+from thermid.base.units import in_si
+from thermid.campaign.stages import Campaign, CampaignSource, changed_since, file_name, keyed, read_campaign, recall, remember, request_of
+from thermid.campaign.studies import RetunePlan, plan_retune
+from thermid.fit.calibration import Calibration, fit, fit_problem
+from thermid.fit.problem import Request, build_problem
+from thermid.model.deck import load_model
+from thermid.model.tree import Model, ParameterSet, deck_text, parameter_table
+from thermid.reporting.pages import Table, levels
+from thermid.simulation.network import compile_network
+from thermid.simulation.scenarios import Scenario, load_scenario
+from thermid.values.fitted import save_store
+from thermid.values.store import LeftOut, State, Store, ValueOrigin
+
+Told = Callable[[int, float], None]
+
+
+class Project:
+    """A deck or campaign with its results folder; the files that its author wrote are never changed.
+
+    Parameters
+    ----------
+    path : path     The deck or campaign.
+    data : path     A folder of logs outside the project.
+    results : path  Where stages and tuned values are kept; ``results`` beside the file by default.
+    """
+
+    def __init__(self, path: str | os.PathLike[str], data: str | os.PathLike[str] | None = None, results: Path | None = None) -> None:
+        self.path = Path(path).resolve()
+        if self.path.is_dir():
+            inside = ", ".join(sorted(f.name for f in self.path.glob("*.toml"))[:9]) or "none"
+            raise DeckError(f"a folder is not a deck or campaign. Give a file in it: {inside}.", self.path.name)
+        self.results = results if results is not None else self.path.parent / "results"
+        self._data = data
+        self.source, self.title = self._read()
+        roots = [self.source.data] if self.source is not None and self.source.data is not None else []
+        self.watch = Watch(self.path, roots, self.results)
+        self.edition = 0
+        self.broken = ""
+        self.done: dict[str, Calibration] = {}
+        self.states: dict[str, StageState] = {name: StageState(name, "waiting", "not run yet") for name in self.stages}
+        self._requests: dict[str, Request] = {}
+        self._keys: dict[str, str] = {}
+        self._made_of: dict[str, dict[str, str]] = {}
+        self._desks: dict[str, Desk] = {}
+        self._levels: tuple[dict[str, Calibration], Table] | None = None
+
+    def _read(self) -> tuple[CampaignSource | None, str]:
+        """Return the campaign, None for a deck, and the title."""
+        source = read_campaign(self.path, self._data) if "stages" in read_toml(self.path)[0] else None
+        return source, source.content.title if source is not None else load_model(self.path).title
+
+    def read_again(self, changed: Collection[Path]) -> None:
+        """Take the files as they are on disk now; every stage must be looked at again.
+
+        Logs are read again only where one of them, or the campaign, is among those that changed. A fit whose model, logs and request are
+        what they were stays done. A file that cannot be read leaves the project as it was, and `broken` says why.
+        """
+        self.edition += 1
+        decks = self.source is not None and self.path not in changed and all(f.suffix == ".toml" for f in changed)
+        try:
+            if self.broken or not decks:
+                self.source, self.title = self._read()
+            self.broken = ""
+        except ThermidError as error:
+            self.broken = str(error)
+        for known in (self._requests, self._desks):
+            known.clear()
+        names = self.stages
+        self.done = {n: c for n, c in self.done.items() if n in names}
+        self.states = {n: self.states.get(n, StageState(n, "waiting", "not run yet")) for n in names}
+
+    def deck(self) -> Model | None:
+        """Return the model where the project is a single deck.
+
+        Raises
+        ------
+        ThermidError   When it cannot be read.
+        """
+        return load_model(self.path) if self.source is None else None
+
+    @property
+    def stages(self) -> tuple[str, ...]:
+        """The stages of a campaign in order; a deck has one, under its title."""
+        return tuple(s.name for s in self.source.content.stages) if self.source is not None else (self.title,)
+
+    def below(self, name: str) -> tuple[str, ...]:
+        """Return the stages that hand values to a stage, at any depth, in the order in which they run."""
+        if self.source is None:
+            return ()
+        direct = {s.name: {n for i in s.inherit.values() for n in i.stages} for s in self.source.content.stages}
+        stages: set[str] = set()
+        waiting = set(direct[self.known(name)])
+        while waiting:
+            stages |= waiting
+            waiting = {n for w in waiting for n in direct[w]} - stages
+        return tuple(s for s in self.stages if s in stages)
+
+    def known(self, name: str) -> str:
+        """Return the name of a stage.
+
+        Raises
+        ------
+        NameNotFoundError   With the nearest name.
+        """
+        refuse_unknown([name], self.stages, self.title, "no stage '{}'.", NameNotFoundError)
+        return name
+
+    def look(self, name: str) -> StageState:
+        """Return where a stage stands, taking its fit from the results folder when nothing that it depends on has changed."""
+        if self.broken:
+            return self._set(StageState(name, "failed", self.broken, self.states[name].below))
+        if self.source is None:
+            return self._set(StageState(name, "deck", "a deck alone, without logs"))
+        if name in self.done and name in self._requests:
+            return self.states[name]
+        direct, before, found = self.below(name), self._keys.get(name), self.done.pop(name, None)
+        missing = [n for n in direct if self.states[n].state != "done"]
+        if missing:
+            why = f"needs values of '{missing[0]}', which is {self.states[missing[0]].state}"
+            return self._set(StageState(name, "waiting", why, direct))
+        try:
+            request = self._request(name)
+            if found is not None and before == self._keys[name]:
+                return self._finish(name, found, unchanged=self.states[name].state == "done")
+            if request.hand is not None:
+                return self._finish(name, fit(request))  # values tuned by hand: there is nothing to run
+            kept = recall(self.results, name, self._keys[name])
+        except ThermidError as error:
+            return self._set(StageState(name, "failed", str(error), direct))
+        if kept is None:
+            ran = found is not None or (self.results / f"{file_name(name)}.fit.json").is_file()
+            changed = ", ".join(changed_since(self.results, name, self._made_of[name]))
+            why = f"changed since it was run: {changed}" if changed else "run it again" if ran else "never run"
+            return self._set(StageState(name, "stale" if ran else "new", why, direct))
+        return self._finish(name, fit(request, None, kept))
+
+    def run(self, name: str, told: Told | None = None) -> StageState:
+        """Run a stage again from what its files say; the ones below must be done.
+
+        Raises
+        ------
+        ThermidError   When it cannot be run; the message says why.
+        """
+        if self.source is None:
+            raise DeckError("a deck has no stages to run. Open a campaign.", self.path.name)
+        calibration = fit(self._request(name), told)
+        if calibration.converged:
+            remember(self.results, name, self._keys[name], calibration.kept, self._made_of[name])
+            calibration.save(self.results / f"{file_name(name)}.values.toml")
+        for above in self.stages:
+            if name in self.below(above):
+                self._forget(above)
+        return self._finish(name, calibration)
+
+    def fit(self, name: str, values: Mapping[str, float], free: tuple[str, ...], told: Told | None = None) -> Calibration:
+        """Return a fit of chosen parameters that starts at values of the sliders; nothing is kept of it.
+
+        Parameters
+        ----------
+        name : str      The stage.
+        values : dict   Slider -> value in its unit.
+        free : tuple    Sliders to fit.
+
+        Raises
+        ------
+        IdentificationError   When nothing is free, or the logs cannot tell.
+        """
+        if self.source is None:
+            raise IdentificationError("a deck has no log, so a fit is not possible. Open a campaign.", self.path.name)
+        if not free:
+            raise IdentificationError("no parameter is selected. Tick the parameters to fit.", name)
+        desk, request = self.desk(name), self._request(name)
+        known = {k: v for k, v in request.priors.items() if ParameterSet(request.model).freeable(k, request.model.canonical) in free}
+        # what is fitted keeps the deck's value as the mean of its prior, wherever its slider stands; the search starts at the slider
+        model = desk.fixed_at(values, free)
+        asked = replace(request, model=model, free=free, prior=tuple(p for p in request.prior if p in free), priors=known)
+        starts = desk.si({s.path: values.get(s.path, s.value) for s in desk.sliders if s.path in free})
+        problem = build_problem(asked)
+        begun = tuple(replace(u, start=starts.get(u.name, u.start)) for u in problem.unknowns)
+        return fit_problem(asked, replace(problem, unknowns=begun), told)
+
+    def desk(self, name: str) -> Desk:
+        """Return a stage, ready for tuning.
+
+        Raises
+        ------
+        ThermidError   When a stage below is not done, or a log is missing.
+        """
+        self.known(name)
+        if name not in self._desks:
+            self._desks[name] = self._desk(name)
+        return self._desks[name]
+
+    def _desk(self, name: str) -> Desk:
+        if self.source is None:
+            model = load_model(self.path)
+            return Desk(name, model, None, self.scenarios(model))
+        if name in self.done:
+            calibration = self.done[name]
+            return Desk(
+                name,
+                calibration.model,
+                calibration.problem,
+                () if calibration.problem is not None else self.scenarios(calibration.model),
+                calibration,
+            )
+        request = self._request(name)
+        return Desk(name, request.model, build_problem(request))
+
+    def scenarios(self, model: Model) -> tuple[Scenario, ...]:
+        """Return the scenarios that lie beside the file and fit a model of it, the plainest one where there is none."""
+        found = []
+        boundaries = compile_network(model).boundaries
+        for file in sorted(self.path.parent.glob("*.toml")):
+            try:
+                if {"boundaries", "duration"} <= set(read_toml(file)[0]):
+                    found.append(load_scenario(file))
+            except ThermidError:
+                continue  # no scenario, or one that does not read: `thermid simulate` says why
+        fitting = tuple(s for s in found if set(s.boundaries) <= set(boundaries))
+        plain = Scenario("24 °C, five hours", boundaries=dict.fromkeys(boundaries, "24 [degC]"), start="24 [degC]", duration="5 [h]")
+        return fitting or (plain,)
+
+    def save(self, name: str, values: Mapping[str, float], title: str) -> Path:
+        """Write values of sliders as a values file into the results folder and return its path; an older one of that name is kept.
+
+        Raises
+        ------
+        DeckError   When the title is no name for a file.
+        """
+        stem = file_name(title.strip())
+        if not stem.strip("_"):
+            raise DeckError("give the values a name of letters and digits.", "save")
+        desk = self.desk(name)
+        states: dict[str, State] = {}
+        origin, table = ValueOrigin("hand", f"{name}, by hand"), parameter_table(desk.model)
+        for s in desk.sliders:
+            if s.path in values:
+                value, start, *ends = (in_si(v, s.unit) for v in (values[s.path], s.value, s.low, s.high))
+                more = {"paths": (s.path, *s.also), "deck": deck_text(table[s.path]), "start": start, "known": False}
+                states[s.path] = State(s.path, value, s.log, s.unit, (ends[0], ends[1]), origin, **more)  # type: ignore[arg-type]
+        if not states:
+            raise DeckError("no value was changed, so there is nothing to save.", "save")
+        self.results.mkdir(parents=True, exist_ok=True)
+        target, k = self.results / f"{stem}.values.toml", 2
+        while target.exists():
+            target, k = self.results / f"{stem}_{k}.values.toml", k + 1
+        left_out = tuple(LeftOut(f"'{p}' was tuned by hand without an error") for p in states)
+        save_store(Store(states, root=np.zeros((len(states), 0)), left_out=left_out), target, origin.stage)
+        return target
+
+    def swap(self, part: str, deck: str) -> RetunePlan:
+        """Return what replacing a part by another deck of the project costs; the stages that turn stale are marked.
+
+        Raises
+        ------
+        ThermidError   When the campaign is not done, the deck is none of the project's, or it does not fit.
+        """
+        if self.source is None:
+            raise DeckError("a swap needs a campaign whose stages have been run.", self.path.name)
+        undone = [n for n in self.stages if n not in self.done]
+        if undone:
+            raise DeckError(f"stage '{undone[0]}' has not been run. Run the stages first.", self.title)
+        file = resolve_inside(self.path.parent, deck, "swap", ())
+        campaign = Campaign(self.title, dict(self.done), (), dict(self._keys), "", None, self.source, dict(self._requests))
+        return plan_retune(campaign, part, load_model(file))
+
+    def decks(self) -> tuple[str, ...]:
+        """Return the decks beside the campaign."""
+        out = []
+        for file in sorted(self.path.parent.glob("*.toml")):
+            try:
+                content, _ = read_toml(file)
+            except ThermidError:
+                continue
+            if {"nodes", "submodels"} & set(content):
+                out.append(file.name)
+        return tuple(out)
+
+    def table(self) -> Table:
+        """Return heat transfer coefficients, parts down, stages that are done across, as reports have them."""
+        if self._levels is None or self._levels[0] != self.done:
+            self._levels = dict(self.done), levels(Campaign(self.title, dict(self.done), (), {}))[0]
+        return self._levels[1]
+
+    def _request(self, name: str) -> Request:
+        assert self.source is not None
+        if name not in self._requests:
+            k = self.stages.index(self.known(name))
+            stage = self.source.content.stages[k]
+            missing = [n for i in stage.inherit.values() for n in i.stages if n not in self.done]
+            if missing:
+                raise DeckError(f"needs values of '{missing[0]}', which has not been run. Run that first.", name)
+            request, self._made_of[name] = keyed(request_of(self.source, stage, k, self.done), stage, self._keys)
+            self._keys[name], self._requests[name] = request.key, request
+        return self._requests[name]
+
+    def _finish(self, name: str, found: Calibration, unchanged: bool = False) -> StageState:
+        self.done[name] = found
+        self._desks.pop(name, None)
+        sensors = {n: s.rmse for n, s in found.sensors.items()}
+        below = self.below(name)
+        told = found.standing
+        standing = "" if told.fair else told.state
+        state = StageState(name, "done", "", below, sensors, standing, told.line(name), told.usable)
+        return self._set(state, self.states[name].edition if unchanged else self.edition)
+
+    def _forget(self, name: str) -> None:
+        """Drop what is known of a stage whose basis changed."""
+        for known in (self.done, self._requests, self._keys, self._desks):
+            known.pop(name, None)
+        self.states[name] = StageState(name, "stale", "a stage below was run again", self.below(name))
+
+    def _set(self, state: StageState, edition: int | None = None) -> StageState:
+        state = self.states[state.name] = replace(state, edition=self.edition if edition is None else edition)
+        return state
+
+
+@dataclass(frozen=True)
+class StageState:
+    """Where a stage stands.
+
+    Parameters
+    ----------
+    name : str          The stage.
+    state : str         'done', 'stale' (something it depends on changed since), 'new' (never run), 'waiting' (for a stage below),
+                        'failed' (it cannot be read) or 'deck' (there is nothing to run).
+    why : str           In words.
+    below : tuple       Stages whose values it takes.
+    sensors : dict      Sensor -> RMSE, of a stage that is done. [K]
+    standing : str      How far the values of a stage that is done may be trusted, where a reader must be told; empty else.
+    because : str       The reason, with the stage that is the cause.
+    usable : bool       Whether an answer may rest on them.
+    edition : int       Counts how often what the stage says was changed on disk.
+    """
+
+    name: str
+    state: str
+    why: str = ""
+    below: tuple[str, ...] = ()
+    sensors: Mapping[str, float] = field(default_factory=dict)
+    standing: str = ""
+    because: str = ""
+    usable: bool = True
+    edition: int = 0
+
+
+Stamp = tuple[int, int, int] | None
+GLOB = "*?["
+
+
+class Watch:
+    """The files of one project, each with when it was last written and how large it is.
+
+    Parameters
+    ----------
+    path : Path             The deck or campaign.
+    roots : sequence        Folders of logs outside the project.
+    apart : Path            A folder that is not looked into: what the studio itself writes.
+    """
+
+    def __init__(self, path: Path, roots: Sequence[Path], apart: Path) -> None:
+        self._path, self._roots, self._apart = path, tuple(roots), apart.resolve()
+        self._patterns: set[Path] = set()
+        self._seen: dict[Path, Stamp] = {}
+        self._seen = self._stamps()
+
+    def changed(self) -> frozenset[Path]:
+        """Return the files that were written, made or deleted since this was last asked."""
+        known = {f: _stamp(f) for f in (*self._seen, *self._beside())}
+        changed = frozenset(f for f, stamp in known.items() if self._seen.get(f) != stamp)
+        if changed:
+            self._seen = self._stamps()
+        return changed
+
+    def _beside(self) -> list[Path]:
+        """Return what may belong to the file: decks, scenarios, plans and tables of its folder, those inside and the one above; logs."""
+        folder, root = self._path.parent, project_root(self._path.parent)
+        files = [*folder.glob("*.toml"), *folder.glob("*/*.toml"), *(folder.parent.glob("*.toml") if folder != root else ())]
+        files += [f for pattern in self._patterns for f in _matching(pattern)]
+        return [f for f in files if not f.resolve().is_relative_to(self._apart)]
+
+    def _stamps(self) -> dict[Path, Stamp]:
+        """Return file -> stamp of all that there is to watch; a broken file keeps those watched that it named before."""
+        stamps: dict[Path, Stamp] = {f: _stamp(f) for f in (*self._seen, *self._beside())}
+        walked: set[Path] = set()
+        waiting, root = [self._path], project_root(self._path.parent)
+        while waiting:
+            file = waiting.pop()
+            walked.add(file)
+            stamps[file] = _stamp(file)
+            try:
+                content = read_toml(file)[0]
+            except ThermidError:
+                continue
+            for text in _texts(content):
+                for named in _named(file.parent, text, self._roots):
+                    if any(mark in named.name for mark in GLOB):
+                        self._patterns.add(named)
+                    elif named.suffix == ".toml" and named not in walked and named.resolve().is_relative_to(root):
+                        waiting.append(named)
+                    else:
+                        stamps.setdefault(named, _stamp(named))
+        return stamps | {f: _stamp(f) for pattern in self._patterns for f in _matching(pattern)}
+
+
+def _stamp(file: Path) -> Stamp:
+    try:
+        found = file.stat()
+    except OSError:
+        return None
+    return found.st_mtime_ns, found.st_size, found.st_ino
+
+
+def _texts(value: Any) -> Iterator[str]:
+    """Yield every text in a file's content."""
+    if isinstance(value, str):
+        yield value
+    elif isinstance(value, Mapping):
+        for inner in value.values():
+            yield from _texts(inner)
+    elif isinstance(value, list):
+        for inner in value:
+            yield from _texts(inner)
+
+
+def _named(folder: Path, text: str, roots: Sequence[Path]) -> Iterator[Path]:
+    """Yield the files that a text may name: decks also where they are missing, patterns of logs as they are."""
+    if not text or len(text) > 255 or "\0" in text or "\n" in text:
+        return
+    for root in (folder, *roots):
+        target = root / text
+        if any(mark in text for mark in GLOB):
+            if target.parent.is_dir():
+                yield target
+        elif target.suffix == ".toml" or (target.suffix and target.is_file()):
+            yield target
+
+
+def _matching(pattern: Path) -> Iterator[Path]:
+    """Yield the files of a folder that a pattern matches."""
+    try:
+        names = os.listdir(pattern.parent)
+    except OSError:
+        return
+    yield from (pattern.parent / n for n in fnmatch.filter(names, pattern.name))

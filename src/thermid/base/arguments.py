@@ -1,0 +1,151 @@
+"""`takes_objects`: a path where an object is expected, and an object where a path is, are refused with what to do."""
+
+from __future__ import annotations
+
+import os
+import re
+from collections.abc import Callable, Mapping
+from functools import wraps
+from numbers import Integral
+from typing import Any, ParamSpec, TypeVar
+
+from thermid.base.errors import DeckError
+
+P = ParamSpec("P")
+R = TypeVar("R")
+
+MADE = {
+    "Model": "td.load_model({})",
+    "Block": "td.Block(...)",
+    "Scenario": "td.load_scenario({})",
+    "Record": "td.read_record({}, {{'T1': {{'node': ...}}}})",
+    "Calibration": "td.calibrate(model, record, free), or td.run_stages(campaign)[stage]",
+    "Campaign": "td.run_stages({})",
+    "Study": "td.design.load_study({})",
+    "Plan": "td.qualify.load_plan({})",
+    "Qualification": "td.qualify.run_plan({})",
+    "FittedValues": "td.load_values({})",
+    "ThermalProfile": "td.qualify.load_profile({}), or td.qualify.profile_of(standard, name)",
+    "HoldQuestion": "td.qualify.load_hold({})",
+    "Weather": "td.site.read_weather({})",
+    "Trajectory": "td.site.read_trajectory({})",
+    "Limits": "td.qualify.load_limits({})",
+    "Solution": "td.simulate(model, scenario)",
+    "UncertainRuns": "td.qualify.uncertain_runs(model, scenario)",
+    "Network": "td.simulation.compile_network(model)",
+    "StateSpace": "td.simulation.state_space(td.simulation.compile_network(model))",
+    "Known": "td.design.Known.of(model or calibration)",
+    "Foresight": "td.design.foresee(td.design.Known.of(model), scenario)",
+    "Correlation": "td.qualify.correlate(calibration)",
+    "Structure": "td.reporting.Structure(...)",
+    "Criteria": "td.Criteria(rmse='0.5 [K]')",
+}
+"""What a user makes and hands on, and how it is made; the braces hold the file."""
+TEXTS = ("str", "PathLike", "Path")
+MANY = ("Sequence", "Iterable", "Mapping")
+
+
+def takes_objects(function: Callable[P, R]) -> Callable[P, R]:
+    """Return a function that refuses, by its annotations, a path in place of what a file holds, one thing in place of another, and so on.
+
+    Only what users mix up is looked at: texts, paths, dictionaries and thermid's own objects. Annotations are read once.
+    """
+    code, told = function.__code__, function.__annotations__
+    names = code.co_varnames[: code.co_argcount + code.co_kwonlyargcount]
+    known = {n: words for n in names if isinstance(told.get(n), str) and (words := _words(told[n]) or _plain(told[n]))}
+    places = [(k, n) for k, n in enumerate(names[: code.co_argcount]) if n in known]
+
+    passed: set[tuple[str, type]] = set()  # what was taken once is taken again; a call then costs a microsecond
+
+    def remember(name: str, value: Any) -> None:
+        if not isinstance(value, list | tuple | Mapping):  # what these hold may differ
+            passed.add((name, type(value)))
+
+    @wraps(function)
+    def checked(*args: P.args, **kwargs: P.kwargs) -> R:
+        for k, name in places:
+            if k < len(args) and (name, type(args[k])) not in passed:
+                _check(args[k], known[name], name, code.co_name)
+                remember(name, args[k])
+        for name, value in kwargs.items():
+            if name in known and (name, type(value)) not in passed:
+                _check(value, known[name], name, code.co_name)
+                remember(name, value)
+        return function(*args, **kwargs)
+
+    return checked
+
+
+def _words(annotation: str) -> tuple[str, ...]:
+    """Return the names in an annotation where it takes an object of thermid or a path; nothing where it takes neither."""
+    words = tuple(dict.fromkeys(re.findall(r"\w+", re.sub(r"Mapping\[str, ?", "Mapping[", annotation))))
+    return words if {*words} & {*MADE, "PathLike", "Path"} or annotation.startswith("Mapping[str, Any]") else ()
+
+
+def _plain(annotation: str) -> tuple[str, ...]:
+    """Return the kinds of an argument that is a dictionary or a whole number and nothing of thermid; nothing of others."""
+    bare = annotation
+    while (inner := re.sub(r"\[[^\[\]]*\]", "", bare)) != bare:
+        bare = inner
+    kinds = {*bare.split(" | ")}
+    return (PLAIN, *kinds) if kinds - {"None"} in ({"int"}, {"Mapping"}, {"Mapping", "str"}) else ()
+
+
+PLAIN = "plain"
+
+
+def _check(value: Any, words: tuple[str, ...], name: str, function: str) -> None:
+    """Refuse a value that an annotation of these words does not take.
+
+    Raises
+    ------
+    DeckError   When it is a text, a path, a dictionary or an object of another kind.
+    """
+    if words[0] == PLAIN:
+        wanted: dict[str, type] = {"int": Integral, "Mapping": Mapping, "str": str, "None": type(None)}
+        if isinstance(value, tuple(wanted[w] for w in words[1:])) and not isinstance(value, bool):
+            return
+        raise DeckError(f"`{name}` takes {'a whole number' if 'int' in words else 'a dictionary'}, not {value!r}.", function)
+    if value is None:
+        if "None" in words:
+            return
+        what = "None"
+    elif isinstance(value, list | tuple | float | int) and {*words} <= {*MADE, "None", "Mapping", "Any", "str", "os", "PathLike", "Path"}:
+        what = "a list" if isinstance(value, list | tuple) else repr(value)
+    elif isinstance(value, list | tuple):
+        for item in value if any(m in words for m in MANY) else ():
+            _check(item, words, name, function)
+        return
+    elif isinstance(value, str | os.PathLike):
+        if any(t in words for t in TEXTS):
+            return
+        what = f"the text {value!r}" if isinstance(value, str) else f"the path {str(value)!r}"
+    elif isinstance(value, Mapping) and type(value).__name__ not in MADE:
+        if "Mapping" in words or "dict" in words:
+            for item in value.values() if "str" not in words and "Any" not in words else ():
+                _check(item, words, name, function)
+            return
+        what = "a dictionary"
+    else:
+        kinds = [c.__name__ for c in type(value).__mro__ if c.__name__ in MADE]
+        if not kinds or any(k in words for k in kinds):
+            return
+        what = kinds[0]
+    raise DeckError(f"`{name}` takes {_wanted(words)}, not {what}.{_advice(words, value)}", function)
+
+
+def _wanted(words: tuple[str, ...]) -> str:
+    objects = [w for w in words if w in MADE]
+    paths = ["the path of a file or folder"] if any(t in words for t in ("PathLike", "Path")) else []
+    return " or ".join([*objects, *paths]) or "a dictionary"
+
+
+def _advice(words: tuple[str, ...], value: Any) -> str:
+    """Return how what is wanted is made."""
+    first = next((w for w in words if w in MADE), "")
+    if not first:
+        return " Give the file's name." if any(t in words for t in TEXTS) else ""
+    if isinstance(value, Mapping):
+        return " Make it with td.model_from_dict(...)." if first == "Model" else f" Make it with {MADE[first].format('file')}."
+    file = repr(os.fspath(value)) if isinstance(value, str | os.PathLike) else "file"
+    return f" Make it with {MADE[first].format(file)}."

@@ -1,0 +1,441 @@
+"""The one place where files are written: whole or not at all, and never over what thermid did not write or what a command reads.
+
+A file that thermid writes carries a seal: a comment with the kind of the file and a checksum of what stands before it (tables carry
+theirs in the header, netCDF files in an attribute). A file may be replaced by one of its own kind while its seal is unbroken.
+Decision 109 says why.
+"""
+
+from __future__ import annotations
+
+import errno
+import hashlib
+import os
+import platform
+import re
+import select
+import shutil
+import stat
+import struct
+import time
+import zlib
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from contextvars import ContextVar
+from dataclasses import dataclass, field, replace
+from pathlib import Path
+from typing import Any, Final
+
+from thermid.base.errors import OutputError, ThermidError, cap, raising
+
+NETCDF_SOURCE: Final = "thermid"
+"""Attribute `source` of a netCDF file."""
+_DAY: Final = 86400.0
+SILENCE: Final = 10.0
+"""Time after which a pipe out of which nothing comes is given up. [s]"""
+_STARTED: Final = time.time()
+_HOST: Final = hashlib.sha256(platform.node().encode()).hexdigest()[:6]
+_HALF: Final = re.compile(r"^\.(?P<host>[0-9a-f]{6})-(?P<pid>\d+)-[0-9a-f]{8}\.half\.")
+
+
+@dataclass(frozen=True)
+class FileKind:
+    """A kind of file, and how thermid knows one that it wrote.
+
+    Parameters
+    ----------
+    name : str          In words, for messages and seals.
+    own : callable      Whether a file is one that thermid wrote; None for the seal.
+    endings : tuple     How the names of such files end; empty where any will do.
+    named : bool        Whether a name must have one of these endings, because it chooses the format or other programs go by it.
+    """
+
+    name: str
+    own: Callable[[Path], bool] | None = None
+    endings: tuple[str, ...] = ()
+    named: bool = False
+
+    def of(self, title: str) -> FileKind:
+        """Return the kind of one thing: a file of it is not replaced by one of another."""
+        return replace(self, name=f"{self.name} {re.sub(r'[^0-9A-Za-z]+', '_', title)[:60]}")
+
+    def wrote(self, path: Path) -> bool:
+        """Whether thermid wrote a file as this kind, and nobody changed it since."""
+        return sealed(path, self.name) if self.own is None else self.own(path)
+
+
+def first_quoted(line: bytes, of: bytes) -> bool:
+    """Whether a header has its first name in quotes and no other, as no other program writes it: `"time_s",case [degC]`."""
+    cells = re.fullmatch(rb'"([^"]*)",[^"]*', line.strip())
+    return cells is not None and re.fullmatch(of, cells[1]) is not None
+
+
+def _header(path: Path, of: bytes) -> bool:
+    with path.open("rb") as file:
+        return first_quoted(file.readline(1 << 20), of)
+
+
+def _from_netcdf(path: Path) -> bool:
+    try:
+        import h5netcdf
+
+        with h5netcdf.File(path, "r") as file:
+            return str(file.attrs.get("source", "")) == NETCDF_SOURCE
+    except (ImportError, OSError, ValueError, KeyError):
+        return False
+
+
+FORMATS: Final = {
+    **dict.fromkeys((".html", ".htm"), "a page"),
+    ".pdf": "a PDF",
+    ".svg": "an SVG picture",
+    **{f".{word}": f"a picture in {word.upper()}" for word in ("png", "jpg", "jpeg", "gif", "bmp", "tif", "tiff", "webp", "eps")},
+    ".csv": "a table in text",
+    **dict.fromkeys((".xls", ".xlsx", ".ods"), "a workbook"),
+    **dict.fromkeys((".doc", ".docx", ".odt"), "a word processor's document"),
+    **dict.fromkeys((".nc", ".h5", ".hdf5"), "a netCDF or HDF5 file"),
+    **dict.fromkeys((".gz", ".zip", ".bz2", ".xz"), "a compressed file"),
+    ".toml": "a TOML file",
+    ".json": "a JSON file",
+}
+"""Ending of a name -> what every program takes such a file for; other endings promise nothing."""
+_TEXTS: Final = (".csv", ".toml", ".json")
+
+
+DECK: Final = FileKind("deck", endings=(".toml",))
+VALUES: Final = FileKind("values file", endings=(".toml",))
+SCENARIO: Final = FileKind("scenario", endings=(".toml",))
+PROFILE: Final = FileKind("profile", endings=(".toml",))
+STUDY: Final = FileKind("study", endings=(".toml",))
+CREDIBILITY: Final = FileKind("credibility record", endings=(".json", ".toml"))
+PAGE: Final = FileKind("page", endings=(".html", ".htm"))
+PAPER: Final = FileKind("printed page", endings=(".pdf",), named=True)
+PICTURE: Final = FileKind("picture", endings=(".png", ".svg", ".pdf"), named=True)
+DRAWING: Final = FileKind("picture", endings=(".svg",), named=True)
+"""A picture that is drawn as SVG alone."""
+EXPORT: Final = FileKind("export", endings=_TEXTS)
+EQUATIONS: Final = FileKind("equations file", endings=_TEXTS)
+DELIVERY: Final = FileKind("delivery", endings=(".json",))
+TABLE: Final = FileKind("table of temperatures", lambda path: _header(path, rb"time_s"), (".csv",))
+LOG: Final = FileKind("log", lambda path: _header(path, rb".*\[s\]"), (".csv",))
+NETCDF: Final = FileKind("netCDF file", _from_netcdf, (".nc", ".h5", ".hdf5"))
+SHEET: Final = FileKind("table of a report", lambda path: path.parent.name.endswith(".tables"), (".csv",))
+"""In the folder of a report's tables, which nobody else names so."""
+COPY: Final = FileKind("copy", lambda path: False)
+"""Bytes as they are; what is there is never replaced."""
+OWN: Final = FileKind("file of results", lambda path: True)
+"""What only thermid writes, by names of its own, and what carries on the content of the file that it replaces."""
+
+
+@dataclass
+class _Command:
+    """What one command has read, by device and inode, and whether it may replace any file."""
+
+    force: bool = False
+    inputs: set[tuple[int, int]] = field(default_factory=set)
+
+
+_COMMAND: Final[ContextVar[_Command | None]] = ContextVar("thermid command", default=None)
+
+
+@contextmanager
+def command(force: bool = False) -> Iterator[None]:
+    """Remember what is read from here on, so that nothing of it is written over; with `force`, any file may be replaced."""
+    token = _COMMAND.set(_Command(force))
+    try:
+        yield
+    finally:
+        _COMMAND.reset(token)
+
+
+def was_read(path: str | os.PathLike[str]) -> None:
+    """Remember that a file is an input of this command."""
+    running = _COMMAND.get()
+    if running is not None:
+        about = os.stat(path)
+        running.inputs.add((about.st_dev, about.st_ino))
+
+
+def read_bytes(path: str | os.PathLike[str]) -> bytes:
+    """Return the bytes of an input; from a pipe or a device only while something comes, and up to the cap `unpacked`.
+
+    Raises
+    ------
+    OSError        When it cannot be read; it names `path`.
+    ThermidError   When a pipe stays silent, or more comes than the cap.
+    """
+    mode = os.stat(path).st_mode
+    data = Path(path).read_bytes() if stat.S_ISREG(mode) or stat.S_ISDIR(mode) else _piped(path)
+    was_read(path)
+    return data
+
+
+def _piped(path: str | os.PathLike[str]) -> bytes:
+    """Return what comes out of a pipe or a device."""
+    pipe, data, most = os.open(path, os.O_RDONLY | getattr(os, "O_NONBLOCK", 0)), bytearray(), int(cap("unpacked"))
+    try:
+        while len(data) <= most:
+            if not select.select([pipe], [], [], SILENCE)[0]:
+                raise ThermidError(f"this is a pipe, and nothing came out of it within {SILENCE:g} s. Give the path of a file.", str(path))
+            part = os.read(pipe, 1 << 20)
+            if not part:
+                return bytes(data)
+            data += part
+    finally:
+        os.close(pipe)
+    raise ThermidError(f"more than {most / 1e6:.0f} MB came out of this pipe or device.{raising('unpacked')}", str(path))
+
+
+def read_text(path: str | os.PathLike[str], encoding: str = "utf-8") -> str:
+    """Return the text of an input, line ends as Python has them."""
+    return read_bytes(path).decode(encoding).replace("\r\n", "\n").replace("\r", "\n")
+
+
+def parse_toml(text: str) -> dict[str, Any]:
+    """Return the content of a TOML text.
+
+    Raises
+    ------
+    tomllib.TOMLDecodeError   Also when it is nested so deeply, or has a number of so many digits, that nobody can have meant it.
+    """
+    import tomllib
+
+    most = int(cap("key"))
+    if re.search(rf"""(?<![\w"'.-])(?:[\w"'-]++[ \t]*+\.[ \t]*+){{{most}}}""", text):
+        raise tomllib.TOMLDecodeError(f"a key has {most} parts or more.{raising('key').rstrip('.')}")
+    try:
+        return tomllib.loads(text)
+    except RecursionError:
+        raise tomllib.TOMLDecodeError("tables or lists are nested too deeply") from None
+    except tomllib.TOMLDecodeError:
+        raise
+    except ValueError as error:
+        raise tomllib.TOMLDecodeError(f"a number has too many digits ({error})") from None
+
+
+def check_ending(path: str | os.PathLike[str], kind: FileKind) -> Path:
+    """Return a path whose ending does not promise another format than the one that is written; the one place that decides so.
+
+    Parameters
+    ----------
+    path : path         File to write.
+    kind : FileKind     What is written into it.
+
+    Raises
+    ------
+    OutputError   When the ending is that of another format, as `.pdf` for a table, or none at all where the kind needs one.
+    """
+    target = Path(path)
+    ending = target.suffix.lower()
+    if not kind.endings or ending in kind.endings or (ending not in FORMATS and not kind.named):
+        return target
+    own = " or ".join(kind.endings)
+    promise = f"the ending '{ending}' promises {FORMATS[ending]}, but" if ending in FORMATS else "the name does not say a format, and"
+    raise OutputError(f"{promise} the {kind.name} is written as {own}. Give a name that ends so.", str(path))
+
+
+def may_write(path: str | os.PathLike[str], kind: FileKind) -> Path:
+    """Return the file that a path leads to, links followed, when it may be written; ask before long work.
+
+    Raises
+    ------
+    OutputError   When it is an input of this command, a file that thermid did not write as this kind, or has an ending of another format.
+    OSError       When it is a folder or read-only, or its folder is missing; it names `path`.
+    """
+    target = Path(os.path.realpath(check_ending(path, kind)))
+    if target.is_dir():
+        raise IsADirectoryError(errno.EISDIR, os.strerror(errno.EISDIR), str(path))
+    if not target.parent.is_dir():
+        raise FileNotFoundError(errno.ENOENT, os.strerror(errno.ENOENT), str(path))
+    if not target.is_file():  # new, or a pipe or a device
+        return target
+    if not os.access(target, os.W_OK):
+        raise PermissionError(errno.EACCES, os.strerror(errno.EACCES), str(path))
+    running = _COMMAND.get() or _Command()
+    if running.force:
+        return target
+    about = target.stat()
+    if (about.st_dev, about.st_ino) in running.inputs:
+        raise OutputError(
+            f"this file is an input of the command; writing the {kind.name} would overwrite it. Give another name.", str(path)
+        )
+    if not kind.wrote(target):
+        raise OutputError(
+            f"this file exists already. It was not written by thermid as {kind.name}, or was changed since. Give another name or move "
+            "it away; on the command line --force replaces it.",
+            str(path),
+        )
+    return target
+
+
+@contextmanager
+def replacing(path: str | os.PathLike[str], kind: FileKind) -> Iterator[Path]:
+    """Yield where to write; what is there at the end takes the place of `path` in one step. After any error the old file is still there.
+
+    The file of the kind must carry its mark; `write_text` and `write_bytes` put it in.
+
+    Raises
+    ------
+    OutputError   As `may_write`.
+    OSError       When nothing can be written there; it names `path`.
+    """
+    target = may_write(path, kind)
+    if target.exists() and not target.is_file():  # a pipe or a device
+        yield target
+        return
+    sweep(target.parent)
+    half = target.with_name(_half_name(target.name))
+    try:
+        os.close(os.open(half, os.O_WRONLY | os.O_CREAT | os.O_EXCL, 0o666))
+        yield half
+        _settle(half, target)
+    except OSError as error:
+        if error.filename not in (None, str(half)):
+            raise
+        raise OSError(error.errno or errno.EIO, error.strerror or str(error), str(path)) from error
+    finally:
+        half.unlink(missing_ok=True)
+
+
+def _settle(half: Path, target: Path) -> None:
+    """Force what was written onto the disk, and give it the name and the permissions of the file that it replaces."""
+    file = os.open(half, os.O_RDWR)
+    try:
+        os.fsync(file)
+    finally:
+        os.close(file)
+    if target.exists():
+        half.chmod(stat.S_IMODE(target.stat().st_mode))
+    os.replace(half, target)
+
+
+def write_bytes(path: str | os.PathLike[str], data: bytes, kind: FileKind, comment: str = "#") -> Path:
+    """Write a file with its seal and return its path.
+
+    Parameters
+    ----------
+    comment : str   How a line begins that is a comment; without effect in JSON, HTML, SVG, PNG and PDF.
+
+    Raises
+    ------
+    OutputError, OSError   As `replacing`.
+    """
+    whole = data if kind.own is not None else seal(data, kind.name, comment.encode())
+    with replacing(path, kind) as half, half.open("wb") as file:
+        file.write(whole)
+    return Path(path)
+
+
+def write_text(path: str | os.PathLike[str], text: str, kind: FileKind, comment: str = "#") -> Path:
+    """Write a text as UTF-8 with its seal and return its path; the rest as `write_bytes`."""
+    return write_bytes(path, text.encode(), kind, comment)
+
+
+@contextmanager
+def folder_replacing(path: str | os.PathLike[str]) -> Iterator[Path]:
+    """Yield a folder to fill, which takes the name `path` at the end; after an error nothing is there. `path` must be new or empty."""
+    target = Path(os.path.realpath(path))
+    target.parent.mkdir(parents=True, exist_ok=True)
+    sweep(target.parent)
+    half = target.with_name(_half_name(target.name))
+    half.mkdir()
+    try:
+        yield half
+        os.replace(half, target)
+    except OSError as error:
+        if error.filename is not None and not str(error.filename).startswith(str(half)):
+            raise
+        raise OSError(error.errno or errno.EIO, error.strerror or str(error), str(path)) from error
+    finally:
+        shutil.rmtree(half, ignore_errors=True)
+
+
+@contextmanager
+def scratch() -> Iterator[Path]:
+    """Yield a folder for work in between, which is removed at the end."""
+    import tempfile
+
+    place = Path(tempfile.gettempdir())
+    sweep(place)
+    folder = place / _half_name("thermid")
+    folder.mkdir(mode=0o700)
+    try:
+        yield folder
+    finally:
+        shutil.rmtree(folder, ignore_errors=True)
+
+
+def _half_name(name: str) -> str:
+    """Return a hidden name beside a file, with its ending, which may ask for compression; it says whose it is."""
+    return f".{_HOST}-{os.getpid()}-{os.urandom(4).hex()}.half.{name[-100:]}"
+
+
+def sweep(folder: Path) -> None:
+    """Remove what processes that were killed while they wrote have left in a folder."""
+    for each in os.scandir(folder):
+        found = _HALF.match(each.name)
+        if found is not None and _abandoned(each, found):
+            try:
+                shutil.rmtree(each.path) if each.is_dir(follow_symlinks=False) else os.unlink(each.path)
+            except OSError:  # of another user, or gone already
+                continue
+
+
+def _abandoned(entry: os.DirEntry[str], name: re.Match[str]) -> bool:
+    """Whether the process that began a file is gone; of another machine nobody knows, so it must be a day old."""
+    try:
+        changed = entry.stat(follow_symlinks=False).st_mtime
+    except OSError:
+        return False
+    if name["host"] != _HOST or os.name != "posix":
+        return time.time() - changed > _DAY
+    pid = int(name["pid"])
+    if pid == os.getpid():  # left by an earlier process of the same number, as containers have them
+        return changed < _STARTED - 1.0
+    try:
+        os.kill(pid, 0)
+    except ProcessLookupError:
+        return True
+    except OSError:
+        return False
+    return time.time() - changed > _DAY
+
+
+_END: Final = rb'(?:\s*|\s*-->\s*|"\s*\}\s*|.{4}\0\0\0\0IEND\xaeB`\x82)\Z'
+"""What may stand after a seal: the end of a line, of a comment, of a JSON object, of a PNG."""
+
+
+def seal(data: bytes, name: str, comment: bytes = b"#") -> bytes:
+    """Return a file with its seal at the end, as a comment of its language."""
+    if data.startswith(b"\x89PNG"):
+        end = data[-12:]
+        front = data[:-12] + struct.pack(">I", len(b"Software\0" + _words(name, b""))) + b"tEXtSoftware\0"
+        words = _words(name, front)
+        return front + words + struct.pack(">I", zlib.crc32(b"tEXtSoftware\0" + words)) + end
+    if data.startswith(b"%PDF-"):
+        front, back = data.rstrip(b"\n") + b"\n% ", b"\n"
+    elif data.lstrip()[:1] == b"<":
+        front, back = data.rstrip() + b"\n<!-- ", b" -->\n"
+    elif data.lstrip()[:1] == b"{":
+        front, back = data.rstrip()[:-1].rstrip() + b',\n "seal": "', b'"\n}\n'
+    else:
+        front, back = data + (b"" if data.endswith(b"\n") else b"\n") + comment + b" ", b"\n"
+    return front + _words(name, front) + back
+
+
+def _words(name: str, before: bytes) -> bytes:
+    """Return the words of a seal: who wrote what, and the checksum of what stands before them, whatever the line ends."""
+    digest = hashlib.sha256(before.replace(b"\r\n", b"\n")).hexdigest()[:16]
+    return f"written by thermid: {name}, sha256 {digest}".encode()
+
+
+def sealed(path: Path, name: str) -> bool:
+    """Whether a file carries the seal of a kind, and is what it was when it got it."""
+    data = path.read_bytes()
+    at = data.rfind(b"written by thermid: ")
+    words = _words(name, data[: max(at, 0)])
+    return at >= 0 and re.match(re.escape(words) + _END, data[at:], re.DOTALL) is not None
+
+
+def unsealed(text: str) -> str:
+    """Return the text of a TOML file without its seal."""
+    return re.sub(r"^# written by thermid: [\w ]+, sha256 [0-9a-f]{16}\s*\Z", "", text, flags=re.MULTILINE)

@@ -1,0 +1,336 @@
+"""Grammars of files as pydantic models, and their faults: one line per fault, each with its place and the nearest name.
+
+Every kind of file has one, in a module `schema` of the room that reads it. Loaded only when a file is read: pydantic takes a tenth of a
+second. `scripts/write_schema.py` lists the kinds and writes a JSON Schema of each for editors.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from functools import cache
+from typing import Annotated, Any, ClassVar, Generic, Literal, Self, TypeAlias, TypeVar, Union
+
+from pydantic import (
+    BaseModel,
+    ConfigDict,
+    Discriminator,
+    Field,
+    GetPydanticSchema,
+    PlainValidator,
+    RootModel,
+    Tag,
+    ValidationError,
+    WithJsonSchema,
+    WrapValidator,
+)
+from pydantic_core import PydanticCustomError, core_schema
+
+from thermid.base.errors import DeckError, ThermidError, cap, nearest, raising
+
+T = TypeVar("T")
+BRANCHES = ("str", "float", "ValueTable", "PowerLawTable", "Correlated")
+"""What a value may be; pydantic reports a fault once for each."""
+
+
+def reads(form: Any, make: Callable[[Any], Any]) -> GetPydanticSchema:
+    """Return the mark of a field that is written in one form and holds what `make` makes of it; errors are listed with the other faults."""
+
+    def made(written: Any) -> Any:
+        try:
+            return make(written)
+        except ThermidError as error:
+            raise PydanticCustomError("thermid", "{message}", {"message": error.message, "error": error}) from None
+
+    return GetPydanticSchema(lambda _, handler: core_schema.no_info_after_validator_function(made, handler.generate_schema(form)))
+
+
+def or_instance(kind: type) -> WrapValidator:
+    """Return the mark of a field in whose place a caller in Python may give an object."""
+    return WrapValidator(lambda value, check: value if isinstance(value, kind) else check(value))
+
+
+def _amount(written: Any) -> Any:
+    if isinstance(written, str | int | float) and not isinstance(written, bool):
+        return written
+    raise PydanticCustomError("thermid", "{message}", {"message": f"{AMOUNT} is needed, not {shown(written)}."})
+
+
+AMOUNT = "a text with its unit, such as '2.5 [W]', or a number"
+
+
+def _names(written: Any) -> Any:
+    several = written if isinstance(written, list | tuple) else [written]
+    if all(isinstance(one, str) for one in several):
+        return written
+    raise PydanticCustomError("thermid", "{message}", {"message": f"a text or a list of texts is needed, not {shown(written)}."})
+
+
+def shown(written: Any) -> str:
+    """Return what is written in a file, for a message: tables and lists by their kind, long texts cut.
+
+    >>> shown({"a": 1}), shown(True), shown("x" * 60)[-4:]
+    ('a table', 'true', "...'")
+    """
+    if isinstance(written, Mapping):
+        return "a table"
+    if isinstance(written, list | tuple):
+        return "a list"
+    if isinstance(written, bool):
+        return str(written).lower()
+    text = repr(written)
+    return text if len(text) <= 44 else f"{text[:40]}...{text[-1]}"
+
+
+Amount: TypeAlias = Annotated[Any, PlainValidator(_amount), WithJsonSchema({"type": ["string", "number"]})]
+"""A text with its unit or a number, as it is written; what reads it knows the unit."""
+Names: TypeAlias = Annotated[Any, PlainValidator(_names), WithJsonSchema({"type": ["string", "array"], "items": {"type": "string"}})]
+"""A name, or a list of names."""
+Real: TypeAlias = Annotated[float, Field(strict=True)]
+"""A number; true and false are none."""
+Finite: TypeAlias = Annotated[float, Field(strict=True, allow_inf_nan=False)]
+"""A number that is neither infinite nor undefined; true and false are none."""
+Whole: TypeAlias = Annotated[int, Field(strict=True)]
+"""A whole number; true and false are none."""
+Flag: TypeAlias = Annotated[bool, Field(strict=True)]
+"""True or false; texts and numbers are neither."""
+
+
+def in_form(otherwise: Any, *tables: tuple[Any, tuple[str, ...]]) -> GetPydanticSchema:
+    """Return the mark of a field that is a table in one of several forms, or else something plain.
+
+    Parameters
+    ----------
+    otherwise : type        What stands there where it is no table.
+    tables : pairs          Each a table of a grammar and the keys by which it is known; the last one is taken where none fits.
+    """
+
+    def form(written: Any) -> str:
+        if not isinstance(written, Mapping):
+            return FORM.format("plain")
+        known = (table.__name__ for table, keys in tables if {*keys} & {*written})
+        return FORM.format(next(known, tables[-1][0].__name__))
+
+    forms: list[Any] = [Annotated[otherwise, Tag(FORM.format("plain"))]]
+    forms += [Annotated[table, Tag(FORM.format(table.__name__))] for table, _ in tables]
+    whole: Any = Annotated[Union[tuple(forms)], Discriminator(form)]  # noqa: UP007  # made of a list
+    return GetPydanticSchema(lambda _, handler: handler.generate_schema(whole))
+
+
+FORM = "({})"
+"""Step of a fault's place that is no key: the form that a table was taken for."""
+
+
+class Grammar(BaseModel):
+    """Base of every grammar: reads a file, and lists its faults."""
+
+    fault: ClassVar[type[ThermidError]] = DeckError
+    """What a fault of the file is."""
+    lead: ClassVar[str] = ""
+    """What stands before the faults of a file that nobody writes by hand."""
+
+    @property
+    def written(self) -> dict[str, Any]:
+        """What of it was written, its tables as dictionaries."""
+        return self.model_dump(exclude_unset=True, by_alias=True)
+
+    @classmethod
+    def from_file(cls, data: Any, where: Callable[[str], str]) -> Self:
+        """Return the content of a file, checked against its grammar.
+
+        Parameters
+        ----------
+        data : dict, list   The file as read.
+        where : callable    Key path -> file, line and key path, such as `toml_files.Places`.
+
+        Raises
+        ------
+        ThermidError   Of the class `fault` of the grammar, with every fault.
+        """
+        fault = endless(data)
+        if fault:
+            raise cls.fault(fault[1], where(fault[0]))
+        try:
+            return cls.model_validate(data)
+        except ValidationError as error:
+            raise _listed(error, data, where, cls) from None
+
+
+class StrictTable(Grammar):
+    """Base of every table of a grammar: a key that it does not know is refused."""
+
+    model_config = ConfigDict(extra="forbid")
+
+
+class GrammarOf(RootModel[T], Grammar, Generic[T]):
+    """Base of the grammar of a file whose keys are names, or that is a list."""
+
+
+class TimesTable(StrictTable):
+    """Values at times."""
+
+    times: list[Amount]
+    values: list[Amount]
+    hold: Flag = False
+    before: Literal["hold", ""] = ""
+    after: Literal["hold", "repeat", ""] = ""
+    period: Amount = None
+    samples: Literal["instant", "average", ""] = ""
+
+
+class SineTable(StrictTable):
+    """A sine."""
+
+    mean: Amount
+    amplitude: Amount
+    period: Amount
+    phase: Finite = 0.0
+
+
+class ColumnTable(StrictTable):
+    """A column of a log."""
+
+    file: str
+    column: str
+    unit: str = ""
+    time: str | None = None
+    hold: Flag = False
+    before: Literal["hold", ""] = ""
+    after: Literal["hold", "repeat", ""] = ""
+    period: Amount = None
+    samples: Literal["instant", "average", ""] = ""
+
+
+SignalField: TypeAlias = Annotated[
+    Any, in_form(Amount, (ColumnTable, ("file", "column")), (SineTable, ("mean", "amplitude")), (TimesTable, ()))
+]
+"""What may change with time in a scenario file: as `CourseField`, or a column of a log."""
+CourseField: TypeAlias = Annotated[Any, in_form(Amount, (SineTable, ("mean", "amplitude")), (TimesTable, ()))]
+"""What may change with time, as `thermid.model._laws.signal.signal` reads it."""
+
+
+def endless(data: Any, path: str = "", deepest: int | None = None) -> tuple[str, str] | None:
+    """Return the first place of what no reader may get, and why: tables and lists nested too deeply, whole numbers beyond any float."""
+    deepest = int(cap("nesting")) if deepest is None else deepest
+    if isinstance(data, int) and data.bit_length() > LONGEST_NUMBER:
+        return path, f"a number has too many digits (some {data.bit_length() * 0.30103:.0f}); no float holds it."
+    if not isinstance(data, dict | list | tuple):
+        return None
+    if deepest == 0:
+        return path, f"tables and lists are nested too deeply.{raising('nesting')}"
+    inside = data.items() if isinstance(data, dict) else enumerate(data)
+    found = (endless(value, f"{path}.{key}" if path else str(key), deepest - 1) for key, value in inside)
+    return next((each for each in found if each), None)
+
+
+LONGEST_NUMBER = 1023
+"""Bits of a whole number that a float holds."""
+
+
+def _listed(error: ValidationError, data: Mapping[str, Any], where: Callable[[str], str], grammar: type[Grammar]) -> ThermidError:
+    """Return one error that lists every fault."""
+    faults: dict[str, str] = {}
+    causes: list[ThermidError] = []
+    for fault in error.errors():
+        path, branch, given = _located(fault["loc"], data)
+        if isinstance(cause := fault.get("ctx", {}).get("error"), ThermidError):
+            faults.setdefault(".".join(path), cause.message)
+            causes.append(cause)
+            continue
+        path = path[: path.index("between") + 1] if "between" in path[2:] else path
+        if branch and not isinstance(given, Mapping):
+            faults.setdefault(
+                ".".join(path),
+                "give a text with a unit, '2.5 [W]', a number, or a table with value, min, max, source, note and basis.",
+            )
+        elif not branch or branch == _meant(error, fault["loc"], given):
+            faults.setdefault(".".join(path), _text(fault, path, branch, grammar))
+    (first, message), *rest = ((where(key), text) for key, text in faults.items())
+    kind = type(causes[0]) if len(causes) == len(faults) else grammar.fault
+    if grammar.lead:
+        rest, first, message = [(first, message), *rest], where(""), grammar.lead
+    more = [f"and {len(rest) - MOST_FAULTS} more faults."] if len(rest) > MOST_FAULTS else []
+    return kind("\n  ".join([message, *(f"{place}: {text}" for place, text in rest[:MOST_FAULTS]), *more]), first)
+
+
+def _located(location: tuple[int | str, ...], data: Any) -> tuple[list[str], str, Any]:
+    """Return the key path of a fault, the branch of a value that it belongs to, and what stands there."""
+    path, branch, given, here = [], "", None, data
+    for step in location:
+        if isinstance(here, Mapping) and step in here:
+            here = here[step]
+        elif isinstance(here, list | tuple) and isinstance(step, int) and step < len(here):
+            here = here[step]
+        elif not branch and step in BRANCHES:
+            branch, given = str(step), here
+            continue
+        elif str(step).startswith("(") or step == "[key]":
+            continue
+        path.append(str(step))
+    return path, branch, given
+
+
+def _meant(error: ValidationError, location: tuple[int | str, ...], given: Any) -> str:
+    """Return which form of a value its author meant, by its fields; a power law or a correlation only where they may stand."""
+    may = {step for other in error.errors() if other["loc"][:3] == location[:3] for step in other["loc"]}
+    if "value" in given or not may & {"PowerLawTable", "Correlated"}:
+        return "ValueTable"
+    return "Correlated" if {"length", "orientation", "correlation"} & {*given} else "PowerLawTable"
+
+
+def _text(fault: Any, path: list[str], branch: str, grammar: type[Grammar]) -> str:
+    """Return what is wrong and the nearest name."""
+    if path[2:] == ["between"]:
+        return 'needs two ends: between = ["a", "b"].'
+    if fault["type"] == "extra_forbidden":
+        return f"'{path[-1]}' is not a field here.{nearest(path[-1], _fields(path[:-1], branch, grammar))}"
+    if fault["type"] == "missing":
+        return "is missing."
+    if fault["type"] == "string_pattern_mismatch":
+        words = fault["ctx"]["pattern"].strip("^()$").split("|")
+        return f"'{fault['input']}' is none of {', '.join(words)}.{nearest(str(fault['input']), words)}"
+    if fault["type"] in WANTED:
+        return f"{WANTED[fault['type']]} is needed, not {shown(fault['input'])}."
+    if fault["type"] == "thermid":
+        return str(fault["msg"])
+    return f"{fault['msg'][0].lower()}{fault['msg'][1:]}."
+
+
+MOST_FAULTS = 12
+"""Faults that a message lists."""
+WANTED = {
+    "string_type": "a text",
+    "bool_type": "true or false",
+    "int_type": "a whole number",
+    "int_from_float": "a whole number",
+    "float_type": "a number",
+    "finite_number": "a finite number",
+    "dict_type": "a table",
+    "model_type": "a table",
+    "model_attributes_type": "a table",
+    "list_type": "a list",
+    "tuple_type": "a list",
+}
+"""Fault of pydantic -> what should stand there."""
+
+
+@cache
+def _schema(grammar: type[Grammar]) -> dict[str, Any]:
+    """Return the schema of a grammar, made once: faults ask for it again and again."""
+    return grammar.model_json_schema()
+
+
+def _fields(path: list[str], branch: str, grammar: type[Grammar]) -> list[str]:
+    """Return the names that a table at a key path may hold."""
+    schema = _schema(grammar)
+    definitions = schema.get("$defs", {})
+    if branch:
+        return list(definitions[branch]["properties"])
+    here: Any = schema
+    for step in path:
+        if step.isdigit():  # an entry of a list
+            continue
+        inner = here.get("properties", {}).get(step) or here.get("additionalProperties") or {}
+        options = [inner, inner.get("items", {}), *inner.get("anyOf", []), *inner.get("oneOf", [])]
+        name = next((o["$ref"].rpartition("/")[2] for o in options if "$ref" in o), "")
+        here = definitions.get(name, inner)
+    return list(here.get("properties", {}))

@@ -1,0 +1,240 @@
+"""What every result can do: a short text, a table in a notebook, a plot, a frame, names to complete. One home for all rooms.
+
+In: a result that says its rows and its traces. Out: `repr`, HTML, axes of matplotlib, frames of pandas, data sets of xarray.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence, Sized
+from dataclasses import dataclass, fields, is_dataclass
+from html import escape
+from typing import TYPE_CHECKING, Any, Final
+
+from thermid.base.errors import ThermidError
+from thermid.base.extensions import optional
+
+if TYPE_CHECKING:
+    import numpy as np
+    import pandas
+    import xarray
+    from matplotlib.axes import Axes
+    from numpy.typing import NDArray
+
+    Array = NDArray[np.float64]
+
+SHORT: Final = 400
+"""Characters of a `repr` at most."""
+ROWS: Final = 20
+"""Rows of a table in a notebook; what is left out is counted below it."""
+HOUR: Final = 3600.0
+
+Row = Mapping[str, object]
+
+
+@dataclass(frozen=True)
+class PlottedTrace:
+    """One line of a plot.
+
+    Parameters
+    ----------
+    name : str                  For the legend.
+    x, y : array (points,)      As `Result._axes_titles` says; times in s.
+    low, high : array or None   Its band.
+    measured : bool             Whether it is drawn as points.
+    """
+
+    name: str
+    x: Array
+    y: Array
+    low: Array | None = None
+    high: Array | None = None
+    measured: bool = False
+
+
+class Result:
+    """Base of results: they have a short `repr`, `_repr_html_`, `plot`, `to_frame`, `to_xarray` and completion of their names.
+
+    A class says what it is by three methods, of which each has a default: `_summary` (one line), `_as_rows` (a table), `_as_traces` (lines
+    over time).
+    """
+
+    _frame_of_rows = False
+    """Whether `to_frame` gives its rows though it has traces."""
+    _axes_titles: tuple[str, str] = ("time [s]", "temperature [degC]")
+
+    def __init_subclass__(cls, **more: Any) -> None:
+        """Give a class the short `repr` in place of the one that a dataclass would write."""
+        super().__init_subclass__(**more)
+        if "__repr__" not in cls.__dict__:
+            cls.__repr__ = Result.__repr__  # type: ignore[method-assign]
+
+    def _summary(self) -> str:
+        """Return the result in one line; the first one of its text, or its fields."""
+        if type(self).__str__ is not object.__str__:
+            return str(self).partition("\n")[0]
+        return ", ".join(f"{f.name}={_brief(getattr(self, f.name))}" for f in fields(self) if f.repr) if is_dataclass(self) else ""
+
+    def _as_rows(self) -> list[Row]:
+        """Return the result as a table; by default what it holds by name, or its first list of things, or its own numbers."""
+        named = names_of(self)
+        if named:
+            return [{"name": n, **_scalars(self[n])} for n in named]  # type: ignore[index]
+        own: list[str] = [f.name for f in fields(self)] if is_dataclass(self) else []
+        for name in own:
+            value = getattr(self, name)
+            if isinstance(value, Mapping) and value and all(is_dataclass(v) or isinstance(v, int | float | str) for v in value.values()):
+                return [{name: str(k), **_scalars(v)} for k, v in value.items()]
+            if isinstance(value, Sequence) and value and all(is_dataclass(v) for v in value):
+                return [_scalars(v) for v in value]
+        return [_scalars(self)]
+
+    def _as_traces(self) -> Sequence[PlottedTrace]:
+        """Return the lines of its plot; none by default."""
+        return ()
+
+    def __repr__(self) -> str:
+        """Return the kind of result and its first line, at most `SHORT` characters."""
+        text = f"<{type(self).__name__}: {self._summary()}>" if self._summary() else f"<{type(self).__name__}>"
+        return text if len(text) <= SHORT else f"{text[: SHORT - 4]}...>"
+
+    def _repr_html_(self) -> str:
+        """Return the first line and the table, as notebooks show them."""
+        rows = self._as_rows()
+        columns = list(dict.fromkeys(key for row in rows for key in row))
+        head = "".join(f"<th>{escape(c)}</th>" for c in columns)
+        body = "".join(f"<tr>{''.join(f'<td>{escape(_cell(row.get(c)))}</td>' for c in columns)}</tr>" for row in rows[:ROWS])
+        more = f"<p>{len(rows) - ROWS} more rows</p>" if len(rows) > ROWS else ""
+        table = f"<table><thead><tr>{head}</tr></thead><tbody>{body}</tbody></table>" if columns else ""
+        return f"<div><p>{escape(repr(self)[1:-1])}</p>{table}{more}</div>"
+
+    def _ipython_key_completions_(self) -> list[str]:
+        """Return the names that it is indexed by."""
+        return names_of(self)
+
+    def plot(self, axes: Axes | None = None) -> Axes:
+        """Draw the result and return the axes: its traces with their bands, or the first numbers of its table as bars.
+
+        Parameters
+        ----------
+        axes : matplotlib axes   Where to draw; a new figure without them.
+
+        Raises
+        ------
+        MissingExtraError   When matplotlib is not installed.
+        ThermidError        When there is nothing to draw.
+        """
+        traces = self._as_traces()
+        rows = self._as_rows() if not traces else []
+        label, number = _drawable(rows) if not traces else ("", "")
+        if not traces and not number:
+            raise ThermidError("there is nothing to draw: it holds no numbers.", type(self).__name__)
+        if axes is None:
+            axes = new_axes()
+        if not traces:
+            shown = rows[:ROWS]
+            axes.barh(
+                [_cell(row.get(label)) if label else str(k) for k, row in enumerate(shown)], [_number(row.get(number)) for row in shown]
+            )
+            axes.invert_yaxis()
+            axes.set_xlabel(number)
+            return axes
+        hours = self._axes_titles[0] == "time [s]" and max(float(t.x[-1]) for t in traces if len(t.x)) > 2.0 * HOUR
+        for t in traces:
+            x = t.x / HOUR if hours else t.x
+            (line,) = axes.plot(x, t.y, ".", markersize=2) if t.measured else axes.plot(x, t.y)
+            line.set_label(t.name)
+            if t.low is not None and t.high is not None:
+                axes.fill_between(x, t.low, t.high, alpha=0.25, color=line.get_color(), linewidth=0)
+        axes.set_xlabel("time [h]" if hours else self._axes_titles[0])
+        axes.set_ylabel(self._axes_titles[1])
+        if len(traces) <= ROWS:
+            axes.legend(loc="best", fontsize="small")
+        return axes
+
+    def to_frame(self) -> pandas.DataFrame:
+        """Return the result as a frame of pandas: traces over time where all have the same times, else its table.
+
+        Raises
+        ------
+        MissingExtraError   When pandas is not installed.
+        """
+        library = optional("pandas", "to_frame")
+        traces = self._as_traces()
+        if self._frame_of_rows or not traces or any(t.x is not traces[0].x and list(t.x) != list(traces[0].x) for t in traces):
+            made: pandas.DataFrame = library.DataFrame([dict(row) for row in self._as_rows()])
+            return made
+        columns: dict[str, Any] = {}
+        for t in traces:
+            columns[t.name] = t.y
+            if t.low is not None and t.high is not None:
+                columns |= {f"{t.name} low": t.low, f"{t.name} high": t.high}
+        wide: pandas.DataFrame = library.DataFrame(columns, index=library.Index(traces[0].x, name=self._axes_titles[0]))
+        return wide
+
+    def to_xarray(self) -> xarray.Dataset:
+        """Return the frame as a data set of xarray.
+
+        Raises
+        ------
+        MissingExtraError   When pandas or xarray is not installed.
+        """
+        found: xarray.Dataset = optional("xarray", "to_xarray").Dataset.from_dataframe(self.to_frame())
+        return found
+
+
+def names_of(result: object) -> list[str]:
+    """Return the names that a result is indexed by; none where it is indexed by numbers or not at all."""
+    if not hasattr(type(result), "__getitem__"):
+        return []
+    if hasattr(type(result), "__iter__"):
+        return [n for n in result if isinstance(n, str)]  # type: ignore[attr-defined]
+    return []
+
+
+def new_axes() -> Axes:
+    """Return the axes of a new figure, as matplotlib's own interface makes it.
+
+    Raises
+    ------
+    MissingExtraError   When matplotlib is not installed.
+    """
+    axes: Axes = optional("matplotlib.pyplot", "a plot").subplots(layout="constrained")[1]
+    return axes
+
+
+def _scalars(value: object) -> dict[str, object]:
+    """Return the numbers and short texts of a thing, by the names of its fields."""
+    if isinstance(value, bool | int | float | str):
+        return {"value": value}
+    if not is_dataclass(value) or isinstance(value, type):
+        return {}
+    found = {f.name: getattr(value, f.name) for f in fields(value) if not f.name.startswith("_")}
+    return {n: v for n, v in found.items() if isinstance(v, bool | int | float) or (isinstance(v, str) and len(v) <= 80)}
+
+
+def _brief(value: object) -> str:
+    """Return a field in a few characters."""
+    if isinstance(value, str):
+        return repr(value if len(value) <= 40 else f"{value[:37]}...")
+    if value is None or isinstance(value, bool | int | float):
+        return f"{value:.6g}" if isinstance(value, float) else str(value)
+    if isinstance(value, Sized):
+        return f"[{len(value)}]"
+    return type(value).__name__
+
+
+def _cell(value: object) -> str:
+    return "" if value is None else f"{value:.5g}" if isinstance(value, float) else str(value)
+
+
+def _number(value: object) -> float:
+    return float(value) if isinstance(value, int | float) else float("nan")
+
+
+def _drawable(rows: Sequence[Row]) -> tuple[str, str]:
+    """Return the columns of a table that label its bars and say their lengths; empty where there is none."""
+    for key in dict.fromkeys(key for row in rows for key in row):
+        values = [row.get(key) for row in rows]
+        if any(isinstance(v, int | float) and not isinstance(v, bool) and abs(v) < float("inf") for v in values):
+            return next((k for k, v in rows[0].items() if isinstance(v, str)), ""), key
+    return "", ""

@@ -1,0 +1,194 @@
+"""What a user writes for the bench: the sensor map and the heater programme.
+
+The map says which ROM is which channel, and what its certificate says: sensors answer in the order of their ROM, not of the wire. The
+programme holds the duties of the heaters over time.
+"""
+
+from __future__ import annotations
+
+import tomllib
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+from thermid.base.errors import MissingDataError, RecordError
+from thermid.base.extensions import by_grammar
+from thermid.base.files import OWN, parse_toml, was_read, write_text
+from thermid.base.toml_files import Places
+from thermid.bench._wire import rom_is_good
+from thermid.measure.amounts import amount
+from thermid.measure.sensors import ICE, SensorCertificate
+
+_BROKEN = 5.0
+
+
+@dataclass(frozen=True)
+class MappedSensor:
+    """One line of the map.
+
+    Parameters
+    ----------
+    name : str                          Name of its channel.
+    rom : str                           Its ROM, 16 hexadecimal digits, family first.
+    certificate : SensorCertificate or None   What is known of its offset.
+    note : str                          Where it is glued.
+    """
+
+    name: str
+    rom: str
+    certificate: SensorCertificate | None = None
+    note: str = ""
+
+    def as_header(self) -> dict[str, Any]:
+        """Return what the header of a log says of it."""
+        out: dict[str, Any] = {"rom": self.rom, "name": self.name}
+        if self.note:
+            out["note"] = self.note
+        if self.certificate is not None:
+            c = self.certificate
+            out |= {"offset_K": c.offset, "uncertainty_K": c.uncertainty, "at_K": c.at, "date": c.date}
+        return out
+
+
+def _content(place: Path, missing: str) -> dict[str, Any]:
+    """Return the content of a TOML file, or say what is missing."""
+    if not place.is_file():
+        raise MissingDataError(missing, str(place))
+    try:
+        return parse_toml(place.read_text(encoding="utf-8"))
+    except (tomllib.TOMLDecodeError, UnicodeDecodeError) as error:
+        raise RecordError(f"it is not valid TOML: {error}.", place.name) from None
+
+
+def load_sensors(path: str | Path) -> dict[str, MappedSensor]:
+    """Return the sensors of a map file by their ROM.
+
+    Raises
+    ------
+    MissingDataError   When there is no such file.
+    RecordError        When it is no TOML, a ROM is mistyped or stands twice, or a key is unknown.
+    """
+    place = Path(path)
+    content = _content(place, "there is no such sensor map. Make one with `thermid log --identify`.")
+    tables = by_grammar("thermid.bench._schema.SensorMapFile", content, Places(place.name)).sensors
+    out: dict[str, MappedSensor] = {}
+    for name, table in tables.items():
+        sensor = _sensor(name, table, f"{place.name}, sensors.{name}")
+        if sensor.rom in out:
+            raise RecordError(
+                f"ROM {sensor.rom} is also given for '{out[sensor.rom].name}'. Correct one of them.", f"{place.name}, sensors.{name}"
+            )
+        out[sensor.rom] = sensor
+    return out
+
+
+def _sensor(name: str, table: Any, where: str) -> MappedSensor:
+    """Return one sensor of the file."""
+    rom = table.rom.strip().upper()
+    if len(rom) != 16 or any(digit not in "0123456789ABCDEF" for digit in rom):
+        raise RecordError(f"ROM '{table.rom}' is not 16 hexadecimal digits.", where)
+    if not rom_is_good(rom):
+        raise RecordError(f"ROM {rom} does not carry its own CRC: a digit is mistyped.", where)
+    certificate = SensorCertificate.read(table.certificate.written, f"{where}.certificate") if table.certificate else None
+    if certificate is not None and abs(certificate.offset) > _BROKEN:
+        raise RecordError(
+            f"its offset is {certificate.offset:g} K; a sensor with an offset above {_BROKEN:g} K is defective. Replace it.",
+            f"{where}.certificate",
+        )
+    return MappedSensor(name, rom, certificate, table.note)
+
+
+def save_sensor(path: str | Path, sensor: MappedSensor) -> None:
+    """Write a sensor into a map file, in place of the one of its name; comments and the other sensors stay."""
+    import tomlkit
+
+    place = Path(path)
+    content = tomlkit.parse(place.read_text(encoding="utf-8")) if place.is_file() else tomlkit.document()
+    if "sensors" not in content:
+        content["sensors"] = tomlkit.table(is_super_table=True)
+    table = tomlkit.table()
+    table["rom"] = sensor.rom
+    if sensor.note:
+        table["note"] = sensor.note
+    if sensor.certificate is not None:
+        c = sensor.certificate
+        certificate = tomlkit.table()
+        certificate |= {
+            "offset": f"{c.offset:.4g} [K]",
+            "uncertainty": f"{c.uncertainty:.3g} [K]",
+            "at": f"{c.at - ICE:.4g} [degC]",
+            "date": c.date,
+        }
+        table["certificate"] = certificate
+    tables: Any = content["sensors"]
+    for name in [name for name, each in tables.items() if each.get("rom") == sensor.rom and name != sensor.name]:
+        del tables[name]  # the sensor has a new name
+    tables[sensor.name] = table
+    write_text(place, tomlkit.dumps(content), OWN)
+
+
+@dataclass(frozen=True)
+class Programme:
+    """Duties that hold from one time to the next.
+
+    Parameters
+    ----------
+    times : tuple of float            When each step begins. [s]
+    duties : tuple of pairs of int    Duties of both heaters. [0.1 %]
+    end : float or None               When heaters go off and the log ends. [s]
+    """
+
+    times: tuple[float, ...]
+    duties: tuple[tuple[int, int], ...]
+    end: float | None = None
+
+    @property
+    def heats(self) -> bool:
+        """Whether any of its steps turns a heater on."""
+        return any(any(pair) for pair in self.duties)
+
+    def at(self, seconds: float) -> tuple[int, int]:
+        """Return both duties at a time. [0.1 %]"""
+        if self.end is not None and seconds >= self.end:
+            return (0, 0)
+        now = [duty for time, duty in zip(self.times, self.duties, strict=True) if time <= seconds]
+        return now[-1] if now else (0, 0)
+
+
+def load_programme(path: str | Path) -> Programme:
+    """Return the programme of a file.
+
+    Raises
+    ------
+    MissingDataError   When there is no such file.
+    RecordError        When it is no TOML, times do not increase, a duty is not 0 to 100 %, or a key is unknown.
+    """
+    place = Path(path)
+    content = _content(place, "the heater programme does not exist. Check the path.")
+    was_read(place)
+    read = by_grammar("thermid.bench._schema.ProgrammeFile", content, Places(place.name))
+    times: list[float] = []
+    duties: list[tuple[int, int]] = []
+    held = (0, 0)
+    for k, step in enumerate(read.steps):
+        where = f"{place.name}, steps[{k}]"
+        times.append(amount(step.at, "s", f"{where}, at"))
+        if times[-1] < 0 or (k and times[-1] <= times[-2]):
+            raise RecordError(f"its time {times[-1]:g} s is not after {times[-2] if k else 0:g} s.", where)
+        held = (_duty(step.heater1, held[0], f"{where}, heater1"), _duty(step.heater2, held[1], f"{where}, heater2"))
+        duties.append(held)
+    end = None if read.end is None else amount(read.end, "s", f"{place.name}, end")
+    if end is not None and end <= times[-1]:
+        raise RecordError(f"its end, {end:g} s, is not after its last step, {times[-1]:g} s.", place.name)
+    return Programme(tuple(times), tuple(duties), end)
+
+
+def _duty(given: object, held: int, where: str) -> int:
+    """Return a duty, or the one before where none is given. [0.1 %]"""
+    if given is None:
+        return held
+    share = amount(given, "1", where)
+    if not 0 <= share <= 1:
+        hint = f" Write '{given} [%]'." if isinstance(given, (int, float)) and 1 < given <= 100 else ""
+        raise RecordError(f"{given!r} is not from 0 to 100 %.{hint}", where)
+    return round(share * 1000)

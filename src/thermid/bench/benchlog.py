@@ -1,0 +1,531 @@
+"""The log of a bench: its file, appended to line by line; its times, by two clocks; and its cells, as a reader takes them.
+
+Of a log that is read the board's clock tells durations, the host's says when. Lines are checked, put in order, and made one row for each
+cycle; faults are masked by their name, damage is named.
+"""
+
+from __future__ import annotations
+
+import errno
+import json
+import os
+import re
+import tempfile
+from collections import Counter
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
+from datetime import datetime
+from pathlib import Path
+from typing import Any, Final, NamedTuple
+
+import numpy as np
+
+from thermid.base.errors import OutputError, RecordError
+from thermid.base.files import COPY, write_bytes
+from thermid.bench._wire import MAGIC, BoardLine, parse_line, sealed, unsealed
+from thermid.measure.readers import UNFINISHED, Cells, is_bench_log
+from thermid.measure.sensors import SensorCertificate
+
+RANGE: Final = (-55.0, 125.0)
+"""What a DS18B20 can measure, by its data sheet; -127, which its usual driver gives for a lost one, lies outside. [degC]"""
+MOST_CURRENT: Final = 3.2
+"""What an INA219 can measure with 0.1 ohm; at that it shows the limit itself. [A]"""
+
+_BODY: Final = re.compile(r"(\d{1,6}) (\d{1,9}\.\d{6}) (.+)\Z", re.ASCII)
+_FAULTS: Final = {"crc": "wrong CRC", "lost": "sensor lost", "short": "bus shorted", "power": "sensor without supply"}
+_NAMES: Final = {"H": ("heater{}", "%", 0.1), "V": ("voltage{}", "V", 1e-3), "I": ("current{}", "A", 1e-4)}
+_SHOWN: Final = 8
+_UNPRINTABLE: Final = re.compile(r"[^ -~]")
+_TURN: Final = 1 << 32
+_NEAR_TURN: Final = _TURN - (1 << 24)
+_LONG_ENOUGH: Final = 600.0
+_NOT_A_CLOCK: Final = 0.02
+"""No quartz or resonator is off by 2 %; a simulated board, run faster than time, is."""
+_SESSION = re.compile(rb'^# session \{"number": (\d{1,6})', re.MULTILINE)
+_WALL = re.compile(rb'^# session \{"number": (\d{1,6}), "wall": "([^"]*)"', re.MULTILINE)
+_TRIP = re.compile(rb"^# mark (\d{1,6}) (\d{1,9}\.\d{6}) (overtemp|blind|cleared) (.*) [0-9A-F]{4}$", re.MULTILINE)
+_MOST_WAITING = 64 << 20
+
+
+def log_line(body: str) -> str:
+    """Return a line of the log, with its own CRC and its line feed: the stamp of the host must be as sure as the value."""
+    return sealed(_UNPRINTABLE.sub("?", body), " ") + "\n"
+
+
+class LogFile:
+    """A log that is written to.
+
+    Parameters
+    ----------
+    path : str or Path   The file; it is made, or continued.
+    sync : bool          Whether each line is forced onto the disk itself, so that it outlives a power cut.
+
+    Raises
+    ------
+    RecordError   When it cannot be written, is another kind of file, or another logger writes to it.
+    """
+
+    def __init__(self, path: str | Path, *, sync: bool = True) -> None:
+        self.path = Path(path)
+        self._sync = sync
+        self._waiting = bytearray()
+        self.full = False
+        self.dropped = 0
+        self.rest: Path | None = None
+        """Where the end of the log is, when its own disk was full to the last."""
+        self.trip = ""
+        """When and why the log so far says that heaters were cut off, and nobody has allowed them again."""
+        self._file = self._opened()
+        try:
+            self.session, self.was_cut = self._look()
+        except BaseException:
+            os.close(self._file)
+            raise
+        self._flush_entry()
+
+    def _opened(self) -> int:
+        """Return the file, open."""
+        if not self.path.absolute().parent.is_dir():
+            raise RecordError(f"there is no folder '{self.path.parent}'. Create it first.", str(self.path))
+        # an empty file is taken for a new log; thermid.toml, which marks the root of a project, may be empty too, under any name
+        linked = self.path.exists() and self.path.stat().st_size == 0 and self.path.stat().st_nlink > 1
+        if self.path.resolve().suffix == ".toml" or linked:
+            why = "the file has another link, so it is not a new log" if linked else "a log cannot be a TOML file"
+            raise RecordError(f"{why}. Give another name, such as bench.csv; nothing was written.", str(self.path))
+        try:
+            return os.open(self.path, os.O_RDWR | os.O_APPEND | os.O_CREAT, 0o644)
+        except OSError as error:
+            raise RecordError(f"it cannot be written: {error.strerror}. Give another place.", str(self.path)) from None
+
+    def _look(self) -> tuple[int, bool]:
+        """Return the number of this start, and whether the last line of the one before was cut."""
+        if os.name == "posix":
+            import fcntl
+
+            try:
+                fcntl.flock(self._file, fcntl.LOCK_EX | fcntl.LOCK_NB)
+            except OSError:
+                raise RecordError("another logger is writing to it. Stop that one, or give another file.", self.path.name) from None
+        data = self.path.read_bytes()
+        if not data:
+            self._put(f"{MAGIC}\n".encode())
+            return 1, False
+        if not is_bench_log(data) and not f"{MAGIC}\n".encode().startswith(data):
+            raise RecordError("it is not empty and not a log of the bench. Give another file; nothing was written.", self.path.name)
+        self.trip = _trip(data)
+        cut = not data.endswith(b"\n")
+        if cut:
+            self._put(b"\n" if is_bench_log(data) else f"\n{MAGIC}\n".encode())
+        return max((int(each) for each in _SESSION.findall(data)), default=0) + 1, cut
+
+    def _flush_entry(self) -> None:
+        """Force the folder's entry onto the disk, so that a new file outlives a power cut."""
+        if self._sync and os.name == "posix":
+            folder = os.open(self.path.absolute().parent, os.O_RDONLY)
+            try:
+                os.fsync(folder)
+            finally:
+                os.close(folder)
+
+    def write(self, body: str) -> None:
+        """Append one line and its CRC; what a full disk does not take waits in memory, up to 64 MB."""
+        self._put(log_line(body).encode())
+
+    def _put(self, data: bytes) -> None:
+        """Append bytes."""
+        if len(self._waiting) + len(data) > _MOST_WAITING:
+            self.dropped += 1
+            return
+        self._waiting += data
+        self.retry()
+
+    def retry(self) -> None:
+        """Write what waits."""
+        wrote = False
+        while self._waiting:
+            try:
+                done = os.write(self._file, self._waiting)
+            except OSError as error:
+                if error.errno not in (errno.ENOSPC, errno.EDQUOT, errno.EFBIG, errno.EIO):
+                    raise
+                self.full = True
+                return
+            del self._waiting[:done]
+            wrote = True
+        self.full = False
+        if wrote and self._sync:
+            getattr(os, "fdatasync", os.fsync)(self._file)
+
+    @property
+    def waiting(self) -> int:
+        """Bytes that a full disk did not take."""
+        return len(self._waiting)
+
+    def close(self) -> None:
+        """Write what waits and give the file back; what a full disk still does not take goes to another place, see `rest`."""
+        self.retry()
+        os.close(self._file)
+        for folder in (Path(tempfile.gettempdir()), Path.home()) if self._waiting else ():
+            place = folder / f"{self.path.name}.{os.getpid()}.rest"
+            try:
+                write_bytes(place, bytes(self._waiting), COPY)
+            except (OSError, OutputError):
+                continue
+            self.rest = place
+            return
+
+
+def _trip(data: bytes) -> str:
+    """Return when and why heaters were cut off last, empty where they were not or were allowed again since."""
+    marks = _TRIP.findall(data)
+    if not marks or marks[-1][2] == b"cleared":
+        return ""
+    session, elapsed, word, text = (each.decode("latin-1") for each in marks[-1])
+    walls = {number.decode(): wall.decode("latin-1") for number, wall in _WALL.findall(data)}
+    of = re.sub(r"^(reported by the board|the board says so)( of )?", "", text)  # the second in logs of earlier versions
+    why = f"over-temperature{' of ' + of if of else ''}" if word == "overtemp" else "no sensor could be read"
+    return f"{why}, {float(elapsed):.0f} s after the start {session} of this log ({walls.get(session, 'at an unknown time')})"
+
+
+class Heard(NamedTuple):
+    """A line of the board and when it was heard.
+
+    Parameters
+    ----------
+    session : int     Which start of the logger.
+    elapsed : float   Time since that start, by a clock that nobody sets. [s]
+    at : int          Line of the file.
+    line : BoardLine       What the board said.
+    """
+
+    session: int
+    elapsed: float
+    at: int
+    line: BoardLine
+
+
+class _Run(NamedTuple):
+    """Lines from one reset of the board to the next: their places, host times and board times. [s]"""
+
+    places: list[int]
+    host: np.ndarray
+    board: np.ndarray
+    sessions: np.ndarray
+
+
+def clocks(heard: Sequence[Heard], walls: Mapping[int, str]) -> tuple[list[float], list[str]]:
+    """Return the time of each line from the first one [s], and what to know of the clocks.
+
+    Within one run of the board its own clock counts, stretched by its drift against the host where ten minutes or more show it. A board
+    that runs more than 2 % fast or slow is a simulated one: its own seconds count.
+    """
+    starts, notes = _session_starts(heard, walls)
+    runs, lost = _runs(heard, starts)
+    moments = [0.0] * len(heard)
+    rate = 1.0  # host seconds in a board second, of the last run that showed it
+    origin = end = last_host = 0.0
+    drifts = []
+    for k, run in enumerate(runs):
+        seen = _rate(run)
+        if seen is not None:
+            rate = seen
+            drifts.append(seen)
+        simulated = abs(rate - 1.0) > _NOT_A_CLOCK
+        own = (run.board - run.board[0]) * (1.0 if simulated else rate)
+        # the median forgives lines that a busy host stamped late
+        mine = run.sessions == run.sessions[0]
+        begun = float(run.host[0] if simulated else np.median(run.host[mine] - own[mine]))
+        origin = origin if k else begun
+        begin = end + (float(run.host[0]) - last_host) / rate if simulated else begun - origin
+        begin = max(begin, end + 1e-3) if k else 0.0
+        for place, moment in zip(run.places, (own + begin).tolist(), strict=True):
+            moments[place] = round(moment, 6)
+        end, last_host = float(own[-1]) + begin, float(run.host[-1])
+    if len(runs) > 1:
+        notes.append(f"resets of the board: {len(runs) - 1}")
+    if lost:
+        notes.append(f"missing lines of the board: {lost}")
+    if drifts:
+        notes.append(_drift(drifts))
+    return moments, notes
+
+
+def _drift(drifts: Sequence[float]) -> str:
+    """Return the drift of the board's clock in words."""
+    rate = drifts[-1]
+    if abs(rate - 1.0) > _NOT_A_CLOCK:
+        return f"the board's clock runs {1.0 / rate:.3g} times as fast as the host's, so it is a simulated board; its own times are used"
+    return f"the board's clock is {(rate - 1.0) * 1e6:+.0f} ppm slow against the host's; times are corrected"
+
+
+def _session_starts(heard: Sequence[Heard], walls: Mapping[int, str]) -> tuple[dict[int, float], list[str]]:
+    """Return when each start of the logger was, from the first [s]; one that is not known follows the one before."""
+    starts: dict[int, float] = {}
+    notes = []
+    last: dict[int, float] = {}
+    for each in heard:
+        last[each.session] = max(last.get(each.session, 0.0), each.elapsed)
+    end, origin = 0.0, None
+    for session in sorted(last):
+        wall = _seconds(walls.get(session))
+        origin = wall if origin is None else origin
+        start = wall - origin if wall is not None and origin is not None else None
+        if start is None or start < end:
+            if starts:
+                why = (
+                    "is not in the log"
+                    if wall is None
+                    else ("is before the end of the previous session, because the host's clock was set back")
+                )
+                notes.append(f"the start of session {session} {why}; it is placed directly after it")
+            start = end
+        starts[session] = start
+        end = start + last[session]
+    if len(starts) > 1:
+        notes.append(f"starts of the logger: {len(starts)}")
+    return starts, notes
+
+
+def _seconds(wall: str | None) -> float | None:
+    """Return a wall time as seconds, None where it is none."""
+    try:
+        return datetime.fromisoformat(wall).timestamp() if wall else None
+    except (ValueError, OverflowError):
+        return None
+
+
+def _runs(heard: Sequence[Heard], starts: Mapping[int, float]) -> tuple[list[_Run], int]:
+    """Return the runs of the board, and how many of its lines are missing."""
+    groups: list[list[tuple[int, float, float, int]]] = []
+    lost = 0
+    number = ms = turns = 0
+    for place, (session, elapsed, _, line) in enumerate(heard):
+        wrapped = ms > _NEAR_TURN and line.ms < _TURN - _NEAR_TURN and line.number >= number
+        again = line.number <= number or (line.ms < ms and not wrapped)
+        if number > _NEAR_TURN and line.number < _TURN - _NEAR_TURN:
+            again = False
+        if not groups or again:
+            groups.append([])
+            turns = 0
+            lost += line.number if len(groups) > 1 else 0
+        else:
+            lost += (line.number - number - 1) % _TURN
+            turns += wrapped
+        number, ms = line.number, line.ms
+        groups[-1].append((place, starts[session] + elapsed, (ms + turns * _TURN) / 1000.0, session))
+    runs = []
+    for group in groups:
+        places, host, board, sessions = zip(*group, strict=True)
+        runs.append(_Run(list(places), np.array(host), np.array(board), np.array(sessions)))
+    return runs, lost
+
+
+def _rate(run: _Run) -> float | None:
+    """Return host seconds in one second of the board, from the longest session of a run; None where it is too short to say."""
+    best = max(set(run.sessions.tolist()), key=lambda s: int(np.count_nonzero(run.sessions == s)))
+    mine = run.sessions == best
+    host, board = run.host[mine], run.board[mine]
+    if host.size < 20 or board[-1] - board[0] < 5.0 or host[-1] <= host[0]:
+        return None
+    keep = np.ones(host.size, dtype=bool)
+    slope = float(host[-1] - host[0]) / float(board[-1] - board[0])
+    if abs(slope - 1.0) > _NOT_A_CLOCK:
+        return slope
+    if board[-1] - board[0] < _LONG_ENOUGH:
+        return None
+    for _ in range(3):  # a stalled host stamps late, never early
+        x = board[keep] - board[0]
+        slope, start = np.polyfit(x, host[keep], 1)
+        off = host - (start + slope * (board - board[0]))
+        keep = np.abs(off - np.median(off)) <= 4.0 * max(1e-3, float(np.median(np.abs(off - np.median(off)))))
+    return float(slope)
+
+
+@dataclass
+class _Log:
+    """What the lines of a log say, before they are put in rows."""
+
+    heard: list[Heard] = field(default_factory=list)
+    walls: dict[int, str] = field(default_factory=dict)
+    sensors: dict[str, dict[str, Any]] = field(default_factory=dict)
+    damaged: list[int] = field(default_factory=list)
+    marks: Counter[str] = field(default_factory=Counter)
+    cut: bool = False
+
+
+def bench_cells(data: bytes, file: str) -> Cells:
+    """Return the cells of a bench log: time, one column for each sensor, heater and supply channel.
+
+    Raises
+    ------
+    RecordError   When it holds no value.
+    """
+    log = _read(data.decode("latin-1"))
+    values = [each for each in log.heard if each.line.kind == "D"]
+    if not values:
+        lost = f"; {len(log.damaged)} lines are damaged" if log.damaged else ""
+        raise RecordError(f"the log has no values yet{lost}.", file)
+    notes = _damage(log)
+    moments, of_clock = clocks(log.heard, log.walls)
+    rows = {moment: row for row, moment in enumerate(sorted({moments[at] for at, each in enumerate(log.heard) if each.line.kind == "D"}))}
+    table: dict[str, dict[int, BoardLine]] = {}
+    lines = [0] * len(rows)
+    for at, each in enumerate(log.heard):
+        if each.line.kind == "D":
+            row = rows[moments[at]]
+            of_source = table.setdefault(each.line.fields[0], {})
+            if row not in of_source or each.line.fields[0] in (
+                "H1",
+                "H2",
+            ):  # a heater that changes in the moment of a cycle: the new duty holds
+                of_source[row] = each.line
+            lines[row] = lines[row] or each.at
+    bits = {each.line.fields[0]: int(each.line.fields[1]) for each in log.heard if each.line.kind == "S"}
+    columns = _Columns(len(rows))
+    columns.add("time", "s", np.array([moment for moment in rows]), {})
+    for source in sorted(table, key=lambda name: (len(name) != 16, list(log.sensors).index(name) if name in log.sensors else 99, name)):
+        notes += columns.source(source, table[source], log.sensors.get(source, {}), bits.get(source))
+    columns.power()
+    header = tuple(columns.header)
+    return Cells(
+        file,
+        header,
+        columns.texts,
+        lines,
+        (*of_clock, *notes),
+        reasons=columns.reasons,
+        resolution=columns.resolution,
+        certificates=columns.certificates,
+        prompt=frozenset({"heater1", "heater2"}),  # the board says a change at once, beside what each cycle says
+    )
+
+
+def _read(text: str) -> _Log:
+    """Return what the lines say; a line that does not carry its CRC is damaged."""
+    log = _Log()
+    *whole, rest = text.split("\n")
+    log.cut = bool(rest)
+    for at, line in enumerate(whole, 1):
+        try:
+            if line.startswith(("# session ", "# sensor ", "# mark ")):
+                _comment(log, unsealed(line, " "))
+            elif line and not line.startswith("#"):
+                match = _BODY.match(unsealed(line, " "))
+                if match is None:
+                    raise RecordError("it is not a line of a log.")
+                log.heard.append(Heard(int(match[1]), float(match[2]), at, parse_line(match[3])))
+        except (RecordError, ValueError, KeyError, TypeError):
+            log.damaged.append(at)
+    return log
+
+
+def _comment(log: _Log, body: str) -> None:
+    """Take in a line of the logger's own."""
+    _, word, rest = body.split(" ", 2)
+    if word == "mark":
+        log.marks[rest.split(" ")[2]] += 1
+        return
+    content = json.loads(rest)
+    if word == "session":
+        log.walls[int(content["number"])] = str(content["wall"])
+    else:
+        if "offset_K" in content:
+            content |= {key: float(content[key]) for key in ("offset_K", "uncertainty_K", "at_K")} | {"date": str(content["date"])}
+        log.sensors[str(content["rom"])] = content
+
+
+def _damage(log: _Log) -> list[str]:
+    """Put lines in the order in which they were heard, drop repeats, and return what was wrong."""
+    notes = []
+    if log.cut:
+        notes.append(f"the last line {UNFINISHED}")
+    if log.damaged:
+        shown = ", ".join(map(str, log.damaged[:_SHOWN])) + (", ..." if len(log.damaged) > _SHOWN else "")
+        notes.append(f"damaged lines that were dropped: {len(log.damaged)} (lines {shown})")
+    ordered = sorted(log.heard, key=lambda each: (each.session, each.elapsed))
+    moved = sum(one is not other for one, other in zip(ordered, log.heard, strict=True))
+    kept = [each for k, each in enumerate(ordered) if not k or each[:2] != ordered[k - 1][:2] or each.line != ordered[k - 1].line]
+    if moved:
+        notes.append(f"lines out of order that were sorted: {moved}")
+    if len(kept) < len(ordered):
+        notes.append(f"duplicate lines: {len(ordered) - len(kept)}")
+    log.heard[:] = kept
+    if log.marks:
+        notes.append("marks of the logger: " + ", ".join(f"{word} {count}" for word, count in sorted(log.marks.items())))
+    return notes
+
+
+class _Columns:
+    """Columns of a bench log as they grow."""
+
+    def __init__(self, rows: int) -> None:
+        self.rows = rows
+        self.header: list[str] = []
+        self.texts: list[tuple[str, ...]] = []
+        self.numbers: dict[str, np.ndarray] = {}
+        self.reasons: dict[str, dict[str, list[int]]] = {}
+        self.resolution: dict[str, str] = {}
+        self.certificates: dict[str, SensorCertificate] = {}
+
+    def add(self, name: str, unit: str, values: np.ndarray, reasons: dict[str, list[int]]) -> None:
+        """Add a column; NaN is an empty cell."""
+        self.header.append(f"{name} [{unit}]")
+        self.texts.append(tuple("" if value != value else repr(value) for value in values.tolist()))
+        self.numbers[name] = values.copy()
+        self.numbers[name][[row for rows in reasons.values() for row in rows]] = np.nan
+        self.reasons[name] = reasons
+
+    def source(self, source: str, lines: dict[int, BoardLine], known: dict[str, Any], bits: int | None) -> list[str]:
+        """Add the column of one source, and return what a reader must know of it."""
+        is_sensor = len(source) == 16
+        name, unit, step = (str(known.get("name", source)), "degC", 1 / 16) if is_sensor else _NAMES[source[0]]
+        name = name if is_sensor else name.format(source[1])
+        while name in self.numbers:
+            name += "'"  # two sensors of one name in the map: both stay
+        values = np.full(self.rows, np.nan)
+        reasons: dict[str, list[int]] = {}
+        for row, line in lines.items():
+            if line.fields[1]:
+                values[row] = int(line.fields[1]) * step
+            if line.fields[2] != "ok":
+                reasons.setdefault(_FAULTS[line.fields[2]], []).append(row)
+        values = np.round(values, 9)
+        notes = []
+        if source[0] == "I" and not is_sensor and (over := np.flatnonzero(np.abs(values) >= MOST_CURRENT).tolist()):
+            reasons["outside its range"] = over
+        if is_sensor:
+            reasons |= _not_real(values, np.array(sorted({row for rows in reasons.values() for row in rows}), dtype=int))
+            if bits is not None:
+                self.resolution[name] = f"{2.0 ** (8 - bits)} [K]"
+            if "offset_K" in known:
+                paper = {key: float(known[f"{key}_K"]) for key in ("offset", "uncertainty", "at")}
+                self.certificates[name] = SensorCertificate(**paper, date=str(known["date"]))
+                notes.append(f"{name}: its certificate in the log, of {known['date']}, states {paper['offset']:+g} K")
+        absent = sorted(set(range(self.rows)) - set(lines))
+        if absent:
+            reasons["no sample here"] = absent
+        faults = ", ".join(f"{reason} {len(rows)}" for reason, rows in reasons.items() if reason != "no sample here")
+        if faults:
+            notes.append(f"{name}: masked {faults}")
+        self.add(name, unit, values, reasons)
+        return notes
+
+    def power(self) -> None:
+        """Add the product of voltage and current where both are there."""
+        for k in "123456789":
+            if f"voltage{k}" in self.numbers and f"current{k}" in self.numbers:
+                self.add(f"power{k}", "W", np.round(self.numbers[f"voltage{k}"] * self.numbers[f"current{k}"], 9), {})
+
+
+def _not_real(values: np.ndarray, bad: np.ndarray) -> dict[str, list[int]]:
+    """Return the rows whose value no sensor can measure, and those with 85 degC where the neighbours say otherwise."""
+    inside = np.isfinite(values)
+    inside[bad] = False
+    outside = inside & ((values < RANGE[0]) | (values > RANGE[1]))
+    code = inside & (values == 85.0)
+    good = inside & ~outside & ~code
+    at = np.arange(values.size)
+    if good.any():
+        code &= np.abs(values - np.interp(at, at[good], values[good])) > 2.0
+    unreal = {"outside its range": np.flatnonzero(outside).tolist(), "85 degC of power-up": np.flatnonzero(code).tolist()}
+    return {reason: rows for reason, rows in unreal.items() if rows}

@@ -1,0 +1,60 @@
+"""What to do about a bad fit of a campaign: mistakes that would explain it, and the one next command to try."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+from thermid.base.errors import IdentificationError, SolverError, ThermidError
+from thermid.fit.calibration import Calibration
+from thermid.fit.problem import Request
+from thermid.inference.criticism import Mistakes, find_mistakes
+from thermid.measure.records import stray_readings
+
+AT_A_FILE = ("per cent", "unit", "exchanged", "clock")
+"""Kinds of mistakes that are seen in the log itself."""
+
+
+def mistakes_of(fit: Calibration) -> Mistakes:
+    """Return the mistakes that would explain what a fit misses; none where nothing was fitted to logs, or nothing is missed."""
+    if fit.model.runner is not None:  # the heat inside somebody's FMU is not known
+        return Mistakes(fit.stage)
+    if fit.request is None or not fit.records or not fit.values.parameters or any(e.ticks is not None for e in fit.experiments):
+        return Mistakes(fit.stage)
+    if stray_readings(fit.request.records):  # said first: what looks like another mistake may be their doing
+        return Mistakes(fit.stage)
+    return find_mistakes(fit.request, fit.stage)
+
+
+def next_command(campaign: str, fit: Calibration, found: Mistakes) -> str:
+    """Return the next command to try on a bad fit; empty where a fit is good.
+
+    Parameters
+    ----------
+    campaign : str      The campaign's file, as the user knows it.
+    fit : Calibration   A stage.
+    found : Mistakes    What would explain it.
+    """
+    if fit.request is not None and stray_readings(fit.request.records):
+        return f"thermid check {campaign}"
+    mistake = found.first
+    if mistake is not None and mistake.kind == "load":
+        return f"thermid criticise {campaign} --stage '{fit.stage}'"
+    if mistake is not None:
+        return f"thermid check {campaign}" if mistake.kind in AT_A_FILE else f"thermid calibrate {campaign}"
+    if fit.own.fair and not found.bad:
+        return ""
+    if fit.contradicted or (not fit.own.fair and "bound" in fit.own.because):
+        return f"thermid plausibility {campaign} --stage '{fit.stage}'"
+    return f"thermid criticise {campaign} --stage '{fit.stage}'"
+
+
+def refused(error: ThermidError, request: Request, stage: str, campaign: str) -> ThermidError:
+    """Return a refusal of a fit with the mistakes that would explain it, and the next command to try."""
+    if not isinstance(error, IdentificationError | SolverError):
+        return error
+    said: Sequence[str] = stray_readings(request.records)
+    if not said and request.model.runner is None:
+        said = find_mistakes(request, stage).lines()
+    words = [f"{line.strip()[0].upper()}{line.strip()[1:]}" for line in said]
+    command = f"thermid check {campaign}" if words else f"thermid identify {campaign} --stage '{stage}'"
+    return type(error)(" ".join([error.message, *words, f"Next: {command}"]), error.where)

@@ -1,0 +1,159 @@
+"""What a results folder keeps: the ends of finished stages, and logs as they were read, each under the hash of all that it depends on."""
+
+from __future__ import annotations
+
+import hashlib
+import json
+import sys
+import zipfile
+from collections.abc import Callable, Mapping
+from dataclasses import asdict, fields
+from functools import cache
+from importlib.util import find_spec
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from thermid.base.errors import ThermidError
+from thermid.base.files import OWN, read_bytes, replacing, write_text
+from thermid.fit.calibration import KeptFit
+from thermid.measure.records import Channel, Origin, Record
+from thermid.measure.sensors import SensorPart
+
+_ARRAYS = ("values", "valid", "masks")
+_ABOUT = "about"
+
+
+@cache
+def code_digest() -> str:
+    """Return the hash of what computes: this package as it lies on the disk, its kernel, Python, numpy and scipy.
+
+    A version number would not do: it stays as it is while somebody works on the code.
+    """
+    import scipy
+
+    total = hashlib.sha256(f"{sys.version} {np.__version__} {scipy.__version__}".encode())
+    for path in _code():
+        total.update(path.name.encode() + b"\0" + hashlib.sha256(path.read_bytes()).digest())
+    return total.hexdigest()
+
+
+def _code() -> list[Path]:
+    """Return the files of this package, and its kernel, which may lie elsewhere."""
+    package, kernel = (Path(spec.origin) for name in ("thermid", "thermid._kernel") if (spec := find_spec(name)) and spec.origin)
+    return [*sorted(package.parent.rglob("*.py")), kernel]
+
+
+def file_name(stage: str) -> str:
+    """Return the name of a stage as part of a file's name."""
+    return "".join(c if c.isalnum() or c in "-_" else "_" for c in stage)
+
+
+def recall(folder: Path | None, stage: str, key: str) -> KeptFit | None:
+    """Return what is kept of the fit of a finished stage, or None when nothing is kept or anything has changed since."""
+    path = folder / f"{file_name(stage)}.fit.json" if folder is not None else None
+    if path is None or not path.is_file():
+        return None
+    try:
+        kept = json.loads(path.read_text(encoding="utf-8"))
+        fitted = {str(k): float(v) for k, v in kept["fitted"].items()}
+        same = (kept["key"], kept["code"]) == (key, code_digest()) and np.isfinite(list(fitted.values())).all()
+        return KeptFit(fitted, int(kept["evaluations"]), str(kept["search"]), tuple(map(str, kept["remarks"]))) if same else None
+    except (ValueError, KeyError, TypeError, AttributeError, OverflowError, RecursionError):
+        return None  # a damaged file is as good as none: the stage runs again
+
+
+def changed_since(folder: Path | None, stage: str, ingredients: Mapping[str, str]) -> tuple[str, ...]:
+    """Return which ingredients of a stage's result are not those of the end that is kept; none where nothing is kept."""
+    path = folder / f"{file_name(stage)}.fit.json" if folder is not None else None
+    if path is None or not path.is_file():
+        return ()
+    try:
+        kept = json.loads(path.read_text(encoding="utf-8"))
+        before = {str(k): str(v) for k, v in kept.get("ingredients", {}).items()}
+        names = [n for n in {**before, **ingredients} if before.get(n) != ingredients.get(n)]
+        return (*names, *(["code"] if kept["code"] != code_digest() else []))
+    except (ValueError, KeyError, TypeError, AttributeError, OverflowError, RecursionError):
+        return ("the cached file is damaged",)
+
+
+def remember(folder: Path | None, stage: str, key: str, end: KeptFit | None, ingredients: Mapping[str, str] | None = None) -> None:
+    """Keep the end of a stage, with what its fit took and the hashes of what it depends on."""
+    if folder is None or end is None:
+        return
+    folder.mkdir(parents=True, exist_ok=True)
+    content = {"key": key, "code": code_digest(), "ingredients": dict(ingredients or {}), **asdict(end)}
+    write_text(folder / f"{file_name(stage)}.fit.json", json.dumps(content, indent=1), OWN)
+
+
+def _key(path: Path, how: Mapping[str, Any]) -> str:
+    """Return the hash of what a record depends on: the bytes and the name of its file, how it is read and prepared, and what reads it."""
+    ingredients = json.dumps([path.name, how, code_digest()])
+    return hashlib.sha256(hashlib.sha256(read_bytes(path)).digest() + ingredients.encode()).hexdigest()
+
+
+def log_kept(folder: Path | None, path: Path, how: Mapping[str, Any], make: Callable[[], Record]) -> Record:
+    """Return a record: as a results folder keeps it, or made now and kept there.
+
+    Parameters
+    ----------
+    folder : Path or None   The results folder; None keeps nothing.
+    path : Path             The log.
+    how : mapping           All that enters beside the log, in what JSON holds; `name` is the record's.
+    make : callable         Returns the record of the log itself.
+
+    Raises
+    ------
+    ThermidError   From reading; a log that cannot be read is not kept.
+    """
+    if folder is None or not path.is_file():
+        return make()
+    try:
+        key = _key(path, how)
+    except TypeError:  # a date or another thing that only TOML holds: its error, or its record, comes from reading
+        return make()
+    kept = folder / "logs" / f"{file_name(str(how['name']))}.npz"
+    record = _read(kept, key)
+    if record is None:
+        record = make()
+        if record.second is None:  # the record of one log has one clock; another is joined later, and not kept
+            _write(kept, key, record)
+    return record
+
+
+def _write(path: Path, key: str, record: Record) -> None:
+    arrays: dict[str, Any] = {"times": record.times}
+    channels = []
+    for k, channel in enumerate(record.channels.values()):
+        arrays |= {f"values {k}": channel.values, f"valid {k}": channel.valid}
+        arrays |= {f"mask {k} {n}": mask for n, mask in enumerate(channel.masks.values())}
+        plain = {f.name: getattr(channel, f.name) for f in fields(Channel) if f.name not in (*_ARRAYS, "part")}
+        part = None if channel.part is None else {f.name: getattr(channel.part, f.name) for f in fields(SensorPart)}
+        channels.append({"plain": plain, "part": part, "reasons": list(channel.masks)})
+    origin = {f.name: getattr(record.origin, f.name) for f in fields(Origin)}
+    about = {"key": key, "name": record.name, "origin": origin, "steps": list(record.steps), "channels": channels}
+    path.parent.parent.mkdir(parents=True, exist_ok=True)  # by itself, so that an error names the folder that was asked for
+    path.parent.mkdir(exist_ok=True)
+    with replacing(path, OWN) as half:
+        np.savez(half, **{_ABOUT: np.array(json.dumps(about)), **arrays})
+
+
+def _read(path: Path, key: str) -> Record | None:
+    """Return a record that is kept under a key; None where there is none, the key is another, or the file is damaged."""
+    if not path.is_file():
+        return None
+    try:
+        with path.open("rb") as file, np.load(file) as kept:
+            about = json.loads(str(kept[_ABOUT]))
+            if about["key"] != key:
+                return None
+            written = []
+            for k, one in enumerate(about["channels"]):
+                masks = {reason: kept[f"mask {k} {n}"] for n, reason in enumerate(one["reasons"])}
+                part = None if one["part"] is None else SensorPart(**one["part"])
+                written.append(Channel(values=kept[f"values {k}"], valid=kept[f"valid {k}"], masks=masks, part=part, **one["plain"]))
+            origin = Origin(**{**about["origin"], "columns": tuple(about["origin"]["columns"])})
+            return Record(about["name"], kept["times"], {c.name: c for c in written}, origin, tuple(about["steps"]))
+    except (OSError, EOFError, ValueError, KeyError, TypeError, zipfile.BadZipFile, ThermidError):
+        return None  # a damaged file is as good as none: the log is read again

@@ -1,0 +1,331 @@
+"""Reading a campaign file: records found and checked, stages and verdicts as requests."""
+
+from __future__ import annotations
+
+import fnmatch
+import os
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field, replace
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from thermid.base.errors import DeckError, MissingDataError, RecordError, errors_at, nearest, refuse_unknown
+from thermid.base.extensions import by_grammar, extension
+from thermid.base.memo import Memo
+from thermid.base.toml_files import Places, read_toml, resolve_inside
+from thermid.campaign._cache import file_name, log_kept
+from thermid.fit.problem import LocalSpec
+from thermid.measure.readers import read_record
+from thermid.measure.records import Channel, Record
+from thermid.model.deck import load_model
+from thermid.model.laws import literal
+from thermid.model.tree import Model
+from thermid.simulation.scenarios import Scenario
+
+if TYPE_CHECKING:
+    from thermid.campaign._schema import CampaignFile, RecordTable, ScenarioTable, StageTable, VerdictTable
+
+
+DATA = "THERMID_DATA"
+
+
+@dataclass(frozen=True, eq=False)
+class CampaignSource:
+    """A campaign file with the folder it lies in; logs are read when a stage asks for them.
+
+    Parameters
+    ----------
+    path : Path             The file.
+    content : CampaignFile  Its content, checked against the grammar.
+    lines : dict            Key path -> line.
+    data : Path or None     A folder of logs outside the project, where one was given.
+    results : Path or None  A folder that keeps logs as they were read.
+    accept : tuple of str   Stages that the caller accepts as they are, beside those of the file.
+    memo : Memo             Files, and logs that were read.
+    """
+
+    path: Path
+    content: CampaignFile
+    lines: Mapping[str, int]
+    data: Path | None = None
+    results: Path | None = None
+    accept: tuple[str, ...] = ()
+    memo: Memo = field(init=False, default_factory=Memo, compare=False, repr=False)
+
+    @property
+    def accepted(self) -> tuple[str, ...]:
+        """Stages that are accepted as they are, whatever their standing."""
+        return tuple(dict.fromkeys((*self.content.accept, *self.accept)))
+
+    def where(self, key: str) -> str:
+        """Return file, line and key path."""
+        return Places(self.path.name, self.lines)(key)
+
+    def names(self) -> dict[str, tuple[Path, RecordTable]]:
+        """Return record name -> file and table; a pattern of files gives one record per file, named after it.
+
+        Raises
+        ------
+        MissingDataError   When a log is not where the campaign says.
+        """
+        return self.memo.made("files", self._all_files)
+
+    def _all_files(self) -> dict[str, tuple[Path, RecordTable]]:
+        out: dict[str, tuple[Path, RecordTable]] = {}
+        for name, table in self.content.records.items():
+            for own, file in self._files_of(name, table):
+                if own in out and out[own][0] != file:
+                    where = self.where(f"records.{name}")
+                    raise DeckError(
+                        f"two logs give a record with the name '{own}': '{out[own][0].name}' and '{file.name}'. Give one of them a "
+                        "name by `file`.",
+                        where,
+                    )
+                out[own] = (file, table)
+        for name in self.content.checksums:
+            if name not in out:
+                get = next((f" {t.get}" for t in self.content.records.values() if t.files is not None and t.get), "")
+                raise MissingDataError(
+                    f"a checksum is given for '{name}', but no log gives a record of that name: the data are incomplete or the name "
+                    f"is misspelt.{nearest(name, out)}{get}",
+                    self.where(f"checksums.{name}"),
+                )
+        return out
+
+    def _files_of(self, name: str, table: RecordTable) -> list[tuple[str, Path]]:
+        """Return the names of the records of a table, each with its file."""
+        if (table.file is None) == (table.files is None):
+            raise DeckError("give a record either `file`, or `files` with patterns.", self.where(f"records.{name}"))
+        if table.file is not None:
+            return [(name, self._find(name, table.file, table)[0])]
+        patterns = [table.files] if isinstance(table.files, str) else table.files or []
+        return [(file.name.split(".")[0], file) for pattern in patterns for file in self._find(name, pattern, table)]
+
+    def _find(self, name: str, pattern: str, table: RecordTable) -> list[Path]:
+        """Return the files of a pattern, in the data folder where one is given, or beside the campaign."""
+        where = self.where(f"records.{name}")
+        roots = [self.data] if self.data is not None else []
+        for root in (*roots, self.path.parent):
+            if any(mark in pattern for mark in "*?["):
+                inside = resolve_inside(root, str(Path(pattern).parent), where, tuple(roots))
+                files = sorted(inside.glob(Path(pattern).name)) if inside.is_dir() else []
+                hits = [resolve_inside(p.parent, p.name, where, tuple(roots)) for p in files]
+            else:
+                target = resolve_inside(root, pattern, where, tuple(roots))
+                hits = [target] if target.is_file() else []
+            if hits:
+                return hits
+        beside = f" beside the campaign, and no folder of data is given (--data, or {DATA})"
+        shown = beside if self.data is None else f" in '{self.data.name}/' nor beside the campaign"
+        get = f" {table.get}" if table.get else ""
+        raise MissingDataError(f"no log '{pattern}'{shown}.{get}", where)
+
+    def pick(self, patterns: Sequence[str], where: str) -> list[str]:
+        """Return the names of records that match patterns, in order.
+
+        Raises
+        ------
+        RecordError   When a pattern matches nothing.
+        """
+        out: dict[str, None] = {}
+        known = list(self.names())
+        for pattern in patterns:
+            hits = [n for n in known if fnmatch.fnmatchcase(n, pattern)]
+            for group, table in self.content.records.items():
+                if group == pattern and table.files is not None:
+                    hits += [n for n, (_, t) in self.names().items() if t is table]
+            if not hits:
+                raise RecordError(f"no record '{pattern}'.{nearest(pattern, [*known, *self.content.records])}", where)
+            out |= dict.fromkeys(hits)
+        return list(out)
+
+    def record(self, name: str) -> Record:
+        """Return a log, read and prepared as the campaign says.
+
+        Raises
+        ------
+        RecordError   When its samples are not those that the campaign knows.
+        """
+        return self.memo.made(("record", name), lambda: self._record(name))
+
+    def _record(self, name: str) -> Record:
+        path, table = self.names()[name]
+        where = self.where(f"records.{name}")
+        with errors_at(where, ": "):
+            return self._joined(self._prepared(name, path, table, where), table, where)
+
+    def _prepared(self, name: str, path: Path, table: RecordTable, where: str) -> Record:
+        """Return a log, prepared, with the checksum that the campaign gives; as it is kept, where nothing has changed since."""
+        read: dict[str, Any] = {
+            "time": table.time,
+            "units": table.units,
+            "name": name,
+            "separator": table.separator,
+            "decimal": table.decimal,
+            "clock": table.clock,
+        }
+        known = self.content.checksums.get(name)
+
+        def make() -> Record:
+            raw = read_record(path, table.channels, **read)
+            if known is not None and not raw.origin.sha256.startswith(known):
+                raise RecordError(
+                    f"its samples have the checksum {raw.origin.sha256[:12]}..., not {known[:12]}...: this log differs from the one "
+                    f"that the campaign was written for.{f' {table.get}' if table.get else ''}",
+                    where,
+                )
+            return raw.prepare(table.prepare)
+
+        return log_kept(self.results, path, {**read, "channels": table.channels, "prepare": table.prepare, "checksum": known}, make)
+
+    def _joined(self, record: Record, table: RecordTable, where: str) -> Record:
+        """Return a record with the logs beside it, where the campaign names some; one whose clock the fit finds comes last."""
+        several = table.joined if isinstance(table.joined, list) else [table.joined] if table.joined is not None else []
+        if several and table.files is not None:
+            raise DeckError("a pattern of files cannot be joined with one log. Give each log a separate record by `file`.", where)
+        for k, one in enumerate(sorted(several, key=lambda t: not (isinstance(t.offset, str) and isinstance(t.rate, float)))):
+            other, offset, place = one.record, one.offset, f"{where}.joined" + (f".{k}" if len(several) > 1 else "")
+            if other not in self.names() or self.names()[other][1].joined is not None:
+                what = "is joined with a third" if other in self.names() else "is not in this campaign"
+                raise RecordError(f"it is joined with record '{other}', which {what}.{nearest(other, self.names())}", where)
+            ends = tuple(literal(text, "s", f"{place}.offset") for text in ((offset, offset) if isinstance(offset, str) else offset))
+            record = record.joined(self.record(other), (ends[0], ends[1]), one.rate)
+        return record
+
+    def bound(self, name: str, stage: StageTable) -> Record:
+        """Return a record with the bindings of a stage in place of its own."""
+        return bound_by(self.record(name), stage)
+
+    def table_of(self, name: str) -> RecordTable:
+        """Return the table of a record, whether its log is there or not.
+
+        Raises
+        ------
+        RecordError   When there is none of the name.
+        """
+        table = self.content.records.get(name)
+        if table is not None:
+            return table
+        known = {**self.content.records, **{n: t for n, (_, t) in self.names().items()}}
+        refuse_unknown([name], known, self.path.name, "no record '{}'. Records: {known}.", RecordError)
+        return known[name]
+
+    def local_of_record(self, name: str) -> dict[str, LocalSpec]:
+        """Return the local values that a record's own table gives."""
+        where = self.where(f"records.{name}.local")
+        return {n: LocalSpec.read(t.model_dump(exclude_none=True), where) for n, t in self.names()[name][1].local.items()}
+
+    def model(self, file: str, where: str) -> Model:
+        """Return the model of a stage, by the file name of its deck or FMU."""
+        target = resolve_inside(self.path.parent, file, where)
+        if target.suffix.lower() == ".fmu":
+            made: Model = self.memo.made(("fmu", target), lambda: extension("fmu_model", "an FMU as a model", where)(target))
+            return made
+        return load_model(target)
+
+
+def bound_by(record: Record, stage: StageTable) -> Record:
+    """Return a record with the bindings of a stage in place of its own."""
+    for channel in (*stage.bind, *stage.ignore):
+        record.channel(channel)
+    kept = [_rebound(c, stage.bind[n]) if n in stage.bind else c for n, c in record.channels.items() if n not in stage.ignore]
+    return replace(record, channels={c.name: c for c in kept})
+
+
+def _rebound(channel: Channel, target: str | dict[str, str]) -> Channel:
+    """Return a channel with another target."""
+    if isinstance(target, str):
+        return replace(channel, target=target)
+    (role, path), *more = [(k, v) for k, v in target.items() if k in ("node", "boundary", "load", "command", "prescribed")] or [("", "")]
+    if not role or more or set(target) - {role, "gain"}:
+        raise RecordError(
+            "give a binding exactly one of node, boundary, load, command and prescribed, and for a load a gain; given: "
+            f"{', '.join(target)}.",
+            channel.name,
+        )
+    return replace(channel, role=role, target=path, gain=target.get("gain", channel.gain))
+
+
+def scenario_of(table: ScenarioTable, title: str) -> Scenario:
+    """Return the scenario that a stage or verdict gives for what its logs do not say."""
+    return Scenario(title, **table.written)
+
+
+def local_of(tables: Mapping[str, Any]) -> dict[str, dict[str, str]]:
+    """Return local values as `calibrate` takes them."""
+    return {name: t.model_dump(exclude_none=True) for name, t in tables.items()}
+
+
+def read_campaign(path: str | os.PathLike[str], data: str | os.PathLike[str] | None = None) -> CampaignSource:
+    """Return a campaign file, checked against the grammar.
+
+    Parameters
+    ----------
+    path : path     The TOML file.
+    data : path     A folder of logs; the environment variable THERMID_DATA by default, if it is set.
+
+    Raises
+    ------
+    DeckError       When it does not follow the grammar, or names a stage that is not there or comes later.
+    """
+    target = Path(path)
+    content, lines = read_toml(target)
+    if "stages" not in content and ("nodes" in content or "submodels" in content):
+        raise DeckError(
+            "this is a deck, not a campaign. A campaign has records and stages, and names the deck of each stage under 'model'.",
+            target.name,
+        )
+    checked: CampaignFile = by_grammar("thermid.campaign._schema.CampaignFile", content, Places(target.name, lines))
+    logs = data if data is not None else os.environ.get(DATA)
+    folder = Path(logs).resolve() if logs else None
+    if folder is not None and not folder.is_dir():
+        raise MissingDataError(f"the data folder '{folder.name}' does not exist. Give another one with --data or {DATA}.", target.name)
+    source = CampaignSource(target, checked, lines, folder)
+    _check_order(source, checked.stages, checked.verdicts)
+    return source
+
+
+def accepting(source: CampaignSource, stages: Sequence[str]) -> CampaignSource:
+    """Return a campaign with further stages accepted as they are.
+
+    Raises
+    ------
+    DeckError   When there is no such stage.
+    """
+    widened = replace(source, accept=(*source.accept, *stages))
+    _check_order(widened, widened.content.stages, widened.content.verdicts)
+    return widened
+
+
+def _check_order(source: CampaignSource, stages: Sequence[StageTable], verdicts: Sequence[VerdictTable]) -> None:
+    """Refuse stages of one name, and stages that build on what does not come before them."""
+    done: list[str] = []
+    for k, stage in enumerate(stages):
+        if stage.name in done:
+            raise DeckError(f"two stages are named '{stage.name}'.", source.where(f"stages.{k}"))
+        if not stage.name.strip():
+            raise DeckError("a stage needs a name.", source.where(f"stages.{k}.name"))
+        twin = next((n for n in done if file_name(n).lower() == file_name(stage.name).lower()), None)
+        if twin is not None:
+            raise DeckError(f"stages '{twin}' and '{stage.name}' would be saved under one file name.", source.where(f"stages.{k}.name"))
+        if stage.values and (stage.records or stage.free or stage.steady or stage.priors):
+            raise DeckError(
+                "a stage either has `values` tuned by hand or fits records. Define two stages.",
+                source.where(f"stages.{k}.values"),
+            )
+        if not (stage.values or stage.records):
+            raise DeckError("a stage needs `records` to fit, or a file of `values` tuned by hand.", source.where(f"stages.{k}"))
+        for part, inherit in stage.inherit.items():
+            for below in (name for name in inherit.stages if name not in done):
+                raise DeckError(
+                    f"'{part}' inherits from stage '{below}', which is not an earlier stage.{nearest(below, done)}",
+                    source.where(f"stages.{k}.inherit"),
+                )
+        done.append(stage.name)
+    refuse_unknown(source.accepted, done, source.where("accept"), "no stage '{}' to accept.", DeckError)
+    for k, verdict in enumerate(verdicts):
+        refuse_unknown([verdict.model], done, source.where(f"verdicts.{k}.model"), "no stage '{}'.", DeckError)
+        if verdict.values == "joint" and source.content.joint is None:
+            raise DeckError(
+                "this verdict is about the joint fit, but the campaign has no [joint] table. Add one.", source.where(f"verdicts.{k}.values")
+            )

@@ -1,0 +1,371 @@
+"""`Study`: the four steps of a methodology on record - knowledge and use, box colours, set-ups, procedure - and what was found."""
+
+from __future__ import annotations
+
+import fnmatch
+import os
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from thermid.base.arguments import takes_objects
+from thermid.base.errors import DeckError, NameNotFoundError, nearest, refuse_unknown
+from thermid.base.extensions import by_grammar
+from thermid.base.files import STUDY, write_text
+from thermid.base.toml_files import Places, read_toml, resolve_inside
+from thermid.base.units import TEMPERATURE
+from thermid.campaign._file import read_campaign
+from thermid.campaign._judge.metrics import Residuals, metric
+from thermid.campaign._stages import Campaign
+from thermid.fit.problem import SensorTrace
+from thermid.model.deck import load_model
+from thermid.model.laws import literal
+from thermid.model.tree import Model, Names, node_boxes, part_boxes
+from thermid.physics.constants import ICE_POINT
+from thermid.simulation.runs import Solution
+from thermid.simulation.solver import Options
+
+if TYPE_CHECKING:
+    from thermid.campaign._schema import ComponentTable, SensorTable, StudyFile
+
+
+@dataclass(frozen=True)
+class Component:
+    """A physical item of the subject.
+
+    Parameters
+    ----------
+    at : str                        Path of its submodel or node in the model of the whole.
+    what : str                      What it is.
+    lowest, highest : float or None Limits at its reference points. [K]
+    basis : str                     What the limits rest on.
+    """
+
+    at: str
+    what: str = ""
+    lowest: float | None = None
+    highest: float | None = None
+    basis: str = ""
+
+    def holds(self, path: str) -> bool:
+        """Whether a node belongs to it."""
+        return path == self.at or path.startswith(f"{self.at}.")
+
+
+@dataclass(frozen=True)
+class SensorSpec:
+    """What a kind of sensor is said to do.
+
+    Parameters
+    ----------
+    accuracy : float        Largest error. [K]
+    resolution : float      LogEntry of its readings; 0 where none is given. [K]
+    range : tuple           Lowest and highest temperature, empty where none is given. [K]
+    conversion : float      Time from the instant of a value to its reading. [s]
+    certificate : str       How it was calibrated.
+    channels : tuple of str Patterns of the channels of the campaign that it stands behind.
+    basis : str             Where this is said.
+    """
+
+    accuracy: float
+    resolution: float = 0.0
+    range: tuple[float, ...] = ()
+    conversion: float = 0.0
+    certificate: str = ""
+    channels: tuple[str, ...] = ()
+    basis: str = ""
+
+
+@dataclass(frozen=True)
+class ProcedureAction:
+    """One action of the procedure: its name, its state, the stages that do it, a note."""
+
+    name: str
+    state: str
+    stages: tuple[str, ...] = ()
+    note: str = ""
+
+
+@dataclass(frozen=True, eq=False)
+class LogEntry:
+    """One line of the log: how one sensor was met in one record of one stage or verdict.
+
+    Parameters
+    ----------
+    action : str                            The action that the stage belongs to.
+    stage, record, sensor : str
+    residuals : Residuals                   Measured less simulated, the sensor's constant error taken off. [K]
+    held_out : bool                         Whether no stage has seen the record.
+    """
+
+    action: str
+    stage: str
+    record: str
+    sensor: str
+    residuals: Residuals
+    held_out: bool = False
+
+    def __getitem__(self, key: str) -> float:
+        """A metric of the residuals, by its key or an alias. [K]"""
+        return metric(key).of(self.residuals)
+
+
+@dataclass(frozen=True)
+class Exceeded:
+    """A limit that a run passes.
+
+    Parameters
+    ----------
+    component, node : str       Whose limit, and where.
+    limit, reached : float      The limit, and the farthest temperature beyond it. [degC]
+    time : float                When it is passed first. [s]
+    """
+
+    component: str
+    node: str
+    limit: float
+    reached: float
+    time: float
+
+
+@dataclass(frozen=True)
+class Study:
+    """What a study is about and how it is done, in four steps.
+
+    Parameters
+    ----------
+    title, document, note : str     What it is called, what it follows, what its author says.
+    subject, use : str              LogEntry 1: what is modelled, and the intended use of the model.
+    facts : tuple of str            LogEntry 1: what is known beforehand.
+    components : dict               LogEntry 1: physical item -> Component.
+    model : Model                   The model of the whole.
+    names : tuple of str            Other names of the whole.
+    reason : str                    LogEntry 2: why the box colours are what they are.
+    solver : str                    LogEntry 3: what solves the equations.
+    options : Options               LogEntry 3: its tolerances.
+    theory, experiment : tuple      LogEntry 3: remarks on both set-ups.
+    sensors : dict                  LogEntry 3: kind of sensor -> SensorSpec.
+    campaign : Path                 LogEntry 4: the campaign file.
+    rules, metrics : tuple of str   LogEntry 4.
+    actions : tuple of ProcedureAction       LogEntry 4: in order.
+    """
+
+    title: str
+    document: str
+    note: str
+    subject: str
+    use: str
+    facts: tuple[str, ...]
+    components: Mapping[str, Component]
+    model: Model
+    names: tuple[str, ...]
+    reason: str
+    solver: str
+    options: Options
+    theory: tuple[str, ...]
+    experiment: tuple[str, ...]
+    sensors: Mapping[str, SensorSpec]
+    campaign: Path = field(compare=False)
+    rules: tuple[str, ...]
+    metrics: tuple[str, ...]
+    actions: tuple[ProcedureAction, ...]
+    _data: Mapping[str, Any] = field(compare=False, repr=False)
+
+    @property
+    def boxes(self) -> dict[str, str]:
+        """Node -> box colour of the part that it belongs to."""
+        return node_boxes(self.model)
+
+    @property
+    def part_boxes(self) -> dict[str, str]:
+        """Submodel -> its box colour with those of everything in it; the empty path is the whole."""
+        return part_boxes(self.model)
+
+    def find(self, name: str) -> str:
+        """Return the path of a submodel or node by any of its names: a component, an alias, with or without a name of the whole before it.
+
+        The whole itself is the empty path.
+
+        Raises
+        ------
+        NameNotFoundError   With the nearest name.
+        """
+        if name in (self.model.title, *self.names):
+            return ""
+        if name in self.components:
+            return self.components[name].at
+        known = {*self.part_boxes, *self.boxes} - {""}
+        heads = sorted({self.model.title, *self.names}, key=len, reverse=True)
+        for text in (name, *(name[len(h) + 1 :] for h in heads if name.startswith((f"{h}.", f"{h}_")))):
+            path = self.model.canonical(text)
+            if path in known:
+                return path
+        raise NameNotFoundError(
+            f"there is no '{name}' in the model.{nearest(name, [*known, *self.components, *self.model.aliases])}", self.title
+        )
+
+    @takes_objects
+    def log(self, campaign: Campaign) -> tuple[LogEntry, ...]:
+        """Return what every stage and every verdict found, sensor by sensor."""
+        action = {stage: a.name for a in self.actions for stage in a.stages}
+        steps = [_entry(action.get(stage, ""), stage, block) for stage, c in campaign.stages.items() for block in c.blocks]
+        steps += [_entry(action.get(v.model, ""), v.model, block, True) for v in campaign.verdicts for block in v.blocks]
+        return tuple(steps)
+
+    @takes_objects
+    def exceeded(self, solution: Solution, at: str = "") -> tuple[Exceeded, ...]:
+        """Return the limits of components that a run passes, each with the time.
+
+        Parameters
+        ----------
+        solution : Solution     Of the whole, or of one of its parts.
+        at : str                Where that part stands in the whole.
+        """
+        prefix = f"{self.model.canonical(at)}." if at else ""
+        points = {n for n, node in _reference_points(self.model)}
+        out = []
+        for name, c in self.components.items():
+            for path in (n for n in points if c.holds(n) and n.startswith(prefix) and n.removeprefix(prefix) in solution.nodes):
+                out += _passed(name, c, solution, path.removeprefix(prefix))
+        return tuple(sorted(out, key=lambda e: e.time))
+
+    def save(self, path: str | os.PathLike[str]) -> Path:
+        """Write the study as a file and return its path; put it beside the campaign and decks that it names."""
+        import tomlkit
+
+        return write_text(path, tomlkit.dumps(dict(self._data)), STUDY)
+
+
+def _reference_points(model: Model, prefix: str = "") -> list[tuple[str, Any]]:
+    own = [(prefix + n, node) for n, node in model.nodes.items() if node.reference_point]
+    return own + [found for name, part in model.submodels.items() for found in _reference_points(part.model, f"{prefix}{name}.")]
+
+
+def _passed(name: str, component: Component, solution: Solution, node: str) -> list[Exceeded]:
+    trace = solution[node]
+    out = []
+    for limit, sign in ((component.highest, 1.0), (component.lowest, -1.0)):
+        if limit is None:
+            continue
+        celsius = limit - ICE_POINT
+        time = trace.crossing(celsius, below=sign < 0.0)
+        if time is not None:
+            out.append(Exceeded(name, node, celsius, trace.highest if sign > 0.0 else trace.lowest, time))
+    return out
+
+
+def _entry(action: str, stage: str, block: SensorTrace, held_out: bool = False) -> LogEntry:
+    return LogEntry(action, stage, block.record, block.sensor, Residuals.of(block.times, block.residuals), held_out)
+
+
+@takes_objects
+def load_study(path: str | os.PathLike[str]) -> Study:
+    """Return the study that a file describes, with the model it names; its campaign is checked, not run.
+
+    Raises
+    ------
+    DeckError           When it has no intended use or no components, a part of the model belongs to no component, an action names no stage,
+                        or a channel has no sensor behind it.
+    NameNotFoundError   When a component is not in the model.
+    """
+    target = Path(path)
+    data, lines = read_toml(target)
+
+    where = Places(target.name, lines)
+    content: StudyFile = by_grammar("thermid.campaign._schema.StudyFile", data, where)
+    for k, key in enumerate(content.procedure.metrics):
+        metric(key, where(f"procedure.metrics.{k}"))
+    if not content.knowledge.use.strip():
+        raise DeckError(
+            "the intended use of the model is missing. It decides the box colours and the criteria; give it under [knowledge].",
+            where("knowledge.use"),
+        )
+    if not content.components:
+        raise DeckError("the components are missing. List the physical items, each with its place in the model.", where("components"))
+    model = load_model(resolve_inside(target.parent, content.knowledge.model, where("knowledge.model")))
+    components = {name: _component(model, name, table, where(f"components.{name}")) for name, table in content.components.items()}
+    _all_belong(model, components, where("components"))
+    sensors = {name: _sensor(table, where(f"sensors.{name}")) for name, table in content.sensors.items()}
+    campaign = resolve_inside(target.parent, content.procedure.campaign, where("procedure.campaign"))
+    _campaign_fits(campaign, content, where)
+    theory = content.theory
+    return Study(
+        content.title,
+        content.document,
+        content.note,
+        content.knowledge.subject,
+        content.knowledge.use,
+        tuple(content.knowledge.facts),
+        components,
+        model,
+        tuple(content.knowledge.names),
+        content.box.reason,
+        theory.solver,
+        Options(tolerance=literal(theory.tolerance, "K", where("theory.tolerance")), relative=theory.relative),
+        tuple(theory.notes),
+        (*([content.experiment.platform] if content.experiment.platform else []), *content.experiment.notes),
+        sensors,
+        campaign,
+        tuple(content.procedure.rules),
+        tuple(content.procedure.metrics),
+        tuple(ProcedureAction(a.name, a.state, tuple(a.stages), a.note) for a in content.actions),
+        data,
+    )
+
+
+def _component(model: Model, name: str, table: ComponentTable, where: str) -> Component:
+    path = model.canonical(table.at)
+    known = {*part_boxes(model), *Names(model).nodes} - {""}
+    refuse_unknown([path], known, where, f"'{name}' has the place '{table.at}', which the model does not have.", NameNotFoundError)
+    low, high = (literal(t, TEMPERATURE, where) if t else None for t in (table.lowest, table.highest))
+    return Component(path, table.what, low, high, table.basis)
+
+
+def _all_belong(model: Model, components: Mapping[str, Component], where: str) -> None:
+    """Refuse a mass of the model that is part of no component, or of two."""
+    for path, (owner, name) in Names(model).nodes.items():
+        if not name or not owner.nodes[name].fields:
+            continue
+        holders = [n for n, c in components.items() if c.holds(path)]
+        if len(holders) != 1:
+            said = f"belongs to {' and '.join(holders)}" if holders else "belongs to no component"
+            raise DeckError(f"node '{path}' of the model {said}. Assign every mass to one component.", where)
+
+
+def _sensor(table: SensorTable, where: str) -> SensorSpec:
+    def kelvin(text: str) -> float:
+        return literal(text, "K", where) if text else 0.0
+
+    return SensorSpec(
+        kelvin(table.accuracy),
+        kelvin(table.resolution),
+        tuple(literal(t, TEMPERATURE, where) for t in table.range),
+        literal(table.conversion, "s", where) if table.conversion else 0.0,
+        table.certificate,
+        tuple(table.channels),
+        table.basis,
+    )
+
+
+def _campaign_fits(campaign: Path, content: StudyFile, where: Any) -> None:
+    """Refuse an action that names no stage, and a temperature channel without a sensor behind it."""
+    asked = read_campaign(campaign).content
+    stages = [s.name for s in asked.stages]
+    for k, action in enumerate(content.actions):
+        refuse_unknown(
+            action.stages,
+            stages,
+            where(f"actions.{k}.stages"),
+            f"'{action.name}' names stage '{{}}', which {campaign.name} does not have.",
+            DeckError,
+        )
+    patterns = [p for table in content.sensors.values() for p in table.channels]
+    for name, record in asked.records.items():
+        for channel, target in record.channels.items():
+            thermometer = isinstance(target, Mapping) and bool({"node", "boundary"} & set(target))
+            if thermometer and not any(fnmatch.fnmatchcase(channel, p) for p in patterns):
+                raise DeckError(
+                    f"channel '{channel}' of record '{name}' belongs to no sensor of the study. Add it to the channels of one.",
+                    where("sensors"),
+                )

@@ -1,0 +1,630 @@
+"""A part is replaced: the values that it touches, the stages and tests that are due again, and the retune of those alone."""
+
+from __future__ import annotations
+
+import math
+import os
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field, replace
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from thermid.base.arguments import takes_objects
+from thermid.base.dual import value_of
+from thermid.base.errors import DeckError, IdentificationError, MissingDataError, SolverError, errors_at
+from thermid.base.results import Result
+from thermid.campaign._file import CampaignSource, read_campaign
+from thermid.campaign._joint import Level, places_of
+from thermid.campaign._stages import Campaign, Notice, progress_of, request_of
+from thermid.fit.calibration import Calibration, fit
+from thermid.fit.problem import Request, key_of
+from thermid.model.deck import load_model
+from thermid.model.identity import PlaceStart, Replacement, definition_of, inside, instances, short_text, touching
+from thermid.model.laws import Constant
+from thermid.model.parameters import Standing, exact
+from thermid.model.tree import Model, ParameterSet, ledger
+from thermid.physics.constants import ICE_POINT
+from thermid.simulation.network import compile_network
+from thermid.simulation.runs import steady
+from thermid.simulation.scenarios import Scenario
+from thermid.values.fitted import view
+from thermid.values.store import Normal, Source, State, Store, ValueOrigin, graft
+
+if TYPE_CHECKING:
+    from thermid.campaign._schema import InheritTable, StageTable
+
+FELT = 0.05
+"""A value is worth retuning when a change of 10 % moves some sensor by this much. [K]"""
+START = "start after a replacement"
+CARRIED = "kept after a swap: the model has the new part, but values and statistics are from the tests before."
+STEP = 1e-4
+"""Relative change by which the response of a joint to the number behind it is found."""
+
+
+@dataclass(frozen=True)
+class Touch:
+    """A value at the interface of the new part.
+
+    Parameters
+    ----------
+    stage, path : str       The stage that fits it, and its path there.
+    through : tuple         Elements or settings by which it acts on the part.
+    kelvin : float          How far it moves the most sensitive sensor for a change of 10 %, at rest. [K]
+    held : str              Why it is not freed; empty where it is.
+    """
+
+    stage: str
+    path: str
+    through: tuple[str, ...]
+    kelvin: float
+    held: str = ""
+
+
+@dataclass(frozen=True, eq=False)
+class StagePlan:
+    """What becomes of one stage.
+
+    Parameters
+    ----------
+    name : str          The stage; a new one where one instance of several gets the new part.
+    of : str            The stage of the campaign that it follows.
+    action : str        'kept': nothing that it depends on changed; 'run': fitted again; 'carried': its model changes, its values hold.
+    why : str           In words.
+    free : tuple        What is fitted.
+    records : tuple     Tests to repeat.
+    identity : tuple    Hash of its model before and after.
+    model : Model       Its model after the swap.
+    part : str          Where the part stands in it; empty where it is the part itself, or does not hold it.
+    alone : bool        Whether it is the part alone.
+    starts : tuple      Starts of its replacement that the stage decides: values of the place that it fitted before.
+    """
+
+    name: str
+    of: str
+    action: str
+    why: str
+    free: tuple[str, ...]
+    records: tuple[str, ...]
+    identity: tuple[str, str]
+    model: Model = field(repr=False)
+    part: str = ""
+    alone: bool = False
+    starts: tuple[PlaceStart, ...] = ()
+
+
+@dataclass(frozen=True, eq=False)
+class RetunePlan(Result):
+    """What replacing a part costs, before any test.
+
+    Parameters
+    ----------
+    part : str              Its path in the uppermost model.
+    old, new : str          Titles of the old and the new part.
+    stages : tuple          StagePlan of every stage.
+    touched : tuple         Touch of every value of the campaign at the part's interfaces.
+    neighbours : dict       Surface beside the part -> exposed area before and after [m^2], and change at rest [K]; none is freed.
+    before, after : dict    Sensor -> temperature at rest, the old part at the power of its model and the new one at that of its deck, all
+                            else as in the last record. [K]
+    as_logged : dict        Sensor -> the same with the old part at the power that the last record has. [K]
+    watts : (float, float)  Power of the part by its old model and by the new deck. [W]
+    logged : float          Power of the old part in the last record. [W]
+    replacement : Replacement   What became of the values at the place, in the uppermost model.
+    campaign : Campaign     What was done before.
+    model : Model           The new part.
+    """
+
+    part: str
+    old: str
+    new: str
+    stages: tuple[StagePlan, ...]
+    touched: tuple[Touch, ...]
+    neighbours: Mapping[str, tuple[float, float, float]]
+    before: Mapping[str, float]
+    after: Mapping[str, float]
+    as_logged: Mapping[str, float]
+    watts: tuple[float, float]
+    logged: float
+    replacement: Replacement
+    campaign: Campaign = field(repr=False)
+    model: Model = field(repr=False)
+
+    @property
+    def standing(self) -> Standing:
+        """Of the values that the plan rests on: those of the last stage before."""
+        return list(self.campaign.stages.values())[-1].standing
+
+    @property
+    def freed(self) -> tuple[str, ...]:
+        """Interface values that are retuned, ``stage: path``."""
+        return tuple(f"{t.stage}: {t.path}" for t in self.touched if not t.held)
+
+    @property
+    def tests(self) -> tuple[str, ...]:
+        """Records that must be taken again."""
+        return tuple(dict.fromkeys(r for s in self.stages if s.action == "run" for r in s.records))
+
+    @property
+    def kept_tests(self) -> tuple[str, ...]:
+        """Records that still hold."""
+        known = (r.name for request in self.campaign.requests.values() for r in request.records)
+        return tuple(dict.fromkeys(r for r in known if r not in self.tests))
+
+    @takes_objects
+    def run(
+        self, data: str | os.PathLike[str] | CampaignSource, *, everything: bool = False, part_only: bool = False, notice: Any = None
+    ) -> Campaign:
+        """Return the campaign after the retune: the stages that are due are fitted to the repeated tests, all others are as they were.
+
+        Parameters
+        ----------
+        data : path         Folder with the logs of the repeated tests, named as in the campaign; or the campaign as read with it.
+        everything : bool   Fit every stage anew with all that it frees, which needs all tests: what a retune is measured against.
+        part_only : bool    Fit the new part to its own tests alone; the stages above know it then, and count what is assumed of its place.
+        notice : callable   As in `run_stages`.
+
+        Raises
+        ------
+        ThermidError   From reading or fitting.
+        """
+        return retuned(self, data, notice, everything, part_only)
+
+    @property
+    def assumes(self) -> tuple[str, ...]:
+        """What the plan takes for granted of the new part and its place, in words."""
+        tested = any(s.alone for s in self.stages)
+        own = "its own test must be repeated" if tested else "no stage tests it alone"
+        return (f"{self.new} has the {self.watts[1]:.4g} W and all other values of its deck; {own}", *self.replacement.assumes[1:])
+
+    def __str__(self) -> str:
+        """Return the plan as text."""
+        lines = [f"{self.part}: {self.old} -> {self.new}", "  assumed:", *(f"    {a}" for a in self.assumes)]
+        lines += ["  removed with the old part:"] * bool(self.replacement.dropped)
+        lines += [f"    {d.path} {short_text(d.text)}, {d.origin}, {d.why}" for d in self.replacement.dropped]
+        if self.replacement.untied:
+            lines.append(f"  no longer shared with other instances: {', '.join(self.replacement.untied)}")
+        lines.append(f"  retuned: {len(self.freed)} interface values, {', '.join(self.freed) or 'none'}")
+        for t in self.touched:
+            what = "freed" if not t.held else f"fixed: {t.held}"
+            lines.append(f"    {t.stage}: {t.path}  {t.kelvin:.2f} K for 10 %, through {', '.join(t.through)}; {what}")
+        lines.append("  stages:")
+        for s in self.stages:
+            changed = "" if s.identity[0] == s.identity[1] else f" ({s.identity[0][:8]} -> {s.identity[1][:8]})"
+            lines.append(f"    {s.name}: {s.action}{changed}, {s.why}")
+        total = len(self.tests) + len(self.kept_tests)
+        lines.append(f"  tests to repeat: {len(self.tests)} of {total}: {', '.join(self.tests)}")
+        lines.append("  neighbours, exposed area before -> after; their convection coefficients stay fixed:")
+        for name, (a, b, dt) in self.neighbours.items():
+            lines.append(f"    {name}: {1e4 * a:.4g} -> {1e4 * b:.4g} cm^2, {dt:+.2f} K at rest")
+        return self.standing.over("\n".join([*lines, *self._at_rest()]))
+
+    def _at_rest(self) -> list[str]:
+        """Return the temperatures before and after, and those of the last record where the old part had another power in it."""
+        old, new = self.watts
+        lines = [f"  at rest before -> after: the old part at the {old:.4g} W of its model, the new one at the {new:.4g} W of its deck:"]
+        lines += [f"    {s}: {self.before[s] - ICE_POINT:.2f} -> {t - ICE_POINT:.2f} degC" for s, t in self.after.items()]
+        if abs(self.logged - old) > 1e-9:
+            shown = ", ".join(f"{s} {self.as_logged[s] - ICE_POINT:.2f} degC" for s in self.after)
+            lines.append(f"  the old part at the {self.logged:.4g} W of the last record: {shown}")
+        return lines
+
+
+@takes_objects
+def plan_retune(campaign: Campaign, part: str, new: Model | str | os.PathLike[str]) -> RetunePlan:
+    """Return the plan of a replacement: what it assumes, drops and touches, which stages and tests are due, predictions before and after.
+
+    Parameters
+    ----------
+    campaign : Campaign     As `run_stages` returned it.
+    part : str              Path of the part in the model of the last stage.
+    new : Model or path     The new part, or its deck.
+
+    Raises
+    ------
+    ThermidError   When there is no such part, the new one does not fit its place, or the campaign was made in Python.
+    """
+    source = campaign.source
+    if source is None:
+        raise DeckError(
+            "a plan needs the campaign's file; this campaign was made in Python. Call run_stages on a campaign file.", campaign.title
+        )
+    model = new if isinstance(new, Model) else load_model(new)
+    levels = [Level(name, request) for name, request in campaign.requests.items()]
+    top = levels[-1].name
+    above = campaign[top].fitted_model
+    part = above.canonical(part)
+    old = above.submodel(part)
+    places = places_of(source, levels, top)
+    swapped, what = above.replaced(part, model)
+    swapped = what.starting(swapped)
+    plans: list[StagePlan] = []
+    touched: list[Touch] = []
+    for level in levels:
+        plan, touches = _staged(campaign, level, places[level.name], part, model)
+        plans += plan
+        touched += touches
+    by_deck, logged = _at_rest(campaign[top], part), _at_rest(campaign[top], "")
+    cold, warm, shown = _steady(above, by_deck), _steady(swapped, by_deck), _steady(above, logged)
+    watts, given = (_watts(above, by_deck, part), _watts(swapped, by_deck, part)), _watts(above, logged, part)
+    before, after, as_logged = (_observed(t, campaign[top]) for t in (cold, warm, shown))
+    neighbours = _neighbours(above, swapped, part, cold, warm)
+    stages, values = tuple(plans), tuple(touched)
+    return RetunePlan(
+        part, old.title, model.title, stages, values, neighbours, before, after, as_logged, watts, given, what, campaign, model
+    )  # fmt: skip
+
+
+def _staged(campaign: Campaign, level: Level, places: tuple[str, ...], part: str, new: Model) -> tuple[list[StagePlan], list[Touch]]:
+    """Return what becomes of a stage, and what of its values the part touches."""
+    done, request = campaign[level.name], level.request
+    records = tuple(r.name for r in request.records)
+    same = done.model.identity()
+    kept = StagePlan(level.name, level.name, "kept", "none of its inputs changes", (), (), (same, same), done.model)
+    if f"{part}." in places:
+        free = tuple(p for p in request.free if request.model.canonical(p) in ParameterSet(new).table)
+        lost = [p for p in request.free if p not in free]
+        why = "the new part, tested alone" + (f"; it has no {', '.join(lost)}" if lost else "")
+        alone = StagePlan(level.name, level.name, "run", why, free, records, (same, new.identity()), new, "", True)
+        if len(places) == 1:
+            return [alone], []
+        name = f"{level.name} at {part}"
+        return [kept, StagePlan(name, level.name, "run", why, free, records, (same, new.identity()), new, "", True)], []
+    holds = [place for place in places if part.startswith(place) and place != f"{part}."]
+    if not holds:
+        return [kept], []
+    if len(places) > 1:
+        raise IdentificationError(
+            f"stage '{level.name}' is used at {len(places)} places of '{campaign.title}', but the part is replaced at one only. Give the "
+            "rebuilt unit a separate stage.",
+            part,
+        )
+    inner = part.removeprefix(holds[0])
+    model = request.model.replace(inner, new)
+    touches, starts = _touches(done, level, inner, new)
+    free = tuple(t.path for t in touches if not t.held)
+    identity = (request.model.identity(), model.identity())
+    if not free:
+        why = "its model changes, but none of its fitted values needs a new fit"
+        return [StagePlan(level.name, level.name, "carried", why, (), (), identity, model, inner, starts=starts)], touches
+    why = f"{', '.join(free)} anew"
+    return [StagePlan(level.name, level.name, "run", why, free, records, identity, model, inner, starts=starts)], touches
+
+
+def _touches(done: Calibration, level: Level, inner: str, new: Model) -> tuple[list[Touch], tuple[PlaceStart, ...]]:
+    """Return the values of a stage that act at the part's interfaces, and those of the place that it decides and that start anew."""
+    model = done.fitted_model
+    values, found = ParameterSet(model), touching(model, inner)
+    bare, what = model.replaced(inner, new)
+    after = what.starting(bare)
+    known = ParameterSet(after)
+    numbers = known.evaluate({})
+    fitted = done.values.assignments
+    behind = {s.path: [p for p in fitted if s.path in values.downstream([p])] for s in what.starts if s.path in values.table}
+    starts = tuple(s for s in what.starts if behind.get(s.path))
+    anew = {p: s.path for s in starts for p in behind[s.path]}
+    rest = _at_rest(done, inner)
+    still = _observed(_steady(after, rest), done)
+    out = []
+    for path in dict.fromkeys((*(s.path for s in starts), *fitted)):
+        through, elsewhere = found.why(values, path)
+        inside = path.startswith(f"{inner}.") and path not in found.settings
+        if path not in known.table or not (through or inside) or (path in anew and anew[path] != path and not elsewhere):
+            continue
+        given = known.table[path].parameter
+        high = given.maximum if given.maximum is not None else np.inf
+        number = float(numbers[path]) * (1.1 if 1.1 * float(numbers[path]) <= high else 0.9)
+        changed = after.with_values({path: exact(number, given.unit)}, "a change of 10 %") if given.is_literal else after
+        moved = _observed(_steady(changed, rest), done)
+        kelvin = max(abs(t - still[o]) for o, t in moved.items())
+        held = ""
+        if path in anew and anew[path] != path:
+            held = f"stays with {', '.join(elsewhere)}; {anew[path]} now has a separate value"
+        elif elsewhere and path not in anew:
+            held = f"shared with {', '.join(elsewhere)}, which the swap does not affect"
+        elif kelvin < FELT and not inside:
+            held = f"a change of 10 % moves no sensor by {FELT} K"
+        out.append(Touch(level.name, path, tuple(through) or ("the part itself",), kelvin, held))
+    return out, starts
+
+
+def _at_rest(done: Calibration, without: str) -> Scenario:
+    """Return the last record of a fit with every input at its mean; loads of a part, where one is named, are left to its deck."""
+    bare = done.experiments[-1].bare
+
+    def constant(signals: Mapping[str, Any], unit: str) -> dict[str, Any]:
+        kept = {k: v for k, v in signals.items() if not without or not k.startswith(f"{without}.")}
+        return {k: f"{v.mean_over(0.0, bare.seconds)!r} [{unit}]" if not isinstance(v, Constant) else v for k, v in kept.items()}
+
+    return replace(
+        bare,
+        title="at rest",
+        boundaries=constant(bare.boundaries, "K"),
+        loads=constant(bare.loads, "W"),
+        commands=constant(bare.commands, "1"),
+    )
+
+
+def _watts(model: Model, scenario: Scenario, part: str) -> float:
+    """Return the power of a part: by its deck, or as a scenario gives it. [W]"""
+    loads = {model.canonical(n): v.value for n, v in scenario.loads.items() if isinstance(v, Constant)}
+    rows = compile_network(model, media=scenario.media()).numbers().loads
+    inside = {row.name: float(value_of(row.coefficients[0])) for row in rows if row.name.startswith(f"{part}.")}
+    return float(sum(loads.get(name, watts) for name, watts in inside.items()))
+
+
+def _steady(model: Model, scenario: Scenario) -> Mapping[str, float]:
+    """Return the temperatures at rest. [K]"""
+    try:
+        return steady(model, scenario)
+    except SolverError as error:
+        raise IdentificationError(
+            f"a swap is judged in the steady state, which does not exist here: {error.message}", model.title
+        ) from None
+
+
+def _observed(rest: Mapping[str, float], done: Calibration) -> dict[str, float]:
+    """Return sensor -> temperature at rest, of the nodes that a model still has. [K]"""
+    return {o.sensor: rest[o.seat] for o in done.experiments[-1].observations if o.seat in rest}
+
+
+def _neighbours(
+    before: Model, after: Model, part: str, cold: Mapping[str, float], warm: Mapping[str, float]
+) -> dict[str, tuple[float, float, float]]:
+    """Return surface beside the part -> exposed area before and after, and the change of its node at rest."""
+    beside, old = touching(before, part), {line.surface: line for line in ledger(before)}
+    new = {line.surface: line.exposed for line in ledger(after)}
+    near = {s for s, line in old.items() if s in beside.neighbours or set(line.joints) & set(beside.elements)}
+    near |= {s for s, line in old.items() if abs(new.get(s, line.exposed) - line.exposed) > 1e-12}
+    out = {}
+    for surface in sorted(s for s in near if not s.startswith(f"{part}.")):
+        inner, _, name = surface.rpartition(".")
+        owner = before.submodel(inner) if inner else before
+        node = f"{inner}.{owner.canonical(owner.surfaces[name].of)}".lstrip(".")
+        out[surface] = (old[surface].exposed, new[surface], warm[node] - cold[node])
+    return out
+
+
+def retuned(
+    plan: RetunePlan,
+    data: str | os.PathLike[str] | CampaignSource,
+    notice: Notice | None = None,
+    everything: bool = False,
+    part_only: bool = False,
+) -> Campaign:
+    """Return the campaign after a retune; see `RetunePlan.run`."""
+    before = plan.campaign
+    assert before.source is not None
+    source = data if isinstance(data, CampaignSource) else read_campaign(before.source.path, data)
+    due = tuple(r for s in plan.stages if s.alone for r in s.records) if part_only else plan.tests
+    source = _source(source, plan, due, everything)
+    tables = {s.name: (k, s) for k, s in enumerate(before.source.content.stages)}
+    renamed = {s.of: s.name for s in plan.stages if s.name != s.of}
+    done: dict[str, Calibration] = {}
+    keys: dict[str, str] = {}
+    requests: dict[str, Request] = {}
+    for stage in plan.stages:
+        k, table = tables[stage.of]
+        keys[stage.name] = before.keys[stage.of]
+        requests[stage.name] = before.requests[stage.of]
+        again = everything and not (stage.name == stage.of and stage.of in renamed)
+        if stage.action == "kept" and not again:
+            done[stage.name] = before[stage.of]
+            continue
+        carried = not again and (stage.action == "carried" or (part_only and not stage.alone))
+        with errors_at(source.where(f"stages.{k}"), ": "):
+            told = _told_by(table, stage, renamed, again, plan, done)
+            told = told.model_copy(update={"records": [], "steady": {}, "free": [], "priors": {}}) if carried else told
+            request = request_of(source, told, k, done, _model(source, table, k, stage, plan, before[stage.of] if again else None))
+            request = request if stage.alone or again else _local(request, stage, before[stage.of], plan)
+            requests[stage.name] = request
+            keys[stage.name] = key_of(request, [keys[n] for i in told.inherit.values() for n in i.stages])
+            if carried:
+                done[stage.name] = _carried(before[stage.of], request) if stage.part else before[stage.of]
+            else:
+                done[stage.name] = fit(request, progress_of(notice, stage.name))
+    count = 0 if part_only else len(plan.freed)
+    note = f"After {plan.old} was replaced by {plan.new} at {plan.part}: {len(due)} tests repeated, {count} values retuned."
+    return Campaign(before.title, done, (), keys, note, requests=requests)
+
+
+def _carried(before: Calibration, request: Request) -> Calibration:
+    """Return a fit with what is known after the swap: nothing of the old part."""
+    own = [p for p, s in request.store.states.items() if s.origin.stage == before.stage]
+    return replace(
+        before,
+        model=request.model,
+        values=view(request.store, own, before.stage),
+        store=request.store,
+        request=request,
+        problem=None,
+        warnings=(*before.warnings, CARRIED),
+    )
+
+
+def _source(source: CampaignSource, plan: RetunePlan, due: Sequence[str], everything: bool) -> CampaignSource:
+    """Return the campaign for the new logs, those of the repeated tests alone unless everything is run; other logs need not be there."""
+    old = plan.campaign.source
+    assert old is not None
+    tables = [table for name, (_, table) in old.names().items() if everything or name in due]
+    records = {name: source.content.records[name] for name, table in old.content.records.items() if any(table is t for t in tables)}
+    reduced = replace(source, content=source.content.model_copy(update={"records": records, "verdicts": [], "checksums": {}}))
+    if reduced.data is not None and reduced.data != old.data:
+        _check_repeated(reduced, reduced.data, due)
+    return reduced
+
+
+def _check_repeated(source: CampaignSource, data: Path, tests: Sequence[str]) -> None:
+    """Refuse logs from before the swap, which stand beside the campaign under the same names."""
+    before = [name for name, (file, _) in source.names().items() if name in tests and not file.resolve().is_relative_to(data)]
+    if before:
+        raise MissingDataError(
+            f"the folder '{data.name}' of the repeated tests has no log of {', '.join(before)}. The logs beside the campaign are from "
+            "before the swap. Put the new logs there, with the file names of the campaign.",
+            source.path.name,
+        )
+
+
+def _model(source: CampaignSource, table: StageTable, k: int, stage: StagePlan, plan: RetunePlan, before: Calibration | None) -> Model:
+    """Return the deck of a stage with the new part in its place; to fit all anew, after a fit before, with its place at its start."""
+    if stage.alone:
+        return plan.model
+    model = source.model(table.model, source.where(f"stages.{k}"))
+    if not stage.part:
+        return model
+    model = model.replace(stage.part, plan.model).cut(stage.part)  # a new unit, even of the same deck, has values of its own
+    if before is None:
+        return model
+    what = before.fitted_model.replaced(stage.part, plan.model)[1]
+    return model.with_values({s.path: s.text for s in what.starts if s.of_part or s in stage.starts}, START)
+
+
+def _told_by(
+    table: StageTable, stage: StagePlan, renamed: Mapping[str, str], everything: bool, plan: RetunePlan, done: Mapping[str, Calibration]
+) -> StageTable:
+    """Return the stage's table: its name, its records by name, and the stage of the new part where it inherits at the part's place."""
+    inherit = {}
+    for part, i in _of_new(table.inherit, stage, plan).items():
+        at_part = stage.part and part == stage.part
+        names = [renamed.get(n, n) if at_part else n for n in i.stages]
+        inherit[part] = _handed(i.model_copy(update={"stage": names}), plan, done)
+    if everything:
+        more = [p for p in stage.free if p not in table.free]
+        free = {*table.free, *more}
+        wide = {s.path: f"{100 * s.log_sd} [%]" for s in stage.starts if s.path in free and s.path not in table.priors}
+        return table.model_copy(
+            update={"name": stage.name, "inherit": inherit, "free": [*table.free, *more], "priors": table.with_spreads(wide)}
+        )
+    changes = {"name": stage.name, "inherit": inherit, "records": list(stage.records), "free": list(stage.free), "freeze": []}
+    kept = {p: t for p, t in table.priors.items() if p in stage.free}
+    return table.model_copy(update=changes | {"priors": kept})
+
+
+def _handed(inherit: InheritTable, plan: RetunePlan, done: Mapping[str, Calibration]) -> InheritTable:
+    """Return what is inherited of stages that a swap lets fit other values: what `only` kept back before still is, nothing else."""
+    if not inherit.only:
+        return inherit
+    before = [plan.campaign.stages[s.of] for s in plan.stages if s.name in inherit.stages]
+    back = dict.fromkeys(p for c in before for p in c.values.parameters if p not in inherit.only)
+    known = [p for p in back if all(p in done[n].store.parameters for n in inherit.stages if n in done)]
+    return inherit.model_copy(update={"only": [], "without": [*inherit.without, *known]})
+
+
+def _of_new(inherit: Mapping[str, InheritTable], stage: StagePlan, plan: RetunePlan) -> dict[str, InheritTable]:
+    """Return what a stage inherits, without what stages found of parts of the old part that the new one does not have."""
+    out = {}
+    for part, i in inherit.items():
+        path = part if stage.alone else stage.model.canonical(part)
+        rest = path if stage.alone else path.removeprefix(f"{stage.part}.") if inside(path, stage.part) else ""
+        if rest in ("", stage.part) or (rest != "." and all(_same_part(plan, n, rest) for n in i.stages)):
+            out[part] = i
+    return out
+
+
+def _same_part(plan: RetunePlan, stage: str, path: str) -> bool:
+    """Return whether the new part has, at a path, the deck that a stage was fitted with."""
+    known = dict(instances(plan.model))
+    below = plan.campaign.requests.get(stage)
+    return below is not None and known.get(f"{plan.model.canonical(path)}.") == definition_of(below.model)
+
+
+def _local(request: Request, stage: StagePlan, before: Calibration, plan: RetunePlan) -> Request:
+    """Return a request in which all but the stage's freed values stand where they stood, constant errors of instruments among them."""
+    old = before.fitted_model
+    what = old.replaced(stage.part, plan.model)[1]
+    states = known_below(request.store, what).states
+    starts = {s.path: s.text for s in what.starts if s.path not in states}
+    gone = [*(s.path for s in what.starts), stage.part]
+    stood = {p: v for p, v in before.values.assignments.items() if not any(inside(p, place) for place in gone)}
+    model = request.model.with_values(stood, f"stage '{stage.name}' before the swap").with_values(starts, START)
+    store = placed(before.store, old, model, what, request.store, stage.name)
+    anew = [s.path for s in what.starts if s.path in stage.free and s.path not in request.priors]
+    prior = [p for p in request.prior if inside(p, stage.part) and p in states and p not in anew]
+    return replace(
+        request,
+        model=model,
+        store=store,
+        prior=(*prior, *anew),
+        held_bias=before.bias,
+        held_errors=before.instrument_errors,
+        remarks=(
+            *request.remarks,
+            f"only the values that {plan.new} at {plan.part} affects were fitted again. All others, constant errors of instruments among "
+            "them, were fixed; the totals count their errors.",
+        ),
+    )
+
+
+def placed(before: Store, old: Model, new: Model, what: Replacement, below: Store, stage: str) -> Store:
+    """Return what is known of a model after a replacement.
+
+    Parameters
+    ----------
+    before : Store          What was known of the model with the old part.
+    old, new : Model        The model before, and after with every value of the place at its start.
+    what : Replacement      What became of the values.
+    below : Store           What stages below found of the new part and its place; its values win over starts.
+    stage : str             The stage whose model it is; it hands on the starts as what it knows.
+    """
+    below_part = known_below(below, what)
+    starts = starts_of(before, old, new, [s for s in what.starts if s.path not in below_part.states], stage)
+    rest = before.drop(what.path)
+    for one in what.starts:
+        rest = rest.drop(one.path)
+    whole = graft(new, [(".", rest), (".", starts), (".", below_part)])[0]
+    return replace(whole, dropped=(*whole.dropped, *what.dropped))
+
+
+def known_below(below: Store, what: Replacement) -> Store:
+    """Return what stages below found of the new part and its place.
+
+    What a test of the part alone says of a coefficient is that of its bench; where it is installed it starts from what the place had.
+    """
+    place = {s.path for s in what.starts}
+    bench = {s.path for s in what.starts if s.of_part}
+
+    def of_place(s: State) -> bool:
+        own = all(inside(p, what.path) or p in place for p in s.paths)
+        return s.kind == "parameter" and own and not (s.path in bench and s.at == what.path)
+
+    return below.only(of_place)
+
+
+def starts_of(before: Store, old: Model, new: Model, starts: Sequence[PlaceStart], stage: str) -> Store:
+    """Return the starts of values of a place as states.
+
+    A joint has the error of the joint that it is taken from and, besides, what joints of one kind differ by. A coefficient inside the
+    part has the stated error, of which what the fit before left open is a part, or that alone where it is more.
+    """
+    values, table = ParameterSet(old), ParameterSet(new).table
+    columns = len(before.sources)
+    own, states = [], {}
+    root = np.zeros((len(starts), columns + len(starts)))
+    for k, one in enumerate(starts):
+        written = table[one.path].parameter
+        literal = written.expression.literal
+        assert literal is not None
+        row = _response(before, values, one.path)
+        known = float(np.linalg.norm(row)) if one.of_part else 0.0
+        root[k, :columns], root[k, columns + k] = row, math.sqrt(max(one.log_sd**2 - known**2, 0.0))
+        own.append(Source(f"start of {one.path} after a replacement", "stated", Normal(), str(one)))
+        low = written.minimum if written.minimum is not None else 0.0
+        high = written.maximum if written.maximum is not None else math.inf
+        at, origin = literal.value, ValueOrigin("twin", stage)
+        ends = (low, high)
+        states[one.path] = State(one.path, at, True, written.unit, ends, origin, paths=(one.path,), deck=written.text, start=at)
+    return Store(states, (*before.sources, *own), root)
+
+
+def _response(before: Store, values: ParameterSet, path: str) -> NDArray[np.float64]:
+    """Return how the logarithm of a value responds to the sources of what was known of the numbers behind it."""
+    out = np.zeros(len(before.sources))
+    at = float(values.evaluate({})[path])
+    for state in before.parameters.values():
+        if not state.known or path not in values.downstream(state.acts):
+            continue
+        moved = float(values.evaluate(dict.fromkeys(state.acts, state.value * (1.0 + STEP)))[path])
+        share = math.log(moved / at) / (math.log1p(STEP) if state.log else STEP * state.value)
+        out += share * before.rows([state.path])[0]
+    return out

@@ -1,0 +1,112 @@
+"""A test that still runs, read as a record of a campaign is and with the model of one of its stages; the campaign has not its log yet."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Any
+
+from thermid.base.dual import value_of
+from thermid.base.errors import IdentificationError, RecordError
+from thermid.campaign._file import bound_by, scenario_of
+from thermid.campaign._stages import Campaign
+from thermid.fit.problem import first_reading
+from thermid.measure.records import Record
+from thermid.model.tree import Model
+from thermid.simulation.network import compile_network
+from thermid.simulation.scenarios import Scenario
+
+if TYPE_CHECKING:
+    from thermid.campaign._schema import RecordTable, StageTable
+
+
+@dataclass(frozen=True, eq=False)
+class RunningTest:
+    """What a campaign says of a log that it has not yet.
+
+    Parameters
+    ----------
+    model : Model               Of the stage, with its fitted values.
+    table : RecordTable         Of the record that the log is like.
+    stage : StageTable          Its bindings and conditions.
+    first : dict                Boundary -> channel whose first reading stands there, and what is added to it [K].
+    title : str                 Of the campaign.
+    """
+
+    model: Model
+    table: RecordTable
+    stage: StageTable
+    first: Mapping[str, tuple[str, float]]
+    title: str
+
+    @property
+    def options(self) -> dict[str, Any]:
+        """What `read_record` is told beside the channels."""
+        t = self.table
+        return {"time": t.time, "separator": t.separator, "decimal": t.decimal, "clock": t.clock, "units": t.units}
+
+    def bound(self, record: Record) -> Record:
+        """Return a record with the bindings of the stage."""
+        return bound_by(record, self.stage)
+
+    def conditions(self, record: Record, said: Scenario | None = None) -> Scenario:
+        """Return what a log does not say: as told, else as the stage has it."""
+        out = scenario_of(self.stage.scenario, record.name)
+        starts = {n: t.start for n, t in {**self.stage.local, **self.table.local}.items() if n.startswith("initial.")}
+        out = out.with_(initial={**{n.removeprefix("initial."): t for n, t in starts.items()}, **out.initial})
+        if said is not None:
+            start = {} if said.start == "" else {"start": said.start}
+            out = out.with_(boundaries=said.boundaries, loads=said.loads, initial=said.initial, **start)
+        targets = {c.target or c.name for c in record.channels.values()}
+        open_ = {b: given for b, given in self.first.items() if b not in out.boundaries and b not in targets}
+        read = {b: f"{first_reading(record, channel) + added} [K]" for b, (channel, added) in open_.items()}
+        return out.with_(boundaries=read)
+
+    @property
+    def remarks(self) -> tuple[str, ...]:
+        """What a reader must know of it."""
+        steps = [next(iter(step)) for step in self.table.prepare]
+        left = (f"preparation of the record ({', '.join(steps)}) is left out, because the log still grows",) if steps else ()
+        return (*left, *(f"temperature of {b}: the first reading of {c}, unless --boundary gives it" for b, (c, _) in self.first.items()))
+
+
+def running_test(made: Campaign, record: str = "", stage: str = "") -> RunningTest:
+    """Return what a campaign says of a test that runs.
+
+    Parameters
+    ----------
+    made : Campaign     Its result, from a file.
+    record : str        The record that the log is like; not needed where there is one.
+    stage : str         The stage whose model and values are used; the last one by default.
+
+    Raises
+    ------
+    RecordError             When there is no such record, or several and none is named.
+    NameNotFoundError       When there is no such stage.
+    IdentificationError     When the campaign was made in Python.
+    """
+    source = made.source
+    if source is None:
+        raise IdentificationError("a campaign made in Python has no records of a file. Give its file.", made.title)
+    name = stage or list(made)[-1]
+    model = made[name].fitted_model
+    asked = next(s for s in source.content.stages if s.name == name)
+    table = source.table_of(_named(record, list(source.content.records), made.title))
+    first = {n: (t.start, 0.0) for n, t in {**asked.local, **table.local}.items() if "." not in n and t.start in _channels(table)}
+    values = compile_network(model).numbers().values
+    for n, given in asked.readings.items():
+        channel, path = (given, "") if isinstance(given, str) else (given.channel, given.offset)
+        first[n] = (channel, float(value_of(values[path])) if path else 0.0)
+    return RunningTest(model, table, asked, {n: f for n, f in first.items() if not n.startswith("initial.")}, made.title)
+
+
+def _named(record: str, known: Sequence[str], title: str) -> str:
+    """Return the record that is asked for."""
+    if not record and len(known) > 1:
+        raise RecordError(f"the campaign has several records. Name the one that the log is like: {', '.join(known)}.", title)
+    return record or known[0]
+
+
+def _channels(table: RecordTable) -> set[str]:
+    """Return the names of the channels of a record."""
+    return set(table.channels)

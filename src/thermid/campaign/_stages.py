@@ -1,0 +1,567 @@
+"""`run_stages`: component -> submodel -> full, each stage starting from what the ones below found."""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from dataclasses import dataclass, field, replace
+from functools import cached_property
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from thermid.base.arguments import takes_objects
+from thermid.base.errors import DeckError, IdentificationError, RecordError, StoppedError, ThermidError, errors_at, look_up, refuse_unknown
+from thermid.base.results import Result, Row
+from thermid.base.toml_files import resolve_inside
+from thermid.base.units import counted
+from thermid.campaign._advice import mistakes_of, next_command, refused
+from thermid.campaign._cache import changed_since, file_name, recall, remember
+from thermid.campaign._file import CampaignSource, accepting, local_of, read_campaign, scenario_of
+from thermid.campaign._joint import JointFit, fit_jointly, joint_key
+from thermid.campaign._judge.criteria import Criteria
+from thermid.campaign._judge.verdict import Verdict, look, not_judged, validate
+from thermid.fit.calibration import Calibration, fit
+from thermid.fit.power import SHAPES, recovered
+from thermid.fit.problem import LocalSpec, Reading, Request, digest, freed, ingredients_of, priors_of, weighing
+from thermid.inference.criticism import Mistakes
+from thermid.measure.amounts import duration_text, short
+from thermid.measure.records import Record
+from thermid.model.laws import literal
+from thermid.model.parameters import Standing, worst
+from thermid.model.tree import Model, ParameterSet, parameter_table
+from thermid.prediction.bands import hand_values
+from thermid.simulation.scenarios import STEADY, Scenario
+from thermid.values.store import Store, graft
+
+if TYPE_CHECKING:
+    from thermid.campaign._schema import InheritTable, StageTable, VerdictTable
+Notice = Callable[[str, int, float], None]
+"""Called with what is running, the number of evaluations and the RMS of the weighted residuals."""
+
+
+def request_of(source: CampaignSource, stage: StageTable, k: int, done: Mapping[str, Calibration], model: Model | None = None) -> Request:
+    """Return what a stage asks, with what it inherits laid under the parent's own [set]; of its deck, or of a model in its place."""
+    where = source.where(f"stages.{k}")
+    model = source.model(stage.model, where) if model is None else model
+    model = model.cut(*stage.untie) if isinstance(stage.untie, list) else model
+    store, moving, remarks = _from_below(model, stage, done, where)
+    model = store.on(model)
+    store, hidden = store.acting_in(model)
+    if stage.values:
+        hand = hand_values(resolve_inside(source.path.parent, stage.values, f"{where}.values"), model, stage.name, f"{where}.values")
+        gone = [f"'{d.path}' {d.text} by {d.origin} does not apply: {d.why}." for d in hand.dropped]
+        return Request(model, (), store=store, name=stage.name, seen=store.seen, hand=hand, remarks=(*remarks, *hidden, *gone))
+    records = tuple(source.bound(n, stage) for n in source.pick(stage.records, where))
+    scenario = scenario_of(stage.scenario, stage.name)
+    points, settled = steady_points(source, stage, records, scenario, where)
+    records = (*records, *points)
+    prior = [p for p in moving if store.states[p].acts and store.states[p].known and store.rows([p]).any()]
+    free, frozen = freed(model, stage.free, stage.freeze, where, prior)
+    prior = [p for p in prior if p not in frozen]
+    asked = Request(
+        model,
+        records,
+        tuple(free),
+        {"*": scenario, **settled},
+        {n: LocalSpec.read(t, f"{where}.local.{n}") for n, t in local_of(stage.local).items()},
+        record_local={r.name: source.local_of_record(r.name) for r in records if r.name not in settled},
+        priors=priors_of(model, {p: t if isinstance(t, str) else (t.mean, t.sd) for p, t in stage.priors.items()}, where),
+        store=store,
+        prior=tuple(prior),
+        **weighing(stage.weights, where),
+        loss_scale=stage.knee,
+        untie=stage.untie is True,
+        loss=stage.loss,
+        search=stage.search,
+        window=literal(stage.window, "s", where),
+        name=stage.name,
+        remarks=(*remarks, *hidden, *counted_twice(store, prior, records)),
+        seen=store.seen,
+        readings=readings_of(stage.readings),
+        adequate=literal(stage.adequate, "K", f"{where}.adequate") if stage.adequate else 0.0,
+        accepted=stage.name in source.accepted,
+        doubts=stage.doubts,
+    )
+    return with_courses(asked, stage, where)
+
+
+def with_courses(request: Request, stage: StageTable, where: str) -> Request:
+    """Return a stage's request with the courses of unlogged powers that its table asks for, their shapes and times where they fit best.
+
+    Raises
+    ------
+    DeckError   When a course has the name of a load.
+    """
+    for name, table in stage.courses.items():
+        if name in request.model.loads:
+            raise DeckError(
+                f"'{name}' is a load of the deck. Give the course another name; it adds to the load.", f"{where}.courses.{name}"
+            )
+        shapes = tuple(SHAPES) if table.shape == "auto" else (table.shape,)
+        power = literal(table.power, "W", f"{where}.courses.{name}.power")
+        begin = literal(table.begin, "s", f"{where}.courses.{name}.begin")
+        course = recovered(request, name, table.into, shapes=shapes, power=power, begin=begin)
+        request = course.within(request)
+        error = f"+- {duration_text(float(short(course.error)))}" if np.isfinite(course.error) else "of unknown error"
+        said = f"course '{name}' of a power at '{table.into}': {course.shape}, {duration_text(float(short(course.time, 3)))} {error}"
+        held = "the errors of other values do not include its uncertainty"
+        request = replace(request, remarks=(*request.remarks, f"{said}, on the profile of the fit; {held}."))
+    return request
+
+
+def _from_below(
+    model: Model, stage: StageTable, done: Mapping[str, Calibration], where: str
+) -> tuple[Store, tuple[str, ...], tuple[str, ...]]:
+    """Return what the stages below know of a model, which of it may move, and remarks."""
+    below: list[tuple[str, Store]] = []
+    moving: dict[str, None] = {}
+    for part, inherit in stage.inherit.items():
+        for name in inherit.stages:
+            here = f"{where}.inherit.{part}"
+            store = _handed_on(done[name], inherit, here)
+            below.append((part, store))
+            ahead = "" if part == "." else f"{model.canonical(part)}."
+            moving |= dict.fromkeys(ahead + p for p in _may_move(store, inherit, here))
+    whole, remarks = graft(model, below)
+    return whole, tuple(p for p in whole.parameters if p in moving), remarks
+
+
+def readings_of(tables: Mapping[str, Any]) -> dict[str, Reading]:
+    """Return the readings of a stage or verdict."""
+    return {n: Reading(t) if isinstance(t, str) else Reading(t.channel, t.offset) for n, t in tables.items()}
+
+
+def plain_readings(tables: Mapping[str, Any]) -> dict[str, Any]:
+    """Return the readings of a stage or verdict as `validate` takes them."""
+    return {n: t if isinstance(t, str) else t.model_dump() for n, t in tables.items()}
+
+
+def keyed(request: Request, stage: StageTable, keys: Mapping[str, str]) -> tuple[Request, dict[str, str]]:
+    """Return a stage's request with its key, and the ingredients of that; `keys` are those of the stages below."""
+    below = [keys[name] for i in stage.inherit.values() for name in i.stages]
+    ingredients = ingredients_of(request, below)
+    return replace(request, key=digest(ingredients)), ingredients
+
+
+def _handed_on(below: Calibration, inherit: InheritTable, where: str) -> Store:
+    """Return what a stage hands on of its store, at every depth: all of it, less what `only` and `without` keep back.
+
+    Raises
+    ------
+    DeckError   When either names a value that the stage does not have.
+    """
+    store, own = below.store, set(below.values.parameters)
+    refuse_unknown(inherit.only, own, f"{where}.only", f"'{{}}' was not fitted by stage '{below.stage}'.", DeckError)
+    refuse_unknown(inherit.without, store.parameters, f"{where}.without", f"'{{}}' is not known to stage '{below.stage}'.", DeckError)
+    back = {p for p in own if inherit.only and p not in inherit.only} | set(inherit.without)
+    return store.only(lambda s: s.path not in back) if back else store
+
+
+def _may_move(store: Store, inherit: InheritTable, where: str) -> set[str]:
+    """Return the values handed on, by their paths in the stage below, that are free in the stage above.
+
+    Raises
+    ------
+    DeckError   When `move` names what is not handed on, or values are fixed.
+    """
+    if inherit.move and inherit.as_ != "prior":
+        raise DeckError(
+            '`move` lists the values of a prior that may move, but as = "fixed" keeps all of them fixed. Leave one of the two out.',
+            f"{where}.move",
+        )
+    refuse_unknown(inherit.move, store.parameters, f"{where}.move", "'{}' is not inherited.", DeckError)
+    return set(inherit.move or store.parameters) if inherit.as_ == "prior" else set()
+
+
+def counted_twice(store: Store, prior: Sequence[str], records: Sequence[Record]) -> list[str]:
+    """Return a remark for every record whose readings reach a stage as samples and, through a stage below, as prior too.
+
+    Parameters
+    ----------
+    store : Store       What the stages below know.
+    prior : sequence    Which of it may move.
+    records : tuple     The stage's own.
+    """
+    origins = {o.stage for p in prior for s in (store.states[p],) for o in (s.origin, *s.history)}
+    used = {sha: stage for stage in origins for sha in store.provenance.get(stage, {}).get("records", {}).values()}
+    return [
+        f"record '{r.name}' was fitted by stage '{used[r.origin.sha256]}' too, whose result is a prior here. Its readings count "
+        "twice, so the errors are too small. Inherit the values with as = 'fixed', or use another record."
+        for r in records
+        if r.origin.sha256 in used
+    ]
+
+
+def steady_points(
+    source: CampaignSource, stage: StageTable, records: tuple[Record, ...], scenario: Scenario, where: str
+) -> tuple[tuple[Record, ...], dict[str, Scenario]]:
+    """Return the steady points of a stage as records, and name -> scenario in which each starts settled.
+
+    Parameters
+    ----------
+    source, stage   The campaign and its stage.
+    records : tuple The stage's transients.
+    scenario        What the stage says that its logs do not.
+    where : str     For messages.
+
+    Raises
+    ------
+    RecordError     When a stretch is not settled, or is fitted as part of a transient too.
+    """
+    points: dict[str, Record] = {}
+    for name, table in stage.steady.items():
+        place = f"{where}.steady.{name}"
+        (one,) = source.pick([table.record], place)[:1]
+        log = source.bound(one, stage)
+        point = log.steady(table.start, table.end, tau=table.tau, limit=table.limit, name=name)
+        _apart(point.start, point.end, log, records, place, name)
+        points[name] = point.record
+    return tuple(points.values()), {name: scenario.with_(start=STEADY) for name in points}
+
+
+def _apart(start: float, end: float, log: Record, records: tuple[Record, ...], where: str, name: str) -> None:
+    """Refuse a stretch that a transient of the stage holds too: its readings would count twice."""
+    for other in records:
+        if other.origin.sha256 == log.origin.sha256 and other.times[0] < end and other.times[-1] > start:
+            raise RecordError(
+                f"steady point '{name}' covers {start:g} to {end:g} s of '{log.name}', and the stage fits it from {other.times[0]:g} to "
+                f"{other.times[-1]:g} s: its readings would count twice. Trim the transient in `prepare`, or leave one of them out.",
+                where,
+            )
+
+
+@dataclass(frozen=True, eq=False)
+class Campaign(Result):
+    """The result of a campaign.
+
+    Parameters
+    ----------
+    title : str                 The campaign's.
+    stages : dict               Stage -> Calibration, in order.
+    verdicts : tuple            Verdicts, in order.
+    keys : dict                 Stage -> hash of everything that its result depends on.
+    note : str                  What the author says of it.
+    joint : JointFit or None       The last fit over all levels, where the campaign asks for one.
+    source : CampaignSource     The file; None for one made in Python.
+    requests : dict             Stage -> what it asked.
+    changed : dict              Stage that was fitted anew -> what changed since the results folder kept its end; none where it kept none.
+    """
+
+    title: str
+    stages: Mapping[str, Calibration]
+    verdicts: tuple[Verdict, ...]
+    keys: Mapping[str, str]
+    note: str = ""
+    joint: JointFit | None = None
+    source: CampaignSource | None = field(default=None, repr=False)
+    requests: Mapping[str, Request] = field(default_factory=dict, repr=False)
+    changed: Mapping[str, tuple[str, ...]] = field(default_factory=dict, repr=False)
+
+    def __getitem__(self, stage: str) -> Calibration:
+        """Return the calibration of a stage.
+
+        Raises
+        ------
+        NameNotFoundError   With the nearest name.
+        """
+        return look_up(stage, self.stages, "no stage '{}'.", self.title)
+
+    def __iter__(self) -> Iterator[str]:
+        """Yield the names of the stages."""
+        return iter(self.stages)
+
+    def table(self, field_name: str) -> dict[str, dict[str, float]]:
+        """Return part -> stage -> value of every parameter of a name, parts down, levels across: the document's Table 2. [SI]"""
+        out: dict[str, dict[str, float]] = {}
+        for stage, calibration in self.stages.items():
+            values = ParameterSet(calibration.fitted_model).evaluate({})
+            for path in parameter_table(calibration.fitted_model):
+                if path == field_name or path.endswith(f".{field_name}"):
+                    part = path.removesuffix(field_name).rstrip(".") or calibration.model.title
+                    out.setdefault(part, {})[stage] = float(values[path])
+        return out
+
+    @property
+    def passed(self) -> bool:
+        """Whether every verdict passed and every fit is usable: it neither is nor rests on what is not credible or failed."""
+        return all(v.passed for v in self.verdicts) and all(c.standing.usable for c in self.fits)
+
+    @property
+    def standing(self) -> Standing:
+        """The worst standing of its stages and of the joint fit."""
+        return worst(c.standing for c in self.fits)
+
+    @property
+    def exit_code(self) -> int:
+        """Exit code: 1 where a verdict failed or was not judged, else that of the standing; what is accepted does not count."""
+        accepted = self.source.accepted if self.source is not None else ()
+        missed = [v for v in self.verdicts if v.passed is False and v.model not in accepted]
+        return 1 if missed else self.standing.exit_code
+
+    @property
+    def fits(self) -> tuple[Calibration, ...]:
+        """The calibrations of all stages, and the joint one where there is one."""
+        return (*self.stages.values(), *([self.joint] if self.joint is not None else []))
+
+    def save(self, folder: str | os.PathLike[str]) -> list[Path]:
+        """Write one values file per stage and return their paths."""
+        target = Path(folder)
+        target.mkdir(parents=True, exist_ok=True)
+        out = []
+        for name, calibration in self.stages.items():
+            path = target / f"{file_name(name)}.values.toml"
+            calibration.save(path)
+            out.append(path)
+        if self.joint is not None:
+            out.append(target / "joint.values.toml")
+            self.joint.save(out[-1])
+        return out
+
+    @cached_property
+    def mistakes(self) -> Mapping[str, Mistakes]:
+        """Stage -> mistakes in logs, decks or on the bench that would explain what it misses; looked for when first asked for."""
+        return {name: mistakes_of(fit) for name, fit in self.stages.items()}
+
+    @property
+    def file(self) -> str:
+        """Name of the campaign's file for commands to try."""
+        return self.source.path.name if self.source is not None else "CAMPAIGN"
+
+    def __str__(self) -> str:
+        """Return all stages and verdicts as text, below lines that say which must not be used and which mistake would explain it."""
+        head = self.standing.over(self.title, "stage")
+        head += "".join(f"\n{name}: {line}" for name, asked in self.mistakes.items() for line in asked.lines())
+        parts = []
+        for name, found in self.stages.items():
+            command = next_command(self.file, found, self.mistakes[name])
+            parts.append(f"{found}\n  next: {command}" if command else str(found))
+        return "\n\n".join([head, *parts, *([str(self.joint)] if self.joint else []), *map(str, self.verdicts)])
+
+    def _summary(self) -> str:
+        """Return title, standing, and how many verdicts passed."""
+        said = (
+            f", {sum(v.passed is True for v in self.verdicts)} of {counted(len(self.verdicts), 'verdict')} passed" if self.verdicts else ""
+        )
+        return f"{self.title}: {self.standing.state}, {counted(len(self.stages), 'stage')}{said}"
+
+    def _as_rows(self) -> list[Row]:
+        """Return the stages with their standing and the sensor that is met worst."""
+        out: list[Row] = []
+        for name, c in self.stages.items():
+            worst = max(c.sensors.items(), key=lambda item: item[1].rmse, default=None)
+            found = {"worst_sensor": worst[0], "rmse_K": worst[1].rmse} if worst is not None else {}
+            out.append({"stage": name, "state": c.standing.state, **found, "values": len(c.values.parameters)})
+        return out
+
+
+@takes_objects
+def run_stages(
+    campaign: str | os.PathLike[str] | CampaignSource,
+    *,
+    data: str | os.PathLike[str] | None = None,
+    notice: Notice | None = None,
+    cache: str | os.PathLike[str] | None = None,
+    accept: Sequence[str] = (),
+) -> Campaign:
+    """Return the calibrations and verdicts of a campaign.
+
+    A stage that is not credible, or rests on one, is not judged: its hold-out records stay unopened.
+
+    Parameters
+    ----------
+    campaign : path         The campaign file.
+    data : path             A folder of logs outside the project.
+    notice : callable       Called while stages run.
+    cache : path            A results folder; a log that is as it was is not parsed again, and a stage of which nothing changed, the code
+                            included, is not fitted again.
+    accept : sequence       Stages that are accepted as they are, beside those that the file accepts: their standing stays and is told,
+                            the exit codes of commands do not count it.
+
+    Raises
+    ------
+    ThermidError   From reading, fitting or judging; the message says at which stage.
+    """
+    source = campaign if isinstance(campaign, CampaignSource) else read_campaign(campaign, data)
+    folder = Path(cache) if cache is not None else None
+    source = replace(source, results=folder) if folder is not None else source
+    source = accepting(source, accept) if accept else source
+    done: dict[str, Calibration] = {}
+    keys: dict[str, str] = {}
+    requests: dict[str, Request] = {}
+    changed: dict[str, tuple[str, ...]] = {}
+    for k, stage in enumerate(source.content.stages):
+        with errors_at(source.where(f"stages.{k}"), ": "):
+            request, ingredients = keyed(request_of(source, stage, k, done), stage, keys)
+            requests[stage.name], keys[stage.name] = request, request.key
+            kept = recall(folder, stage.name, request.key)
+            try:
+                found = fit(request, progress_of(notice, stage.name), kept, stoppable=True)
+            except ThermidError as error:
+                raise refused(error, request, stage.name, source.path.name) from None
+            if kept is None:
+                changed[stage.name] = changed_since(folder, stage.name, ingredients)
+                if found.converged:
+                    remember(folder, stage.name, request.key, found.kept, ingredients)
+            done[stage.name] = found
+            _go_on(found, [s.name for s in source.content.stages[k + 1 :]], source)
+    made = Campaign(source.content.title, done, (), keys, source.content.note, None, source, requests, changed)
+    made = replace(made, joint=_joint(made, notice, folder)) if source.content.joint is not None else made
+    used = {sha: user for c in done.values() for sha, user in c.seen.items()}
+    verdicts = tuple(v for k, table in enumerate(source.content.verdicts) for v in _judge(source, table, k, made, used, notice))
+    verdicts = tuple(_looked(folder, v, made) for v in verdicts)
+    return _judged(replace(made, verdicts=verdicts))
+
+
+@takes_objects
+def joint(
+    campaign: str | os.PathLike[str] | CampaignSource | Campaign,
+    *,
+    data: str | os.PathLike[str] | None = None,
+    notice: Notice | None = None,
+    cache: str | os.PathLike[str] | None = None,
+) -> JointFit:
+    """Return one fit over the records of all levels of a campaign, each with the model of its own level.
+
+    Levels share a parameter where the part stands in the uppermost model as it stood below, so a component's ``skin.htc`` is
+    ``pre.ele.skin.htc`` above unless a ``[set]`` on the way sets it anew. It starts where the stages ended.
+
+    Parameters
+    ----------
+    campaign : path or Campaign     The campaign file, or what `run_stages` made of it; a ``[joint]`` table in it is heeded.
+    data, notice, cache             As in `run_stages`.
+
+    Raises
+    ------
+    ThermidError   From reading or fitting; a campaign that was made in Python has no file to read stages from.
+    """
+    run = campaign if isinstance(campaign, Campaign) else run_stages(campaign, data=data, notice=notice, cache=cache)
+    if run.source is None:
+        raise DeckError("a joint fit needs the campaign's file; this campaign was made in Python. Call run_stages on a file.", run.title)
+    return run.joint or _joint(run, notice, Path(cache) if cache is not None else None)
+
+
+def _judged(made: Campaign) -> Campaign:
+    """Return a campaign in which failed verdicts are known to the stages that they are about, and to all that rests on these."""
+    accepted = made.source.accepted if made.source is not None else ()
+    stages = _judged_stages(made.stages, made.verdicts, accepted)
+    if made.joint is None:
+        return replace(made, stages=stages)
+    failed = [v for v in made.verdicts if v.passed is False and v.model not in stages]
+    joint = made.joint.judged(_as_now(made.joint.rests, stages), _verdict_standing(failed, False))
+    return replace(made, stages=stages, joint=joint)
+
+
+def _joint(campaign: Campaign, notice: Notice | None, folder: Path | None) -> JointFit:
+    source = campaign.source
+    assert source is not None
+    key = joint_key(campaign.keys, source.content.joint_table)
+    return fit_jointly(source, campaign.requests, campaign.stages, key, progress_of(notice, "joint"), folder)
+
+
+def _looked(folder: Path | None, verdict: Verdict, made: Campaign) -> Verdict:
+    """Return a verdict with what the results folder knows of earlier looks at its record; this one is noted there if it was one."""
+    if verdict.prediction is None or verdict.passed is None:
+        return verdict
+    joint = verdict.model not in made.keys
+    key = joint_key(made.keys, made.source.content.joint_table) if joint and made.source is not None else made.keys[verdict.model]
+    record = next(iter(verdict.prediction.records.items()))
+    return replace(verdict, failed_before=look(folder, *record, verdict.model, key, verdict.passed))
+
+
+def _go_on(found: Calibration, left: Sequence[str], source: CampaignSource) -> None:
+    """Do nothing, unless the interrupt key ended a fit and others would follow.
+
+    Raises
+    ------
+    StoppedError    With the best values so far.
+    """
+    then = [*(f"'{name}'" for name in left), *(["the joint fit"] if source.content.joint is not None else [])]
+    if not found.stopped or not then:
+        return
+    best = ", ".join(f"{v.path} = {short(v.in_unit, 4)} {v.unit}".rstrip() for v in found.values.parameters.values())
+    raise StoppedError(
+        f"stopped by the user after {counted(found.evaluations, 'evaluation')} of stage '{found.stage}'. Best so far, not credible: {best}."
+        f" Not fitted: {', '.join(then)}. The stages before it are kept in the results folder."
+    )
+
+
+@dataclass(frozen=True)
+class StageNotice:
+    """What a fit calls, from what is called with the name of what is running besides."""
+
+    notice: Notice
+    name: str
+
+    def __call__(self, count: int, rms: float) -> None:
+        """Say how many evaluations there were, and the weighted RMS."""
+        self.notice(self.name, count, rms)
+
+    def ahead(self, words: str, seconds: float) -> None:
+        """Say what follows and what it will take [s], where anyone listens."""
+        tell = getattr(self.notice, "ahead", None)
+        if tell is not None:
+            tell(self.name, words, seconds)
+
+
+def progress_of(notice: Notice | None, name: str) -> StageNotice | None:
+    """Return what a fit calls, from what is called with the name of what is running besides."""
+    return None if notice is None else StageNotice(notice, name)
+
+
+def _judge(
+    source: CampaignSource, table: VerdictTable, k: int, made: Campaign, used: Mapping[str, str], notice: Notice | None
+) -> Iterator[Verdict]:
+    """Yield one verdict per record of a verdict's pattern."""
+    where = source.where(f"verdicts.{k}")
+    stage = next(s for s in source.content.stages if s.name == table.model)
+    for name in source.pick([table.record], where):
+        if notice is not None:
+            notice(f"verdict on {name}", 0, 0.0)
+        fit = made.joint.at(table.model) if table.values == "joint" and made.joint is not None else made[table.model]
+        if not fit.standing.judgeable:
+            yield not_judged(fit, name, table.name)
+            continue
+        with errors_at(where, ": "):
+            record = source.bound(name, stage)
+            if record.origin.sha256 in used:
+                raise IdentificationError(
+                    f"record '{name}' was used by {used[record.origin.sha256]}. A validation needs a hold-out record: use one that no "
+                    "fit used."
+                )
+            yield validate(
+                fit,
+                record,
+                Criteria.read(table.criteria, where),
+                scenario=scenario_of(table.scenario or stage.scenario, table.name or name),
+                local=local_of(table.local),
+                window=literal(stage.window, "s", where),
+                readings=plain_readings(table.readings if table.readings is not None else stage.readings),
+                title=table.name,
+            )
+
+
+def _judged_stages(stages: Mapping[str, Calibration], verdicts: tuple[Verdict, ...], accepted: tuple[str, ...]) -> dict[str, Calibration]:
+    """Return the stages of a campaign with what its verdicts make of them and of all that rests on them."""
+    out: dict[str, Calibration] = {}
+    for name, result in stages.items():
+        failed = [v for v in verdicts if v.model == result.stage and v.passed is False]
+        out[name] = result.judged(_as_now(result.rests, out), _verdict_standing(failed, name in accepted))
+    return out
+
+
+def _as_now(rests: Mapping[str, Standing], stages: Mapping[str, Calibration]) -> dict[str, Standing]:
+    """Return what a fit rests on with the standing that stages have now."""
+    now = {f"stage '{name}'": fit.standing for name, fit in stages.items()}
+    return {who: now.get(who, standing) for who, standing in rests.items()}
+
+
+def _verdict_standing(failed: list[Verdict], accepted: bool) -> Standing | None:
+    """Return what failed verdicts on one stage make of it; None without any."""
+    if not failed:
+        return None
+    first = max((c for v in failed for c in v.missed), key=lambda c: c.used)
+    records = ", ".join(dict.fromkeys(v.record for v in failed))
+    words = f"verdict on {records}: {first.sensor} {first.words}"
+    return Standing("failed", words, failed[0].model, accepted)

@@ -1,0 +1,221 @@
+"""Shipped examples: where they lie in a wheel and in the source tree, and copies of them with their data."""
+
+from __future__ import annotations
+
+import subprocess
+import sys
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Final
+
+from thermid.base.errors import MissingDataError, NameNotFoundError, OutputError, nearest
+from thermid.base.files import COPY, folder_replacing, write_bytes
+from thermid.campaign._file import read_campaign
+from thermid.campaign._start.originals import MOTOR, TCLAB, DataSet, converted
+from thermid.campaign._start.schemas import head_copies
+
+ROOT_FILE: Final = "thermid.toml"
+_LEFT: Final = ("__pycache__", "results")
+_PLACES: Final = (Path(__file__).parents[2] / "_examples", Path(__file__).parents[4] / "examples")
+"""In a wheel, and in the source tree."""
+
+
+@dataclass(frozen=True)
+class ShippedExample:
+    """One shipped example.
+
+    Parameters
+    ----------
+    name : str          Its folder.
+    shows : str         What it shows, in words.
+    first : str         The command to begin with, in the copy.
+    needs : tuple       Other examples whose files it uses, copied beside it.
+    data : DataSet      Published measurements that it needs; None where it brings or makes its own.
+    campaign : str      Its campaign, where it has one; it has the sums of the samples.
+    makes : str         The script that makes its synthetic logs, where a copy needs them before its first command.
+    """
+
+    name: str
+    shows: str
+    first: str
+    needs: tuple[str, ...] = ()
+    data: DataSet | None = None
+    campaign: str = ""
+    makes: str = ""
+
+
+EXAMPLES: Final = {
+    one.name: one
+    for one in (
+        ShippedExample("01_accelerometer", "one mass in a room: heating, steady state, time constant", "python run.py"),
+        ShippedExample("02_stack", "parts joined to a stack", "python run.py"),
+        ShippedExample("03_calibrate", "a fit to a synthetic log", "python 03_calibrate/run.py", ("01_accelerometer",)),
+        ShippedExample("04_campaign", "parts fitted level by level", "python 04_campaign/run.py", ("02_stack",)),
+        ShippedExample("05_vacuum", "from air to vacuum", "python 05_vacuum/run.py", ("01_accelerometer",)),
+        ShippedExample("06_swap", "a part replaced", "python 06_swap/run.py", ("02_stack",)),
+        ShippedExample("07_pad", "a cabinet on a launch pad, with weather", "python run.py"),
+        ShippedExample(
+            "sisnav",
+            "an avionics unit from parts to the whole, synthetic logs",
+            "thermid report campaign.toml --to report.html",
+            campaign="campaign.toml",
+            makes="laboratory.py",
+        ),
+        ShippedExample("unknown_power", "a power course recovered from temperatures", "python run.py"),
+        ShippedExample(
+            "tclab",
+            "two heaters on a board, real measurements: parts, the whole, then hold-out runs",
+            "thermid report campaign.toml --to report.html",
+            data=TCLAB,
+            campaign="campaign.toml",
+        ),
+        ShippedExample("motor", "a motor that heats itself, two logs on two clocks, real measurements", "python run.py .", data=MOTOR),
+    )
+}
+"""Name -> example, in the order of the help."""
+
+
+@dataclass(frozen=True)
+class Copied:
+    """A copy of an example.
+
+    Parameters
+    ----------
+    example : ShippedExample
+    folder : Path               Where it lies.
+    logs : int                  Logs that were made of published originals.
+    checked : int               Records whose samples have the sums that the example knows.
+    """
+
+    example: ShippedExample
+    folder: Path
+    logs: int
+    checked: int
+
+    def __str__(self) -> str:
+        """Return what was copied, from where, and the next command."""
+        lines = [f"example '{self.example.name}' in {self.folder}: {self.example.shows}"]
+        if self.example.data is not None:
+            lines.append(f"  {self.example.data.words}: LICENSE.data in the folder")
+            lines.append(
+                f"  {self.logs} logs converted from the originals; the samples of {self.checked} are identical to those of the example"
+            )
+        if self.example.makes:
+            lines.append(f"  its logs are synthetic, made by {self.example.makes}")
+        return "\n".join([*lines, f"next: cd {self.folder} && {self.example.first}"])
+
+
+def example_named(name: str) -> ShippedExample:
+    """Return an example.
+
+    Raises
+    ------
+    NameNotFoundError   When there is none of that name.
+    """
+    if name not in EXAMPLES:
+        raise NameNotFoundError(f"no example '{name}'; there are {', '.join(EXAMPLES)}.{nearest(name, EXAMPLES)}", "example")
+    return EXAMPLES[name]
+
+
+def shipped() -> Path:
+    """Return the folder of the examples.
+
+    Raises
+    ------
+    MissingDataError    When this installation has none.
+    """
+    for place in _PLACES:
+        if (place / ROOT_FILE).is_file():
+            return place
+    raise MissingDataError("this installation has no examples. Install a wheel, or run from the source tree.", "example")
+
+
+def copy_example(
+    name: str,
+    to: Path | None = None,
+    originals: Path | None = None,
+    progress: Callable[[int, int], None] | None = None,
+    logs: bool = True,
+) -> Copied:
+    """Copy an example with its data into a new folder, with the schemas by which an editor checks its files.
+
+    Parameters
+    ----------
+    name : str          One of `EXAMPLES`.
+    to : Path           A folder that is new or empty; its name by default.
+    originals : Path    Folder with copies of published repositories, `OWNER/REPOSITORY/path`; the public address by default.
+    progress : callable Called with how many logs are made, and how many there will be.
+    logs : bool         Whether the synthetic logs of an example are made, by its own script.
+
+    Raises
+    ------
+    OutputError         When something is in the folder already.
+    MissingDataError    When an original cannot be had, or the script of the synthetic logs fails.
+    RecordError         When its samples are not those that the example knows.
+    """
+    example, source = example_named(name), shipped()
+    folder = to or Path(name)
+    if folder.exists() and (not folder.is_dir() or any(folder.iterdir())):
+        raise OutputError("the folder is not empty, and a copy would mix with its files. Give a new folder.", str(folder))
+    data = example.data
+    with folder_replacing(folder) as half:
+        write_bytes(half / ROOT_FILE, (source / ROOT_FILE).read_bytes(), COPY)
+        for own in (example.name, *example.needs):
+            for file, path in _files(source / own):
+                target = half / own / path if example.needs else half / path
+                target.parent.mkdir(parents=True, exist_ok=True)
+                write_bytes(target, file.read_bytes(), COPY)
+        for k, original in enumerate(data.files if data else ()):
+            assert data is not None
+            target = half / original.to
+            target.parent.mkdir(parents=True, exist_ok=True)
+            write_bytes(target, converted(data, original, originals), COPY)
+            if progress is not None:
+                progress(k + 1, len(data.files))
+        if data is not None:
+            write_bytes(half / "LICENSE.data", _licence(data).encode(), COPY)
+        if example.makes and logs:
+            _make(half, example.makes)
+        head_copies(half, [file for file in half.rglob("*") if file.is_file()])
+        checked = _checked(example, half)
+    return Copied(example, folder, len(data.files) if data else 0, checked)
+
+
+def _make(folder: Path, script: str) -> None:
+    """Make synthetic logs by the script of a copy, in its folder."""
+    done = subprocess.run([sys.executable, "-B", script, "."], cwd=folder, capture_output=True, text=True, check=False)
+    if done.returncode:
+        said = (done.stderr.strip().splitlines() or ["without a word"])[-1]
+        raise MissingDataError(f"the synthetic logs of this example were not made: {said}. Run python {script} in its source.", script)
+
+
+def _files(folder: Path) -> Iterator[tuple[Path, Path]]:
+    """Yield every file of an example with its path there."""
+    for file in sorted(folder.rglob("*")):
+        inside = file.relative_to(folder)
+        if file.is_file() and not set(inside.parts) & set(_LEFT):
+            yield file, inside
+
+
+def _licence(data: DataSet) -> str:
+    return (
+        f"The logs of this folder were made of the files of https://github.com/{data.repository}, commit {data.commit}.\n"
+        f"{data.author}. {data.licence} licence; its text is the file LICENSE of that repository.\n"
+        "Converted to comma-separated text; nothing was filtered.\n"
+    )
+
+
+def _checked(example: ShippedExample, folder: Path) -> int:
+    """Return how many records have the sums that the campaign of an example knows.
+
+    Raises
+    ------
+    RecordError     When a record has another.
+    """
+    if not example.campaign:
+        return sum(bool(f.sha256) for f in example.data.files) if example.data else 0
+    source = read_campaign(folder / example.campaign, folder)
+    for name in source.content.checksums:
+        source.record(name)
+    return len(source.content.checksums)

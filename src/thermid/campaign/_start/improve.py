@@ -1,0 +1,301 @@
+"""What a search of structures proves becomes the next structure of a campaign: decks and campaign written beside the old ones."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+import tomlkit
+from tomlkit.items import AoT
+
+from thermid.base.errors import DeckError, IdentificationError, nearest
+from thermid.base.files import may_write, read_text, unsealed, write_text
+from thermid.campaign._file import CampaignSource, read_campaign
+from thermid.campaign._stages import run_stages
+from thermid.campaign._start.templates import TEMPLATE
+from thermid.fit.calibration import Calibration, fit
+from thermid.fit.problem import LocalSpec, Request
+from thermid.inference.criticism import MissingElement, StructureSearch, adopted, changes_of, search_structure
+from thermid.measure.amounts import short
+from thermid.measure.records import Record
+from thermid.model.deck import save_model
+from thermid.simulation.solver import refuse_unseen
+
+if TYPE_CHECKING:
+    from thermid.campaign._schema import RecordTable
+
+LATE = "logged powers and commands act late"
+DELAY = "delay"
+"""What the delay of a record is called among the local values of a fit."""
+NEXT = "next"
+"""Folder of the new decks, and what the new campaign's name ends in."""
+
+
+@dataclass(frozen=True)
+class Delay:
+    """Logged powers and commands that act late, as the campaign says it of a record table.
+
+    Parameters
+    ----------
+    table : str             Its name.
+    ends : (low, high)      Where the fit finds the delay. [s]
+    channels : tuple        What is late; empty for every load and command.
+    found : dict            Record -> delay and its standard error. [s]
+    others : tuple of str   Further stages and verdicts that take records of this table.
+    """
+
+    table: str
+    ends: tuple[float, float]
+    channels: tuple[str, ...]
+    found: Mapping[str, tuple[float, float]]
+    others: tuple[str, ...] = ()
+
+    @property
+    def step(self) -> dict[str, Any]:
+        """The step of `prepare`."""
+        return {"delay": {"by": [f"{t:.6g} [s]" for t in self.ends], **({"channels": list(self.channels)} if self.channels else {})}}
+
+    def to_dict(self) -> dict[str, Any]:
+        """Return table, range [s], delays found [s] and who else takes its records."""
+        found = {n: {"delay_s": value, "error_s": error} for n, (value, error) in self.found.items()}
+        return {"records": self.table, "range_s": list(self.ends), "found": found, "also_in": list(self.others)}
+
+    def __str__(self) -> str:
+        """Return what was found, where it is written, and for whom else it holds."""
+        found = ", ".join(f"{n} {short(value, 3)} +- {short(error, 2)} s" for n, (value, error) in self.found.items())
+        also = f" It also applies in {', '.join(self.others)}." if self.others else ""
+        return f"delay: {found}; written into [records.{self.table}].{also}"
+
+
+@dataclass(frozen=True, eq=False)
+class Improved:
+    """A stage before and after.
+
+    Parameters
+    ----------
+    search : StructureSearch        The first one.
+    before, after : Calibration     The stage as it is, and with what is proposed; the same where nothing is.
+    files : tuple of Path           What was written; empty where nothing is proposed.
+    delays : tuple of Delay         Of logged powers and commands, by record table of the campaign.
+    then : StructureSearch          The search beside these delays, for what else changes; None where there are none.
+    """
+
+    search: StructureSearch
+    before: Calibration
+    after: Calibration
+    files: tuple[Path, ...]
+    delays: tuple[Delay, ...] = ()
+    then: StructureSearch | None = None
+
+    @property
+    def last(self) -> StructureSearch:
+        """The last search."""
+        return self.then or self.search
+
+    @property
+    def changes(self) -> tuple[str, ...]:
+        """What is proposed."""
+        if self.then is None:
+            return tuple(c.name for c in self.search.proposed.changes)
+        return (LATE, *(c.name for c in self.then.proposed.changes))
+
+    def rows(self) -> list[dict[str, Any]]:
+        """Return sensor, RMSE before and after [K], median over records, and independent samples per record."""
+        return [{"sensor": s, "before_K": _rmse(self.before, s), "after_K": _rmse(self.after, s)} for s in self.before.sensors]
+
+    def __str__(self) -> str:
+        """Return the proposal, both fits side by side, and the files."""
+        lines = (
+            [str(self.search)] if self.then is None else [f"Proposed: {LATE}.", *(f"  {d}" for d in self.delays), f"With it: {self.then}"]
+        )
+        if self.files:
+            lines += [f"  {'RMSE [K]':<16}{'before':>10}{'after':>10}"]
+            lines += [f"  {r['sensor']:<16}{short(r['before_K'], 3):>10}{short(r['after_K'], 3):>10}" for r in self.rows()]
+            lines.append(f"  {'free values':<16}{len(self.before.fitted):>10}{len(self.after.fitted):>10}")
+            lines += [f"wrote {file}" for file in self.files]
+        return "\n".join(lines)
+
+
+def _rmse(found: Calibration, sensor: str) -> float:
+    return float(np.median([table[sensor].rmse for table in found.statistics.values() if sensor in table]))
+
+
+def improve(path: Path, stage: str = "", seconds: float = 60.0, data: Path | None = None) -> Improved:
+    """Search for the next structure of a stage and write it beside the campaign.
+
+    Parameters
+    ----------
+    path : Path         The campaign.
+    stage : str         One of its stages; the last by default.
+    seconds : float     Time for the search. [s]
+    data : Path         Folder of logs outside the project.
+
+    Raises
+    ------
+    DeckError               When there is no such stage, or it fits nothing.
+    OutputError             When a file is there that thermid did not write.
+    """
+    source = read_campaign(path, data)
+    names = [s.name for s in source.content.stages]
+    name = stage or names[-1]
+    if name not in names:
+        raise DeckError(f"no stage '{name}'.{nearest(name, names)}", path.name)
+    before = run_stages(path, data=data, cache=path.parent / "results").stages[name]
+    if before.request is None or not before.request.records:
+        raise DeckError(
+            f"stage '{name}' has values tuned by hand and fits nothing, so structures cannot be compared. Give a stage that fits records.",
+            path.name,
+        )
+    asked = before.request
+    refuse_unseen(asked.model, "a search for another structure")
+    begun, may = time.monotonic(), _may_delay(source, asked)
+    first = search_structure(asked, changes=lambda seen: [c for c in changes_of(seen) if may or not c.delay], seconds=seconds)
+    if first.proposed is first.start:
+        return Improved(first, before, before, ())
+    longest = 2.0 * sum(c.delay for c in first.proposed.changes)
+    if not longest:
+        after = _full_fit(adopted(first.proposed), first.proposed.name, name)
+        return Improved(first, before, after, tuple(_written(path, name, asked, adopted(first.proposed), ())))
+    # a delay in whole samples leaves residuals that other changes would answer: they are asked again beside the delay that a fit finds
+    ranged = replace(asked, records=tuple(_ranged(r, longest) for r in asked.records))
+    found = _delays_of(_full_fit(ranged, "a delay", name))
+    late = replace(asked, records=tuple(r.delayed(found[r.name][0], _driven(r)) if r.name in found else r for r in asked.records))
+    left = max(seconds - (time.monotonic() - begun), 0.5 * seconds)
+    then = search_structure(late, changes=lambda seen: [c for c in changes_of(seen) if _beside_a_delay(c, late.records)], seconds=left)
+    new, longest = adopted(then.proposed), max(longest, float(f"{2.0 * max(value for value, _ in found.values()):.3g}"))
+    new = replace(new, records=tuple(_rebound(_ranged(old, longest), one) for old, one in zip(asked.records, new.records, strict=True)))
+    after = _full_fit(new, then.proposed.name, name)
+    delays = _said(source, name, asked, after, longest)
+    return Improved(first, before, after, tuple(_written(path, name, asked, new, delays)), delays, then)
+
+
+def _full_fit(asked: Request, proposed: str, stage: str) -> Calibration:
+    try:
+        return fit(asked)
+    except IdentificationError as error:
+        raise IdentificationError(f"the proposed structure ({proposed}) is refused by a full fit: {error.message}", stage) from None
+
+
+def _driven(record: Record) -> list[str]:
+    """Return the powers and commands that a record logs."""
+    return [n for n, c in record.channels.items() if c.role in ("command", "load")]
+
+
+def _may_delay(source: CampaignSource, asked: Request) -> bool:
+    """Return whether the campaign can say that powers and commands of the stage act late.
+
+    It cannot where they come from a joined log, whose clock has an offset of its own, or where only the stage says that they are powers.
+    A record whose clock the fit finds already has no second one.
+    """
+    if any(r.second is not None for r in asked.records):
+        return False
+    for r in asked.records:
+        if (driven := _driven(r)) and (
+            r.name not in source.names() or source.names()[r.name][1].joined or not set(driven) <= set(_driven(source.record(r.name)))
+        ):
+            return False
+    return True
+
+
+def _rebound(record: Record, like: Record) -> Record:
+    """Return a record whose sensors read what those of another one do."""
+    return replace(record, channels={n: replace(c, target=like[n].target) for n, c in record.channels.items()})
+
+
+def _ranged(record: Record, longest: float) -> Record:
+    """Return a record with a delay that the fit finds, up to the longest [s]; as it is where it drives nothing."""
+    return record.delayed((0.0, longest), _driven(record)) if _driven(record) else record
+
+
+def _beside_a_delay(change: MissingElement, records: Sequence[Record]) -> bool:
+    """Whether a change is asked for beside a delay: no other delay, and no course of a power where a log has its changes to a sample only.
+
+    A power that changed earlier in an interval than in the mean of all leaves what a power that grows or settles would answer.
+    """
+    sampled = any(not r[n].prompt for r in records for n in _driven(r))
+    return not change.delay and not (sampled and change.of_power)
+
+
+def _delays_of(fit: Calibration) -> dict[str, tuple[float, float]]:
+    """Return record -> delay and its standard error. [s]"""
+    return {v.record: (v.value, v.error) for v in fit.local if v.name == DELAY}
+
+
+def _said(source: CampaignSource, stage: str, asked: Request, after: Calibration, longest: float) -> tuple[Delay, ...]:
+    """Return what each record table of the campaign gets, what the fit found in its records, and who else takes them."""
+    out: dict[str, Delay] = {}
+    found = _delays_of(after)
+    for r in (r for r in asked.records if r.name in found):
+        table = source.names()[r.name][1]
+        group = next(g for g, t in source.content.records.items() if t is table)
+        if group not in out:
+            others = [s.name for s in source.content.stages if s.name != stage and _takes(source, s.records, table)]
+            others += [f"the verdict on {v.record}" for v in source.content.verdicts if _takes(source, [v.record], table)]
+            channels = () if _driven(r) == _driven(source.record(r.name)) else tuple(_driven(r))
+            out[group] = Delay(group, (0.0, longest), channels, {}, tuple(dict.fromkeys(others)))
+        out[group] = replace(out[group], found={**out[group].found, r.name: found[r.name]})
+    return tuple(out.values())
+
+
+def _takes(source: CampaignSource, patterns: Sequence[str], table: RecordTable) -> bool:
+    return any(source.names()[n][1] is table for n in source.pick(patterns, source.path.name))
+
+
+def _written(path: Path, stage: str, before: Request, after: Request, delays: Sequence[Delay]) -> list[Path]:
+    """Write the deck of the new structure and the campaign that takes it."""
+    folder, campaign = path.parent / NEXT, path.with_name(f"{path.stem}_{NEXT}.toml")
+    document = tomlkit.parse(unsealed(read_text(path)))
+    table = next(t for t in document["stages"] if t["name"] == stage)
+    deck = folder / Path(str(table["model"])).name
+    table["model"] = f"{NEXT}/{deck.name}"
+    table["free"] = list(after.free)
+    priors = {p: {"mean": mean, "sd": sd} for p, (mean, sd) in after.priors.items() if p not in before.priors}
+    if priors:
+        table["priors"] = tomlkit.item({**dict(table.get("priors", {})), **priors})
+    if after.doubts:
+        table["doubts"] = True
+    moved = {
+        c.name: {c.role: str(c.target)}
+        for one, other in zip(before.records, after.records, strict=True)
+        for c in other.channels.values()
+        if (c.role == "node" and c.target != one[c.name].target) or (c.role == "command" and one[c.name].role == "load")
+    }
+    if moved:
+        table["bind"] = tomlkit.item({**dict(table.get("bind", {})), **moved})
+    scenario, old = after.scenarios.get("*"), before.scenarios.get("*")
+    if scenario is not None and old is not None and scenario.initial != old.initial:
+        own = dict(table.get("scenario", {}))
+        own["initial"] = {n: str(c) for n, c in scenario.initial.items() if isinstance(c, str)}
+        table["scenario"] = tomlkit.item(own)
+    local = {n: _local(s) for n, s in after.local.items() if n not in before.local}
+    if local:
+        table["local"] = tomlkit.item({**dict(table.get("local", {})), **local})
+    for delay in delays:
+        with_step(document["records"][delay.table], delay)
+    kind = TEMPLATE.of(campaign.stem)
+    may_write(campaign, kind)
+    folder.mkdir(exist_ok=True)
+    model = replace(after.model, title=f"{after.model.title} {NEXT}")
+    save_model(model, deck)
+    write_text(campaign, tomlkit.dumps(document), kind)
+    return [deck, campaign]
+
+
+def with_step(table: Any, delay: Delay) -> None:
+    """Add a delay to what is done with the log of a record table, after all else."""
+    if isinstance(table.get("prepare"), AoT):
+        table["prepare"].append(tomlkit.item(delay.step))
+        return
+    if "prepare" not in table:
+        table["prepare"] = tomlkit.array()
+    step = tomlkit.inline_table()
+    step.update(delay.step)
+    table["prepare"].append(step)
+
+
+def _local(spec: LocalSpec) -> dict[str, str]:
+    return {"start": spec.start, **({"sd": f"{spec.sd:.3g} [K]"} if np.isfinite(spec.sd) else {})}

@@ -1,0 +1,348 @@
+"""A proposal as files: a commented deck, a scenario, a campaign, and the logs cut into what is fitted and what judges."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import tomlkit
+
+from thermid.base.errors import IdentificationError, ThermidError
+from thermid.base.files import DECK, may_write, write_text
+from thermid.campaign._start.proposal import LOOSE_AMBIENT, Proposal, orders_text
+from thermid.campaign._start.roles import SURROUNDINGS, thinned_step
+from thermid.campaign._start.schemas import headed, may_write_schemas, write_schemas
+from thermid.campaign._start.templates import ROOT, TEMPLATE
+from thermid.fit.calibration import fit
+from thermid.fit.problem import LocalSpec, Request
+from thermid.inference.criticism import FittedStructure
+from thermid.measure.records import Record
+from thermid.model.deck import model_text
+from thermid.model.parameters import parameter
+from thermid.model.tree import Model
+
+FITTED, KEPT = 0.7, "holdout"
+"""Part of a single log that is fitted; the rest judges."""
+SLIGHT = 0.02
+"""A way of heat that carries less than this part of what leaves a part, and whose value the log does not tell, is left out. [-]"""
+LOOSELY = 1.0
+"""Standard error of a logarithm from which a value counts as not told by the log. [-]"""
+NOISES, RANGE = 4.0, 0.03
+"""Limit of the first verdict: so many noises, or so much of the range of the readings, whichever is more."""
+
+
+@dataclass(frozen=True, eq=False)
+class Written:
+    """What was written.
+
+    Parameters
+    ----------
+    folder : Path
+    files : tuple of Path
+    proposal : Proposal
+    fixed : tuple of str        Values that the log does not tell; the campaign keeps them fixed.
+    left_out : tuple of str     Ways of heat that were left out because the log does not show them.
+    masked : tuple of str       Readings that are no temperatures and were left out, in words.
+    """
+
+    folder: Path
+    files: tuple[Path, ...]
+    proposal: Proposal
+    fixed: tuple[str, ...]
+    left_out: tuple[str, ...]
+    masked: tuple[str, ...] = ()
+
+    def __str__(self) -> str:
+        """Return the proposal, the files, and the next command."""
+        answer, *tried = str(self.proposal).split("\n")
+        lines = [answer, *self.masked, *tried]
+        lines += [f"Left out, because the log does not determine them: {', '.join(self.left_out)}"] if self.left_out else []
+        lines += [f"Fixed, because the log does not determine them: {', '.join(self.fixed)}"] if self.fixed else []
+        lines += [f"wrote {file}" for file in self.files]
+        campaign = self.folder / "campaign.toml"
+        return "\n".join([*lines, f"next: thermid check {campaign}; thermid report {campaign} --to {self.folder / 'report.html'}"])
+
+
+def parted(records: Sequence[Record]) -> tuple[list[Record], Record]:
+    """Return what is fitted and what judges: of several logs the last one judges, of a single one its last three tenths."""
+    if len(records) > 1:
+        return list(records[:-1]), replace(records[-1], name=KEPT)
+    (one,) = records
+    edge = float(one.times[0]) + FITTED * one.duration
+    last = float(one.times[one.times <= edge][-1])
+    first = float(one.times[one.times > edge][0])
+    return [replace(one.trim("start", last), name="fit")], replace(one.trim(first, "end").shift_start(), name=KEPT)
+
+
+def write_project(
+    folder: Path, proposal: Proposal, fitted: Sequence[Record], kept: Record, source: str, title: str, masked: Sequence[str] = ()
+) -> Written:
+    """Write a proposal as a project that `check`, `calibrate` and `report` take as it is.
+
+    Parameters
+    ----------
+    folder : Path           Where; files that thermid did not write there are never replaced.
+    proposal : Proposal
+    fitted : sequence       The logs in full that are fitted.
+    kept : Record           The log that judges.
+    source : str            Where they came from, in words.
+    title : str             Of the model.
+    masked : sequence       Readings that are no temperatures and are left out of the logs, in words.
+
+    Raises
+    ------
+    OutputError     When a file is there that thermid did not write.
+    """
+    request, fixed, left_out = settled(proposal.chosen)
+    deck = f"{title}.toml"
+    texts = {
+        deck: (_deck(proposal, request, fixed, left_out, source, title), DECK.of(title)),
+        "scenario.toml": (_scenario(proposal, fitted), TEMPLATE.of("scenario")),
+        "campaign.toml": (_campaign(proposal, request, fitted, kept, deck, source, title, masked), TEMPLATE.of("campaign")),
+    }
+    folder.mkdir(parents=True, exist_ok=True)
+    logs = folder / "logs"
+    logs.mkdir(exist_ok=True)
+    files = [folder / name for name in texts]
+    for (_, kind), path in zip(texts.values(), files, strict=True):
+        may_write(path, kind)
+    grammars = dict(zip(texts, ("deck", "scenario", "campaign"), strict=True))
+    may_write_schemas(folder, grammars.values())
+    for record in (*fitted, kept):
+        record.to_csv(logs / f"{record.name}.csv")
+        files.append(logs / f"{record.name}.csv")
+    for name, (text, kind) in texts.items():
+        write_text(folder / name, headed(text, grammars[name]), kind)
+    files += write_schemas(folder, grammars.values())
+    marker = folder / "thermid.toml"
+    if not marker.exists():
+        write_text(marker, ROOT, TEMPLATE.of("root"))
+        files.append(marker)
+    return Written(folder, tuple(files), proposal, fixed, left_out, tuple(masked))
+
+
+def settled(one: FittedStructure) -> tuple[Request, tuple[str, ...], tuple[str, ...]]:
+    """Return the fit that the campaign asks for, what it keeps fixed, and what was left out.
+
+    Ways of heat that carry little and that the log does not tell are left out. Of other values that it does not tell, the least known one
+    is fixed where the search found it, until the rest is known to better than a factor of e. What a full fit refuses after that is fixed
+    too.
+    """
+    slight = _slight(one, one.errors())
+    model = _without(one.request.model, slight)
+    texts = {n: parameter(f"{v:.4g} [{u}]", n) for n, (v, u) in _values(one).items() if n.partition(".")[0] not in slight}
+    model = model.with_values(texts, "thermid init")
+    free = [n for n in one.request.free if n.partition(".")[0] not in slight]
+    fixed: list[str] = []
+    sizes = one.errors(free)
+    while free and max(sizes[n] for n in free) > LOOSELY:
+        fixed.append(max(free, key=lambda n: sizes[n]))
+        free.remove(fixed[-1])
+        sizes = one.errors(free)
+    request = replace(one.request, model=model, free=tuple(free), name="first fit")
+    for name in sorted(free, key=lambda n: -sizes[n]):
+        try:
+            fit(replace(request, search="local"))
+            break
+        except IdentificationError:
+            fixed.append(name)
+            request = replace(request, free=tuple(n for n in request.free if n != name))
+        except ThermidError:
+            break
+    return request, tuple(fixed), tuple(slight)
+
+
+def _values(one: FittedStructure) -> dict[str, tuple[float, str]]:
+    units = {u.name: u.unit for u in one.problem.unknowns}
+    return {n: (v, units[n]) for n, v in one.values.items()}
+
+
+def _slight(one: FittedStructure, sizes: Mapping[str, float]) -> list[str]:
+    """Return conductors that carry little and are not told by the log."""
+    values = one.values
+    strength: dict[str, float] = {}
+    paths = {n: c.between for n, c in one.request.model.conductors.items() if f"{n}.conductance" in values}
+    for name, ends in paths.items():
+        for end in ends:
+            strength[end] = strength.get(end, 0.0) + values[f"{name}.conductance"]
+    return [
+        n
+        for n, ends in paths.items()
+        if sizes[f"{n}.conductance"] > 0.5 and all(values[f"{n}.conductance"] < SLIGHT * strength[e] for e in ends if e != SURROUNDINGS)
+    ]
+
+
+def _without(model: Model, names: Sequence[str]) -> Model:
+    return replace(model, conductors={n: c for n, c in model.conductors.items() if n not in names})
+
+
+def _said(lines: Sequence[str]) -> str:
+    return "".join(f"# {line}\n" for line in lines)
+
+
+def _deck(proposal: Proposal, request: Request, fixed: Sequence[str], left_out: Sequence[str], source: str, title: str) -> str:
+    """Return the deck with a comment for each element."""
+    document = tomlkit.parse(model_text(replace(request.model, title=title, use=f"First model of {source}")))
+    parts = {node: column for column, node in proposal.roles.parts.items()}
+    measured = {c.target for r in request.records for c in r.channels.values()}
+    for name, item in document.get("nodes", {}).items():
+        held = "; fixed: the log does not determine it" if f"{name}.capacitance" in fixed else ""
+        if name in parts and name in measured:
+            item.comment(f"measured: column {parts[name]}{held}")
+        elif name in measured:
+            item.comment("the sensor itself, which lags behind its part; its heat capacity is small")
+        else:
+            item.comment(
+                "hidden: no sensor, proposed because it improves the prediction of hold-out readings"
+                if name not in parts
+                else "read through its sensor"
+            )
+    for name, item in document.get("conductors", {}).items():
+        path = next((f for f in fixed if f.partition(".")[0] == name), "")
+        item.comment("fixed: the log does not determine it" if path else "fitted by the campaign")
+    for name, item in document.get("loads", {}).items():
+        power = next((p for p in proposal.roles.powers if p.load == name), None)
+        item.comment(f"column {power.column}" if power else "proposed")
+    orders = proposal.search.orders
+    head = [
+        f"First model of {source}, proposed by thermid init: {proposal.chosen.nodes} masses, RMSE {proposal.chosen.rmse:.3g} K.",
+        "Replace values that you know better: masses from a scale, areas from a drawing, powers from a data sheet.",
+    ]
+    head += [f"This log cannot separate structures of {orders_text(orders)} masses."] if len(orders) > 1 else []
+    head += [proposal.unexplained] if proposal.unexplained else []
+    head += [f"Assumed: {proposal.assumed}"] if proposal.assumed else []
+    head += [f"Left out, because the log does not determine them: {', '.join(left_out)}."] if left_out else []
+    return _said(head) + tomlkit.dumps(document)
+
+
+def _scenario(proposal: Proposal, records: Sequence[Record]) -> str:
+    """Return a scenario to play with: the powers of the log on for as long as the log."""
+    longest = max(records, key=lambda r: r.duration)
+    around = _ambient(proposal, longest)
+    lines = ["Scenario for thermid simulate. Change powers, surroundings and duration as needed."]
+    out = [_said(lines), f'duration = "{longest.duration / 3600.0:.3g} [h]"\n', f'start    = "{around:.4g} [degC]"\n', "\n[boundaries]\n"]
+    out.append(f'{SURROUNDINGS} = "{around:.4g} [degC]"\n')
+    powers = [p for p in proposal.roles.powers if not p.anchored]
+    if powers:
+        out.append("\n[loads]\n")
+    for p in powers:
+        watts = longest[p.column].values if p.column in longest.channels else np.zeros(1)
+        out.append(f'{p.load} = "{float(np.nanmax(watts)):.4g} [W]"  # the highest of column {p.column}\n')
+    duties = [p for p in proposal.roles.powers if p.anchored]
+    if duties:
+        out.append("\n[commands]\n")
+    out += [f'{p.load} = "100 [%]"\n' for p in duties]
+    return "".join(out)
+
+
+def _ambient(proposal: Proposal, record: Record) -> float:
+    """Return a temperature of the surroundings. [degC]"""
+    roles = proposal.roles
+    if roles.logged and roles.surroundings in record.channels:
+        channel = record[roles.surroundings]
+        return float(np.median(channel.values[channel.valid])) - 273.15
+    if roles.surroundings:
+        return float(parameter(roles.surroundings).expression.literal.value) - 273.15  # type: ignore[union-attr]
+    return min(float(record[c].values[record[c].valid][0]) for c in roles.parts if c in record.channels) - 273.15
+
+
+def _campaign(
+    proposal: Proposal,
+    request: Request,
+    fitted: Sequence[Record],
+    kept: Record,
+    deck: str,
+    source: str,
+    title: str,
+    masked: Sequence[str],
+) -> str:
+    """Return the campaign: the logs, one stage, one verdict."""
+    seats = {c.name: str(c.target) for c in request.records[0].channels.values() if c.role == "node"}
+    channels = proposal.roles.channels(proposal.noise)
+    for column, node in seats.items():
+        channels[column]["node"] = node
+    step = thinned_step(max(fitted, key=lambda r: r.duration)) if max(r.times.size for r in fitted) > 600 else 0.0
+    document = tomlkit.document()
+    document.add("title", f"{title}: first fit and hold-out")
+    document.add("note", f"Written by thermid init from {source}.")
+    tables = tomlkit.table(is_super_table=True)
+    for record in (*fitted, kept):
+        table = tomlkit.table()
+        table.add("file", f"logs/{record.name}.csv")
+        inside = tomlkit.table()
+        for name, channel in channels.items():
+            if name in record.channels:
+                inline = tomlkit.inline_table()
+                inline.update({k: v for k, v in channel.items() if k not in ("unit", "full_scale")})
+                inside.add(record[name].column or name, inline)
+        if step:
+            table.add("prepare", tomlkit.item([{"resample": {"step": f"{step:g} [s]", "switches": True}}]))
+        table.add("channels", inside)
+        tables.add(record.name, table)
+    document.add("records", tables)
+    stage = tomlkit.table()
+    stage.update({"name": "first fit", "model": deck, "records": [r.name for r in fitted], "free": list(request.free)})
+    scenario = _stage_scenario(proposal, request)
+    if scenario:
+        stage.add("scenario", tomlkit.item(scenario))
+    local = _local(proposal, request)
+    if local:
+        stage.add("local", tomlkit.item(local))
+    stages = tomlkit.aot()
+    stages.append(stage)
+    document.add("stages", stages)
+    verdict = tomlkit.table()
+    verdict.update({"name": "hold-out", "model": "first fit", "record": KEPT})
+    verdict.add("criteria", tomlkit.item({"sensors": {c: {"rmse": f"{_limit(proposal, fitted, c):.2g} [K]"} for c in seats}}))
+    unseen = {**{k: v for k, v in local.items() if not k.startswith("initial.")}, **_hidden_starts(request, fitted, seats)}
+    if unseen:
+        verdict.add("local", tomlkit.item(unseen))
+    verdicts = tomlkit.aot()
+    verdicts.append(verdict)
+    document.add("verdicts", verdicts)
+    head = [
+        f"Campaign for the logs of {source}. The hold-out record is not fitted; it validates the model.",
+        f"Of a single log its last {100 * (1 - FITTED):.0f} % validate the model; a second test with other powers is a stronger "
+        "validation.",
+        f"Limits of the verdict: {NOISES:g} noises or {100 * RANGE:g} % of the range of the readings. Replace them by yours.",
+        "The noise is estimated from second differences of the readings.",
+        *(f"{said}; empty in the logs beside this file." for said in masked),
+    ]
+    return _said(head) + tomlkit.dumps(document)
+
+
+def _hidden_starts(request: Request, records: Sequence[Record], seats: Mapping[str, str]) -> dict[str, dict[str, str]]:
+    """Return starts of masses without a sensor in a record that begins warm: near the first reading, within the range of the readings."""
+    column = next(iter(seats))
+    values = records[0][column].values[records[0][column].valid]
+    spread = f"{max(0.5 * float(np.ptp(values)), 1.0):.2g} [K]"
+    hidden = [n for n in request.model.nodes if n not in seats.values()]
+    return {f"initial.{n}": {"start": column, "sd": spread} for n in hidden}
+
+
+def _limit(proposal: Proposal, records: Sequence[Record], column: str) -> float:
+    values = [r[column].values[r[column].valid] for r in records if column in r.channels]
+    spread = max((float(np.ptp(v)) for v in values), default=1.0)
+    size = max(NOISES * proposal.noise.get(column, 0.1), RANGE * spread)
+    return float(math.ceil(size * 100.0) / 100.0)
+
+
+def _stage_scenario(proposal: Proposal, request: Request) -> dict[str, Any]:
+    roles, out = proposal.roles, {}
+    if roles.surroundings and not roles.logged:
+        out["boundaries"] = {SURROUNDINGS: roles.surroundings}
+    given = next(iter([*(request.scenarios.get(r.name) for r in request.records), request.scenarios.get("*")]), None)
+    initial = {n: str(c) for n, c in (given.initial if given else {}).items() if isinstance(c, str)}
+    return {**out, **({"initial": initial} if initial else {})}
+
+
+def _local(proposal: Proposal, request: Request) -> dict[str, dict[str, str]]:
+    out: dict[str, dict[str, str]] = {}
+    for name, spec in request.local.items():
+        sd = {"sd": f"{LOOSE_AMBIENT:g} [K]"} if isinstance(spec, LocalSpec) and math.isfinite(spec.sd) else {}
+        out[name] = {"start": spec.start, **sd}
+    return out

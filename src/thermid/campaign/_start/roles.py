@@ -1,0 +1,222 @@
+"""What each column of a log is in a model: parts whose temperature is measured, their surroundings, powers that heat them."""
+
+from __future__ import annotations
+
+import re
+import unicodedata
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field, replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from thermid.base.errors import NameNotFoundError, RecordError, nearest
+from thermid.measure.readers import clock_column, columns_of, decimal_sign, log_cells, read_record
+from thermid.measure.records import Channel, FloatArray, Record
+
+MOST_SAMPLES = 600
+"""Readings that a structure is searched with; longer logs are resampled. [-]"""
+SURROUNDINGS = "surroundings"
+"""Boundary of a proposed model."""
+
+
+@dataclass(frozen=True)
+class Power:
+    """A column that heats a part.
+
+    Parameters
+    ----------
+    column : str        Its column.
+    node : str          The part; empty where the log decides.
+    full_scale : str    Power at 100 % of a duty, as text; empty for a column in watts, and where nobody said.
+    duty : bool         Whether it is in per cent.
+    told : bool         Whether its part was told, by somebody or by its name; else the log decides.
+    """
+
+    column: str
+    node: str = ""
+    full_scale: str = ""
+    duty: bool = False
+    told: bool = True
+
+    @property
+    def load(self) -> str:
+        """Name of its load in the model."""
+        return f"heat_{part_name(self.column)}"
+
+    @property
+    def anchored(self) -> bool:
+        """Whether its power is unknown, so that one value of the model has to be assumed."""
+        return self.duty and not self.full_scale
+
+
+@dataclass(frozen=True)
+class Roles:
+    """What the columns of a log are.
+
+    Parameters
+    ----------
+    parts : dict            Column -> part whose temperature it is.
+    surroundings : str      Column of the surroundings, or a temperature as text; empty where nobody knows.
+    powers : tuple of Power
+    units : dict            Column -> unit, where the log names none and it was assumed.
+    time : str or None      The time column, where it was named.
+    why : dict              Column -> why it is taken for what it is.
+    ignored : dict          Column -> why it is left out.
+    """
+
+    parts: Mapping[str, str]
+    surroundings: str = ""
+    powers: tuple[Power, ...] = ()
+    units: Mapping[str, str] = field(default_factory=dict)
+    time: str | None = None
+    why: Mapping[str, str] = field(default_factory=dict)
+    ignored: Mapping[str, str] = field(default_factory=dict)
+
+    @property
+    def logged(self) -> bool:
+        """Whether the surroundings have a column."""
+        return bool(self.surroundings) and "[" not in self.surroundings
+
+    def channels(self, noise: Mapping[str, float] | None = None) -> dict[str, dict[str, Any]]:
+        """Return the table of channels as a campaign has it; noise [K] by column."""
+        out: dict[str, dict[str, Any]] = {}
+        for column, node in self.parts.items():
+            out[column] = {"node": node}
+        if self.logged:
+            out[self.surroundings] = {"boundary": SURROUNDINGS}
+        for power in self.powers:
+            out[power.column] = {"command": power.load} if power.anchored else {"load": power.load}
+            out[power.column] |= {"full_scale": power.full_scale} if power.full_scale else {}
+        for column, unit in self.units.items():
+            if column in out:
+                out[column]["unit"] = unit
+        for column, size in (noise or {}).items():
+            if column in out:
+                out[column]["noise"] = f"{size:.3g} [K]"
+        return out
+
+    def read(self, path: Path, noise: Mapping[str, float] | None = None) -> Record:
+        """Return a log with these roles, in at most `MOST_SAMPLES` readings."""
+        return thinned(read_record(path, self.channels(noise), time=self.time))
+
+
+def word(text: str) -> str:
+    """Return a text as the name of an element, letters without their accents."""
+    letters = unicodedata.normalize("NFKD", text.replace("ß", "ss"))
+    bare = "".join(c for c in letters if not unicodedata.combining(c))
+    plain = re.sub(r"[^0-9A-Za-z]+", "_", bare).strip("_").lower()
+    return plain if plain and not plain[0].isdigit() else f"part_{plain}"
+
+
+def part_name(column: str) -> str:
+    """Return the name of the part that a column is of: without what says that it is a temperature or a power, and without its unit.
+
+    >>> part_name("T_plate_C"), part_name("P_heater_W"), part_name("T1"), part_name("Winding_Temp_C")
+    ('plate', 'heater', 't1', 'winding')
+    """
+    plain = re.sub(r"(?<=[a-z0-9])_(c|f|k|w|mw|pct|degc)\Z", "", word(column))
+    bare = re.sub(r"\A(t|temp|temperature|p|power)_(?=[a-z])|_(temp|temperature|power)\Z", "", plain)
+    return bare or plain
+
+
+def thinned(record: Record) -> Record:
+    """Return a record of at most `MOST_SAMPLES` readings, switching of powers kept."""
+    if record.times.size <= MOST_SAMPLES:
+        return record
+    return record.resample(thinned_step(record), switches=True)
+
+
+def thinned_step(record: Record) -> float:
+    """Return the interval that a long record is resampled to, two digits of it. [s]"""
+    step = record.duration / (MOST_SAMPLES - 1)
+    scale = 10.0 ** (np.floor(np.log10(step)) - 1)
+    return float(np.ceil(step / scale) * scale)
+
+
+def roles_of(
+    path: Path,
+    temperatures: Sequence[str] = (),
+    surroundings: str = "",
+    powers: Sequence[str] = (),
+    full_scale: Mapping[str, str] | None = None,
+    time: str | None = None,
+) -> Roles:
+    """Return what the columns of a log are: as told, and as their names and units say for all else.
+
+    Parameters
+    ----------
+    path : Path                 The log.
+    temperatures : sequence     Columns, or ``COLUMN=PART``; all that look like temperatures by default.
+    surroundings : str          A column, or a temperature with its unit.
+    powers : sequence           Columns, or ``COLUMN=PART``; all that look like powers or duties by default.
+    full_scale : dict           Column -> power at 100 %.
+    time : str                  The time column, where it cannot be told.
+
+    Raises
+    ------
+    RecordError             When the log has no temperature.
+    NameNotFoundError       When it has no column of a name.
+    """
+    cells = log_cells(path)
+    sign = decimal_sign(cells, None)
+    columns = {c.name: c for c in columns_of(cells, sign, clock_column(cells, time).places)}
+    named = [*(t.partition("=")[0] for t in (*temperatures, *powers)), *(full_scale or {})]
+    named += [surroundings] if surroundings and "[" not in surroundings else []
+    for name in named:
+        if name not in columns:
+            raise NameNotFoundError(f"no column '{name}'; there are {', '.join(columns)}.{nearest(name, columns)}", path.name)
+    guessed = {kind: [n for n, c in columns.items() if c.guess == kind] for kind in ("temperature", "boundary", "power", "duty")}
+    around = surroundings or next(iter(guessed["boundary"]), "")
+    parts = dict(_pair(t) for t in temperatures) or {
+        n: part_name(n)
+        for n in (*guessed["temperature"], *guessed["boundary"])
+        if n != around and n not in [p.partition("=")[0] for p in powers]
+    }
+    if len(set(parts.values())) < len(parts):
+        parts = {n: word(n) for n in parts}
+    if not parts:
+        raise RecordError("no column is recognised as the temperature of a part. Name them: --temperature COLUMN=PART.", path.name)
+    scales = dict(full_scale or {})
+    heated = [_pair(p, False) for p in powers] or [(n, "") for n in (*guessed["power"], *guessed["duty"]) if not _idle(columns[n].values)]
+    made = tuple(
+        Power(n, node, scales.get(n, ""), n in scales or columns[n].guess == "duty" or columns[n].unit == "%") for n, node in heated
+    )
+    taken = {*parts, around, *(p.column for p in made)}
+    units = {n: c.unit for n, c in columns.items() if n in taken and c.assumed and c.unit}
+    rest = {n: "never on" if _idle(c.values) and c.guess in ("power", "duty") else c.why for n, c in columns.items() if n not in taken}
+    rest = {n: w for n, w in rest.items() if columns[n].guess != "time"}
+    return Roles(parts, around, made, units, time, {n: columns[n].why for n in taken if n in columns}, rest)
+
+
+def _pair(text: str, named: bool = True) -> tuple[str, str]:
+    column, _, node = text.partition("=")
+    return column.strip(), node.strip() or (part_name(column) if named else "")
+
+
+def _idle(values: FloatArray) -> bool:
+    known = values[np.isfinite(values)]
+    return not known.size or not np.any(known)
+
+
+def noise_of(channel: Channel) -> float:
+    """Return the standard deviation of the noise of one reading, from second differences. [K]
+
+    The median size of ``T[k-1] - 2 T[k] + T[k+1]`` over 0.6745 sqrt(6) is that of white noise on any slow course; a step of quantisation
+    counts with at least its width over sqrt(12).
+    """
+    values = channel.values[channel.valid]
+    if values.size < 8:
+        return 0.1
+    second = np.diff(values, 2)
+    size = float(np.median(np.abs(second))) / 0.6745 / 6.0**0.5
+    levels = np.unique(np.round(values, 6))
+    step = float(np.min(np.diff(levels))) if levels.size > 1 and levels.size < values.size / 4 else 0.0
+    return float(max(size, step / 12.0**0.5, 1e-3))
+
+
+def with_noise(record: Record, known: Mapping[str, float] | None = None) -> tuple[Record, dict[str, float]]:
+    """Return a record with a noise for every temperature of a part, and the noise by column. [K]"""
+    found = {n: (known or {}).get(n, noise_of(c)) for n, c in record.channels.items() if c.role == "node"}
+    return record.with_channels(*(replace(record[n], noise=size) for n, size in found.items())), found

@@ -1,0 +1,158 @@
+"""What the logs of each stage of a campaign can tell, or told; and whether a campaign can run at all."""
+
+from __future__ import annotations
+
+import os
+from dataclasses import replace
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from thermid.base.errors import NameNotFoundError, ThermidError, errors_at, refuse_unknown
+from thermid.campaign._cache import recall
+from thermid.campaign._file import CampaignSource, local_of, read_campaign, scenario_of
+from thermid.campaign._stages import Notice, keyed, progress_of, readings_of, request_of
+from thermid.fit.calibration import Calibration, fit
+from thermid.fit.problem import Input, InputTable, LocalSpec, Request, build_problem, inputs_of
+from thermid.inference.intervals import Identifiability, identifiability, identifiability_of
+from thermid.measure.records import stray_readings
+from thermid.model.tree import Finding
+
+if TYPE_CHECKING:
+    from thermid.campaign._schema import StageTable, VerdictTable
+
+
+def survey(
+    campaign: str | os.PathLike[str],
+    stage: str = "",
+    *,
+    after: bool = False,
+    data: str | os.PathLike[str] | None = None,
+    cache: str | os.PathLike[str] | None = None,
+    notice: Notice | None = None,
+) -> dict[str, Identifiability]:
+    """Return stage -> what its logs can tell of what it frees, before its own fit, so that a stage that would be refused is explained too.
+
+    Parameters
+    ----------
+    campaign : path         The campaign file.
+    stage : str             One stage; all of them when empty. Stages below it are fitted, since it starts from what they found.
+    after : bool            Look at the ends of the fits and not at their starts.
+    data : path             A folder of logs outside the project.
+    cache : path            A results folder; stages that it holds as they are now are not fitted again.
+    notice : callable       Called while stages run.
+
+    Raises
+    ------
+    NameNotFoundError   When there is no such stage.
+    """
+    folder = Path(cache) if cache is not None else None
+    source = replace(read_campaign(campaign, data), results=folder)
+    stages = source.content.stages
+    names = [s.name for s in stages]
+    wanted = [stage] if stage else names
+    refuse_unknown(wanted, names, source.content.title, "no stage '{}'.", NameNotFoundError)
+    below = {name: [n for i in s.inherit.values() for n in i.stages] for name, s in zip(names, stages, strict=True)}
+    needed = set(wanted)
+    for name in reversed(names):  # a stage inherits from earlier ones only
+        needed |= set(below[name]) if name in needed else set()
+    fits = {n for name in needed for n in below[name]} | (set(wanted) if after else set())
+    done: dict[str, Calibration] = {}
+    keys: dict[str, str] = {}
+    out = {}
+    for k, (name, table) in enumerate(zip(names, stages, strict=True)):
+        if name not in needed:
+            continue
+        with errors_at(source.where(f"stages.{k}"), ": "):
+            request, _ = keyed(request_of(source, table, k, done), table, keys)
+            if name in wanted and not after and request.free:
+                out[name] = identifiability_of(request)
+            if name in fits:
+                keys[name] = request.key
+                done[name] = fit(request, progress_of(notice, name), recall(folder, name, keys[name]))
+            if name in wanted and after and done[name].values.parameters:
+                out[name] = identifiability(done[name])
+    return out
+
+
+def check_campaign(
+    campaign: str | os.PathLike[str], data: str | os.PathLike[str] | None = None
+) -> tuple[tuple[Finding, ...], dict[str, InputTable]]:
+    """Return what would stop or mislead a campaign, and the inputs of each stage; every log is opened and bound, and none is fitted.
+
+    Of records that verdicts hold out, files, columns and bindings are checked; none of their numbers is shown.
+
+    Parameters
+    ----------
+    campaign : path     The campaign file.
+    data : path         A folder of logs outside the project.
+
+    Raises
+    ------
+    DeckError   When the campaign or a deck does not follow its grammar.
+    """
+    source = read_campaign(campaign, data)
+    tables = source.content.stages
+    files = {stage.model: source.where(f"stages.{k}.model") for k, stage in enumerate(tables)}
+    findings = [f for file, where in files.items() for f in source.model(file, where).check()]
+    inputs: dict[str, InputTable] = {}
+    requests: dict[str, Request] = {}
+    for k, stage in enumerate(tables):
+        where = source.where(f"stages.{k}")
+        try:
+            # what is inherited is not known yet; it changes values and no bindings
+            request = request_of(source, stage.model_copy(update={"inherit": {}, "freeze": [], "courses": {}}), k, {})
+        except ThermidError as error:
+            findings.append(_finding(error, where))
+            continue
+        requests[stage.name] = request
+        rows, wrong = _bound(request, where)
+        findings += wrong
+        inputs[stage.name] = InputTable.of(rows)
+    for k, verdict in enumerate(source.content.verdicts):
+        stage = next(s for s in tables if s.name == verdict.model)
+        findings += _judged_on(source, verdict, stage, requests.get(stage.name), source.where(f"verdicts.{k}"))
+    return tuple(dict.fromkeys(findings)), inputs
+
+
+def _bound(request: Request, where: str) -> tuple[list[Input], list[Finding]]:
+    """Return the inputs of the records of a request, and what keeps any of them from being run."""
+    rows: list[Input] = []
+    wrong: list[Finding] = []
+    for record in request.records:
+        wrong += [Finding("warning", where, said) for said in stray_readings((record,))]
+        try:
+            problem = build_problem(replace(request, records=(record,)))
+            problem.benches()
+            rows += inputs_of(request, problem.experiments, problem.unknowns).rows
+        except ThermidError as error:
+            wrong.append(_finding(error, where))
+    return rows, wrong
+
+
+def _judged_on(source: CampaignSource, verdict: VerdictTable, stage: StageTable, request: Request | None, where: str) -> list[Finding]:
+    """Return what keeps the records of a verdict from being run."""
+    try:
+        records = tuple(source.bound(name, stage) for name in source.pick([verdict.record], where))
+        if request is None:
+            return []
+        asked = replace(
+            request,
+            records=records,
+            free=(),
+            priors={},
+            weights={},
+            scenarios={"*": scenario_of(verdict.scenario or stage.scenario, verdict.name or verdict.record)},
+            local={n: LocalSpec.read(t, f"{where}.local.{n}") for n, t in local_of(verdict.local).items()},
+            record_local={},
+            readings=readings_of(verdict.readings if verdict.readings is not None else stage.readings),
+            fit_start=False,
+        )
+    except ThermidError as error:
+        return [_finding(error, where)]
+    return _bound(asked, where)[1]
+
+
+def _finding(error: ThermidError, where: str) -> Finding:
+    """Return an error as a finding, with its place in the campaign."""
+    full = error.within(where, ": ")
+    return Finding("error", full.where, full.message)

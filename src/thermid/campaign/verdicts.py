@@ -1,0 +1,37 @@
+"""Verdicts on hold-out records, correlation, limits, margins, metrics."""
+
+from thermid.campaign._judge.correlation import (
+    Correlation as Correlation,
+    Exclusions as Exclusions,
+    Overlay as Overlay,
+    correlate as correlate,
+    overlays as overlays,
+    paired as paired,
+    read_two as read_two,
+)
+from thermid.campaign._judge.criteria import (
+    CRITERIA as CRITERIA,
+    Check as Check,
+    Criteria as Criteria,
+    CriteriaSet as CriteriaSet,
+    heading as heading,
+)
+from thermid.campaign._judge.difference import Difference as Difference, difference as difference
+from thermid.campaign._judge.limits import (
+    LimitCheck as LimitCheck,
+    Limits as Limits,
+    check_limits as check_limits,
+    check_readings as check_readings,
+    load_limits as load_limits,
+    read_limits as read_limits,
+    spans as spans,
+)
+from thermid.campaign._judge.margins import (
+    POLICIES as POLICIES,
+    HeaterDuty as HeaterDuty,
+    Margin as Margin,
+    heater_duty as heater_duty,
+    margins as margins,
+)
+from thermid.campaign._judge.metrics import largest as largest, metric as metric
+from thermid.campaign._judge.verdict import Verdict as Verdict, compare as compare, second_opinions as second_opinions, validate as validate

@@ -1,0 +1,810 @@
+"""`calibrate`: records and free names in, a `Calibration` out, or a refusal; the standing of a fit, and the store of what it found."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from contextlib import contextmanager
+from dataclasses import replace
+from datetime import UTC, datetime
+from importlib.metadata import version
+from itertools import combinations
+from typing import Any
+
+import numpy as np
+
+from thermid.base.arguments import takes_objects
+from thermid.base.errors import IdentificationError, SolverError
+from thermid.base.linear_algebra import Array, null_space, symmetric_inverse
+from thermid.base.units import NAMES, counted, unit
+from thermid.fit._calibration import FAR, FIRST, TIMES, Calibration, Local, contradicted, far_from_sheet, loudly
+from thermid.fit._discrepancy.discrepancy import with_discrepancy
+from thermid.fit._discrepancy.doubts import with_doubts
+from thermid.fit._inputs import inputs_of
+from thermid.fit._minimisation import Fit, KeptFit, covariances, ended, minimise
+from thermid.fit._problem.experiment import UNSAID_NOISE, Experiment
+from thermid.fit._problem.gather import build_problem
+from thermid.fit._problem.request import LocalSpec, Request, freed, key_for, mean_of, priors_of, weighing
+from thermid.fit._problem.residuals import Predictions, Problem, Unknown, pooled, starting_point, wanders
+from thermid.fit._search import Progress, searched
+from thermid.fit._second_clocks import at_clocks, in_turns, widened_by_noise_of_powers, with_clocks
+from thermid.fit._uncertainty.groups import SHARE, Group, listed, percent, structural_groups, together
+from thermid.fit._uncertainty.information import Information, Responses, elsewhere, responses
+from thermid.fit._uncertainty.moved import Moves, moves_above
+from thermid.fit._uncertainty.noise import Autocorrelation, TraceNoise, autocorrelation
+from thermid.measure.amounts import short, some
+from thermid.measure.records import Record, stray_readings
+from thermid.model.identity import identity_of
+from thermid.model.laws import TableSignal
+from thermid.model.parameters import CREDIBLE, UNJUDGED, Standing, worst
+from thermid.model.tree import Model, deck_text, parameter_table
+from thermid.simulation.scenarios import Scenario
+from thermid.values.fitted import FittedValue, FittedValues, view
+from thermid.values.store import State, Store, ValueOrigin
+
+NOISES, OF_RANGE = 3.0, 0.02
+"""What residuals may be, as a standard deviation: so many times the stated noise of the sensor. Where no noise was stated, their
+autocorrelated part may be so many times the independent one, or so much of what the sensor ranged over, whichever is more. [-]"""
+ASIDE, STRAINED = 3.0, 5.0
+"""Standard deviations from its prior at which a value of a single record is remarked on, and from which its fit is not adequate: what
+one record takes up so far from what is known of it is physics that the model lacks, or a prior that is wrong. [-]"""
+SURE = 3.0
+"""Standard deviations of chi-square by chance, from which residuals that wander are asked whether the structure lacks something. [-]"""
+REFUTED = 1e-3
+"""Chance of as large a chi-square, beside residuals of so many noises, from which the stated noise refutes the fit."""
+
+
+def own_standing(
+    request: Request, problem: Problem, found: Fit, values: FittedValues, total: Array, spread: Autocorrelation | None
+) -> Standing:
+    """Return the standing of a fit by itself, whatever it rests on."""
+    wrong = [*contradicted(values).values(), *([] if found.converged else [f"the fit did not converge: {found.message}"])]
+    if wrong:
+        return Standing("not credible", "; ".join(wrong), values.stage, request.accepted)
+    short_of = [f"'{u.name}' ended at its {side} bound" for u, side, _ in at_bounds(problem, found, total) if u.kind == "parameter"]
+    short_of += _missed(request, problem, found, spread) if spread is not None else []
+    far = _far(problem, found)
+    if far and (size := max(far.values())) > STRAINED:
+        name = max(far, key=far.__getitem__)
+        short_of.append(f"'{name}' lies {size:.1f} standard deviations from its prior (limit {STRAINED:g})")
+    if short_of:
+        return Standing("not adequate", "; ".join(short_of), values.stage, request.accepted)
+    return replace(CREDIBLE, stage=values.stage)
+
+
+def at_bounds(problem: Problem, found: Fit, total: Array) -> list[tuple[Unknown, str, float]]:
+    """Return the unknowns that ended at a bound, which one, and the bound in the fitted form."""
+    out = []
+    for k, u in enumerate(problem.unknowns):
+        error = float(np.sqrt(total[k, k]))
+        for bound, side in zip(u.fitted_bounds(), ("lower", "upper"), strict=True):
+            if np.isfinite(bound) and abs(found.fitted[k] - bound) < max(1e-4 * max(abs(bound), u.scale), 0.02 * error):
+                out.append((u, side, bound))
+    return out
+
+
+def _missed(request: Request, problem: Problem, found: Fit, spread: Autocorrelation) -> list[str]:
+    """Return in words which traces the model misses by more than it may, the worst first; one reason for all of them."""
+    seen = {(e.record.name, o.sensor): o for e in problem.experiments for o in e.observations}
+    scatter = {(record, sensor): float(np.sqrt(s.mean_square)) for record, sensor, s in found.sums}
+    missed: list[tuple[float, str]] = []
+    for t in spread.traces:
+        o = seen[t.record, t.sensor]
+        sigma = o.sigma(problem.noise)
+        size = float(np.sqrt(t.correlated_variance)) * sigma
+        if request.adequate:
+            limit, what = request.adequate, "'adequate'"
+        elif o.noise is not None:
+            size = scatter[t.record, t.sensor] if size > 0.0 else 0.0
+            limit, what = NOISES * o.noise, f"{NOISES:g} times its stated noise"
+        else:
+            limit = max(NOISES * float(np.sqrt(t.white_variance)) * sigma, OF_RANGE * float(np.ptp(o.measured)))
+            what = f"{NOISES:g} noises and {100 * OF_RANGE:g} % of its range"
+        if size > limit:
+            missed.append((size / limit, f"{t.sensor} in {t.record} has a residual of {short(size)} K (limit {short(limit)} K: {what})"))
+    if not missed:
+        return [] if request.adequate else _refuted(problem, found)
+    first = max(missed)[1]
+    return [f"{first}, and {counted(len(missed) - 1, 'further trace')}" if len(missed) > 1 else first]
+
+
+def _refuted(problem: Problem, found: Fit) -> list[str]:
+    """Return in words that the sum of squares refutes the fit, white residuals or not; nothing where some noise was not stated."""
+    from scipy.special import gammaincc
+
+    freedom, squares = problem.freedom, found.chi_square
+    if freedom <= 0.0 or any(o.noise is None for o in problem.observations()) or squares <= NOISES**2 * freedom:
+        return []
+    chance = float(gammaincc(0.5 * freedom, 0.5 * squares))
+    if chance > REFUTED:
+        return []
+    times = short(float(np.sqrt(squares / freedom)))
+    return [f"the residuals are {times} times the stated noise, which the noise refutes (limit {NOISES:g} times)"]
+
+
+def rests_on(request: Request, values: FittedValues) -> dict[str, Standing]:
+    """Return who gave the values that a fit rests on -> their standing.
+
+    It rests on every value that was laid over its model and acts there, but for those that it freed without a prior of them, and on the
+    errors of its own instruments that a stage below found.
+    """
+    given = {q for p in request.prior for q in request.store.states[p].acts}
+    given |= {p for p, one in request.priors.items() if not mean_of(one)}  # a prior about the value that was there
+    freed = {q for p, v in values.parameters.items() if p not in given for q in (p, *v.also)}
+    out: dict[str, list[Standing]] = {}
+    for path, entry in parameter_table(request.model).items():
+        if path not in freed and entry.parameter.standing is not None:
+            out.setdefault(entry.origin, []).append(entry.parameter.standing)
+    for s in request.store.states.values():
+        if s.kind != "parameter" and s.path in values:
+            out.setdefault(str(s.origin), []).append(s.standing)
+    return {who: worst(several) for who, several in out.items()}
+
+
+def stored(request: Request, problem: Problem, values: FittedValues, found: Responses) -> Store:
+    """Return what is known once a fit is done.
+
+    Parameters
+    ----------
+    request, problem    The fit's.
+    values : FittedValues   What it found.
+    found : Responses       What its errors come from.
+    """
+    kept = [k for k, u in enumerate(problem.unknowns) if u.kind != "local"]
+    key = key_for(request)
+    rows, sources = found.of(kept, key[:16], f"noise of stage '{values.stage}'")
+    known = [not found.unlimited[k] for k in kept]
+    origin = ValueOrigin("fit", values.stage, tuple(values.provenance["records"]), key, values.provenance["date"])
+    decks = {p: deck_text(entry) for p, entry in parameter_table(request.model).items()}
+    states = {v.path: replace(state_of(v, origin, decks), known=sure) for v, sure in zip(values.values(), known, strict=True)}
+    seen = {sha: f"stage '{values.stage}' as '{name}'" for name, sha in values.provenance["records"].items()}
+    return in_place(request.store, Store(states, sources, rows, seen, {values.stage: values.provenance}))
+
+
+def in_place(before: Store, new: Store) -> Store:
+    """Return what was known before with new states in the place of those that they stand for."""
+    here = {n for s in new.states.values() for n in (s.path, *s.paths)}
+    sources = tuple({s.name: s for s in (*before.sources, *new.sources)}.values())
+    place = {s.name: k for k, s in enumerate(sources)}
+    states: dict[str, State] = {}
+    root = []
+    for store in (before, new):
+        columns = [place[s.name] for s in store.sources]
+        for state, own in zip(store.states.values(), store.root, strict=True):
+            kept = _left(state, here) if store is before else _after(state, before)
+            if kept is not None:
+                row = np.zeros(len(sources))
+                row[columns] = own
+                states[kept.path] = kept
+                root.append(row)
+    whole = replace(
+        before,
+        states=states,
+        sources=sources,
+        root=np.array(root).reshape(len(root), len(sources)),
+        seen={**before.seen, **new.seen},
+        provenance={**before.provenance, **new.provenance},
+        left_out=tuple(dict.fromkeys((*before.left_out, *new.left_out))),
+    )
+    return whole.trimmed()
+
+
+def _after(state: State, before: Store) -> State:
+    """Return a state that knows whom it replaces."""
+    old = [s for s in before.states.values() if s.path == state.path or set(s.paths) & set(state.paths)]
+    return replace(state, history=tuple(dict.fromkeys(o for s in old for o in (*s.history, s.origin))))
+
+
+def _left(state: State, here: set[str]) -> State | None:
+    """Return what is left of a state once a fit has looked for some paths; None for nothing."""
+    if state.kind != "parameter":
+        return None if state.path in here else state
+    paths = tuple(p for p in state.paths if p not in here)
+    return replace(state, path=paths[0], paths=paths, hidden=tuple(p for p in state.hidden if p in paths)) if paths else None
+
+
+def state_of(v: FittedValue, origin: ValueOrigin, decks: Mapping[str, str]) -> State:
+    """Return the state that a value of a stage is; `decks` has the texts of the decks' values by path."""
+    parameter = v.kind == "parameter"
+    return State(
+        v.path,
+        v.value,
+        v.log,
+        v.unit,
+        v.bounds,
+        origin,
+        v.kind,
+        (v.path, *v.also) if parameter else (),
+        deck=decks.get(v.path, ""),
+        standing=v.standing,
+        start=v.start,
+        random=v.error_random,
+        prior=v.prior,
+    )
+
+
+def tuned_by_hand(request: Request, hand: Store) -> Calibration:
+    """Return a stage that takes values as somebody tuned them, over what the stages below found."""
+    store = in_place(request.store, hand)
+    values = view(store, list(hand.states), request.name)
+    return Calibration(
+        request.name,
+        request.model,
+        values,
+        (),
+        (),
+        {},
+        {},
+        {},
+        0.0,
+        0,
+        0,
+        request.loss,
+        request.remarks,
+        seen=store.seen,
+        request=request,
+        own=UNJUDGED,
+        rests=rests_on(request, values),
+        store=store,
+    )
+
+
+DIFFER = 3.0
+"""Standard deviations from which two sensors of one node differ."""
+STRANGE = 300.0
+"""Ratio of the power of a log and that of the deck from which one of them is in another unit."""
+FULL = 101.0
+"""Largest number that a duty cycle in per cent reaches, with what rounding adds."""
+
+
+def strange_powers(problem: Problem) -> tuple[str, ...]:
+    """Return questions about logged powers that are far from the deck's: is their unit right?
+
+    Far is 300 times, and five times where nobody said the unit of the column: a duty cycle in per cent then counts as watts.
+    """
+    out: dict[str, str] = {}
+    for e in problem.experiments:
+        values = e.network.flat.parameters.evaluate({})
+        decks = {row.path: float(values[row.fields["power"]]) for row in e.network.flat.loads if "power" in row.fields}
+        for c in (c for c in e.record.channels.values() if c.role == "load" and c.quantity == "power" and c.valid.any()):
+            path = e.network.flat.names.model.canonical(c.target or "")
+            logged, deck = float(abs(c.values[c.valid]).max()), decks.get(path, 0.0)
+            if not (logged > 0 and deck > 0):
+                continue
+            gives = f"{FIRST}'{c.name}' gives '{path}' {short(logged, 3)} W, the deck has {short(deck, 3)} W: "
+            if not 1.0 / STRANGE < logged / deck < STRANGE:
+                out[c.name] = f'{gives}check its unit. For a column in mW give unit = "mW" in its table, or [mW] in its header.'
+            elif c.assumed and logged / deck >= TIMES and logged <= FULL:
+                out[c.name] = (
+                    f"{gives}it may be a duty cycle in per cent: no unit is given, so watts were assumed. Give full_scale = '... [W]', its "
+                    'power at 100 %, or, if these are watts, unit = "W".'
+                )
+    return tuple(out.values())
+
+
+def refuse_before(request: Request, problem: Problem, fit: Callable[[Request], Calibration]) -> None:
+    """Refuse a fit of unknowns that the records cannot separate.
+
+    Raises
+    ------
+    IdentificationError   Names them, and what is known of them instead.
+    """
+    if not problem.unknowns:
+        return
+    info = Information.of(problem, starting_point(problem.unknowns))
+    length = np.linalg.norm(info.rows, axis=0)
+    blind = set(np.flatnonzero(length <= 1e-12 * length.max()).tolist())
+    for direction in null_space(info.rows) * length:
+        blind |= set(np.flatnonzero(np.abs(direction) > SHARE * np.abs(direction).max()).tolist())
+    if blind:
+        names = {info.names[k] for k in blind}
+        groups = structural_groups(info, elsewhere(problem, info))
+        group = next(g for g in groups if names & set(g.names))
+        raise IdentificationError(_words(group, request, problem, fit), request.name or request.model.title)
+
+
+def _words(group: Group, request: Request, problem: Problem, fit: Callable[[Request], Calibration]) -> str:
+    """Return what cannot be separated, what is known instead, and what to do."""
+    if group.form == "unseen":
+        return f"no reading depends on '{group.names[0]}'. Fix it, or add a record in which it acts."
+    named = listed(group.names) if len(group.names) < 3 else ", ".join(f"'{n}'" for n in group.names)
+    cure = "Free one of them, or add a record in which they act differently."
+    how = group.pair
+    if how in ("product", "ratio"):
+        known = _known(group, request, problem, fit)
+        return f"{named} cannot be separated by these data; they act only as a {how}{known}. {cure}"
+    about = "; ".join(f"{c.text} to about {percent(c.relative)}{f' ({c.meaning})' if c.meaning else ''}" for c in group.known)
+    known = f" Known: {about}." if about else ""
+    if group.form in ("sum", "series"):
+        return f"{named} cannot be separated by these data; {group.acting}.{known} {cure}"
+    if group.form == "power law":
+        moves = ", or ".join(together(move, len(group.names)) for move in group.moves)
+        powers = [n for n in group.names if n.rpartition(".")[2] in ("power", "scale") or _is_power(n, problem)]
+        advice = f" Without a measured power only ratios can be fitted: fix '{powers[0]}' or give it a prior." if powers else ""
+        return f"{named} cannot be separated by these data: {moves} changes no reading.{known}{advice} {cure}"
+    return f"{named} cannot be separated by these data: a change of one is compensated by the others. {cure}"
+
+
+def _is_power(name: str, problem: Problem) -> bool:
+    return any(u.name == name and unit(u.unit).dimension == unit("W").dimension for u in problem.unknowns)
+
+
+def _known(group: Group, request: Request, problem: Problem, fit: Callable[[Request], Calibration]) -> str:
+    """Return the value of a product or ratio of two parameters, from a fit that frees one of them."""
+    first, second = group.names
+    fewer = tuple(n for n in request.free if request.model.canonical(n) != second)
+    if len(fewer) != len(request.free) - 1:
+        return ""
+    try:
+        found = fit(replace(request, free=fewer))
+    except IdentificationError:
+        return ""
+    combination = f"{first}{'*' if group.pair == 'product' else '/'}{second}"
+    other = next(u for u in problem.unknowns if u.name == second)
+    value = found.values[first]
+    factor = other.start if group.pair == "product" else 1.0 / other.start
+    of = unit(value.unit).dimension
+    dimension = tuple(a + b if group.pair == "product" else a - b for a, b in zip(of, unit(other.unit).dimension, strict=True))
+    text = next((t for t in NAMES if unit(t).dimension == dimension), "SI")
+    meaning = next((f", which sets {c.meaning}" for c in group.known if c.meaning), "")
+    return f" (known: {combination} = {short(value.value * factor, 3)} +- {short(value.error * factor)} {text}{meaning})"
+
+
+def refuse_after(request: Request, problem: Problem, found: Fit, total: Array) -> None:
+    """Refuse a fit whose standard error is wider than the bounds it was given.
+
+    Raises
+    ------
+    IdentificationError   Names the parameter, its error and its bounds.
+    """
+    for k, u in enumerate(problem.unknowns):
+        if u.kind != "parameter":
+            continue
+        error = float(np.sqrt(total[k, k]))
+        if not np.isfinite(error):
+            raise IdentificationError(
+                f"at the end of the fit no reading depends on '{u.name}'. Fix it.", request.name or request.model.title
+            )
+        low, high = u.fitted_bounds()
+        if not u.log:
+            width = high - low
+        else:
+            width = high - low if u.low > 0 else np.inf
+        if np.isfinite(width) and 2 * error > width:
+            scale = 1.0 / float(unit(u.unit).factor)
+            value, spread = u.to_value(float(found.fitted[k])) * scale, error * u.slope(float(found.fitted[k])) * scale
+            raise IdentificationError(
+                f"'{u.name}' = {short(value, 3)} +- {short(spread)} {u.unit}: its standard error is wider than its bounds "
+                f"{u.low * scale:.4g} .. {u.high * scale:.4g}, so the log does not determine it{_by_instruments(problem, total, k)}. "
+                "Fix it, give it a prior, or add a record in which it acts more.",
+                request.name or request.model.title,
+            )
+
+
+def _by_instruments(problem: Problem, total: Array, k: int) -> str:
+    """Return which instruments' errors set most of the variance of an unknown; empty where none do."""
+    at = [j for j, u in enumerate(problem.unknowns) if u.kind in ("sensor", "shared", "instrument")]
+    if not at or not np.isfinite(total[np.ix_([k, *at], [k, *at])]).all():
+        return ""
+    across = total[at, k]
+    if float(across @ symmetric_inverse(total[np.ix_(at, at)]) @ across) < 0.5 * total[k, k]:
+        return ""
+    share = across**2 / (np.diag(total)[at] * total[k, k])
+    behind = [problem.unknowns[j] for j, s in zip(at, share, strict=True) if s > 0.1]
+    if not behind:
+        return ""
+    names = listed([u.name.removeprefix("sensor ").removesuffix(" error") for u in behind])
+    cure = (
+        (" (if all sensors began at one temperature, give `start`: the fit then finds these errors)")
+        if all(u.kind == "sensor" for u in behind)
+        else ""
+    )
+    return f"; most of that is the constant error of {names}{cure}"
+
+
+CHANCE = 0.01
+
+
+def summarise(
+    request: Request, problem: Problem, found: Fit, known: Responses, random: Array, spread: Autocorrelation | None = None
+) -> Calibration:
+    """Return the calibration that a fit ended with; `known` says what its errors come from, `random` is their part by noise."""
+    name, total = request.name or request.model.title, known.total
+    origin = f"{name}: {some([r.name for r in request.records], 'records')}"
+    kept = [k for k, u in enumerate(problem.unknowns) if u.kind != "local"]
+    items = {u.name: _value(u, float(found.fitted[k]), total[k, k], random[k, k], origin) for k in kept for u in (problem.unknowns[k],)}
+    records = {r.name: r.origin.sha256 for r in request.records}
+    provenance: dict[str, Any] = {
+        "version": version("thermid"),
+        "date": datetime.now(UTC).date().isoformat(),
+        "model": identity_of(request.model),
+        "records": records,
+        "synthetic": any(r.origin.synthetic for r in request.records),
+    }
+    own = np.ix_(kept, kept)
+    values = FittedValues(name, items, total[own], provenance)
+    alone, rests = own_standing(request, problem, found, values, total, spread), rests_on(request, values)
+    store = stored(request, problem, values.judged(worst([alone, *rests.values()])), known)
+    values = view(store, list(values), name)
+    bias = dict(problem.fixed_bias) | {s: v.value for s, v in values.sensors.items()}
+    blocks = Predictions(found.sums, problem, found.fitted)
+    local = tuple(_local(u, found.fitted[k], total[k, k]) for k, u in enumerate(problem.unknowns) if u.kind == "local")
+    freedom = round(problem.freedom)
+    handed_on = bool(request.store.states)
+    moved = moves_above(request, problem, found, spread.variance_factor if spread is not None else 1.0) if handed_on else Moves()
+    return Calibration(
+        name,
+        request.model,
+        values,
+        local,
+        blocks,
+        bias,
+        records,
+        correlations_of(problem, total),
+        found.chi_square,
+        freedom,
+        found.evaluations,
+        request.loss,
+        (
+            *loudly(values),
+            *far_from_sheet(request.model, values),
+            *request.remarks,
+            *(f"{FIRST}{r}" for r in (request.model.runner.remarks if request.model.runner is not None else ())),
+            *_warnings(problem, found, total, spread),
+            *found.remarks,
+            *(_wandering(spread) if spread is not None else ()),
+            *(moved.warnings() if handed_on else ()),
+        ),
+        bool(provenance["synthetic"]),
+        {**request.seen, **{r.origin.sha256: f"stage '{name}' as '{r.name}'" for r in request.records}},
+        problem.experiments,
+        {u.name: float(x) for u, x in zip(problem.unknowns, found.fitted, strict=True)},
+        found.converged,
+        request,
+        problem,
+        moved,
+        spread,
+        search=found.search,
+        own=alone,
+        rests=rests,
+        store=store,
+        stopped=found.stopped,
+    )
+
+
+def _value(u: Unknown, fitted: float, total: float, random: float, origin: str) -> FittedValue:
+    slope = u.slope(fitted)
+    errors = (slope * float(np.sqrt(total)), slope * float(np.sqrt(max(random, 0.0))) if u.kind == "parameter" else 0.0)
+    prior = (u.prior.mean, u.prior.sd) if u.prior is not None else None
+    return FittedValue(
+        u.name, u.to_value(fitted), errors[0], errors[1], u.log, u.unit, u.start, (u.low, u.high), origin, u.kind, prior, u.also
+    )
+
+
+def _local(u: Unknown, fitted: float, variance: float) -> Local:
+    record, _, name = u.name.partition(": ")
+    return Local(record, name, float(fitted), float(np.sqrt(variance)), u.unit)
+
+
+def correlations_of(problem: Problem, total: Array) -> dict[tuple[str, str], float]:
+    """Return (path, path) -> correlation in a covariance of all unknowns, those above 0.1."""
+    names = [(k, u.name) for k, u in enumerate(problem.unknowns) if u.kind in ("parameter", "sensor", "instrument")]
+    out = {}
+    for i, (k, first) in enumerate(names):
+        for m, second in names[i + 1 :]:
+            size = np.sqrt(total[k, k] * total[m, m])
+            value = float(total[k, m] / size) if size > 0 and np.isfinite(size) else 0.0
+            if abs(value) > 0.1:
+                out[first, second] = value
+    return out
+
+
+def _warnings(problem: Problem, found: Fit, total: Array, spread: Autocorrelation | None) -> list[str]:
+    """Return what a reader must know."""
+    out = []
+    if not found.converged:
+        out.append(f"the fit did not converge: {found.message}")
+    for u, side, bound in at_bounds(problem, found, total):
+        shown = FittedValue(u.name, u.to_value(bound), 0, 0, u.log, u.unit, 0, (0, 0)).in_unit
+        out.append(
+            f"'{u.name}' ended at its {side} bound {shown:.6g}, so its standard error is not meaningful. Widen the bound, or "
+            "fix the parameter."
+        )
+    for k, u in enumerate(problem.unknowns):
+        far = abs(found.fitted[k] - u.prior.mean) / u.prior.sd if u.prior is not None and u.kind != "local" else 0.0
+        if 3.0 < far <= FAR:  # what lies farther stands at the head of the fit
+            out.append(
+                f"'{u.name}' lies {far:.1f} standard deviations from its prior: data and prior disagree. Check the source of "
+                "the prior, and the model."
+            )
+    out += _strained(problem, found)
+    out += differing(problem)
+    out += _taken_as_instants(problem)
+    freedom = round(problem.freedom)
+    reduced = found.chi_square / max(freedom, 1)
+    stated = all(o.noise is not None for o in problem.observations())
+    if stated and freedom > 0 and reduced > 1.5:
+        widened = "; the errors were widened by that factor" if spread is None or spread.variance_factor > 1.5 else ""
+        out.append(
+            f"the residuals are {short(np.sqrt(reduced))} times the stated noise{widened}. Check the noise, or look for "
+            "missing physics with `thermid criticise`."
+        )
+    return out
+
+
+def _slow(spread: Autocorrelation) -> list[TraceNoise]:
+    """Return the traces whose residuals wander."""
+    return [t for t in spread.traces if t.white_variance > 0.0 and wanders(t.effective_samples, t.samples)]
+
+
+def _wandering(spread: Autocorrelation) -> list[str]:
+    """Return one remark on traces whose residuals wander."""
+    slow = _slow(spread)
+    # one white trace in a hundred looks as if it wandered
+    if len(slow) <= CHANCE * len(spread.traces) + 3.0 * np.sqrt(CHANCE * (1.0 - CHANCE) * len(spread.traces)):
+        return []
+    share = f"{len(slow)} of {len(spread.traces)} traces" if len(spread.traces) > 1 else "the trace"
+    count, effective = sum(t.samples for t in slow), sum(t.effective_samples for t in slow)
+    return [
+        f"residuals of {share} are autocorrelated: the model lacks physics, or the readings were filtered. The effective sample size "
+        f"is {short(effective)} of {count}, and the errors were widened accordingly. `thermid criticise` looks for the missing physics."
+    ]
+
+
+def _taken_as_instants(problem: Problem) -> list[str]:
+    """Return one remark on logged boundaries that change between samples by more than the noise, where nobody said what a sample is.
+
+    The mean over an interval is the instant of its middle: half a change between two samples apart.
+    """
+    apart: dict[str, float] = {}
+    for e in problem.experiments:
+        noise = min((o.noise for o in e.observations if o.noise is not None), default=UNSAID_NOISE)
+        for name, given in e.scenario.boundaries.items():
+            if isinstance(given, TableSignal) and not given.held and not given.samples:
+                half = 0.5 * float(np.sqrt(np.mean(np.diff(given.levels) ** 2)))
+                if half > noise:
+                    apart[name] = max(half, apart.get(name, 0.0))
+    if not apart:
+        return []
+    shown = ", ".join(f"'{n}' ({short(k)} K)" for n, k in apart.items())
+    return [
+        "samples of logged boundaries are taken as instants. Taken as means over the interval up to their stamps, they would change "
+        f"the simulated temperatures by more than the noise: {shown}. State samples = 'instant' or 'average' for their channels."
+    ]
+
+
+def differing(problem: Problem) -> list[str]:
+    """Return one remark on sensors of one node that differ by more than what is said of their noise and accuracy."""
+    out = []
+    for e in problem.experiments:
+        for a, b in combinations(e.observations, 2):
+            both, one, other = np.intersect1d(a.index, b.index, return_indices=True)
+            if a.seat != b.seat or a.lag or b.lag or not both.size:
+                continue
+            apart = float(np.mean(a.measured[one] - b.measured[other]))
+            error = float(np.hypot(a.sigma(problem.noise), b.sigma(problem.noise))) / both.size**0.5
+            allowed = float(np.linalg.norm([error, a.accuracy or 0.0, b.accuracy or 0.0]))
+            if abs(apart) > DIFFER * allowed:
+                out.append(
+                    f"'{a.sensor}' and '{b.sensor}' on '{a.seat}' differ by {short(abs(apart))} K in {e.record.name}, but their noise "
+                    f"and accuracy allow {short(allowed)} K. Correct their accuracy, or look for a temperature gradient between them."
+                )
+    return out[:1]
+
+
+def _far(problem: Problem, found: Fit) -> dict[str, float]:
+    """Return value of a single record -> how many standard deviations it lies from its prior, of those that lie far."""
+    local = [(k, u.name, u.prior) for k, u in enumerate(problem.unknowns) if u.kind == "local" and u.prior is not None]
+    apart = {name: abs(float(found.fitted[k]) - prior.mean) / prior.sd for k, name, prior in local}
+    return {name: size for name, size in apart.items() if size > ASIDE}
+
+
+def _strained(problem: Problem, found: Fit) -> list[str]:
+    """Return one remark on the values of single records that lie far from their priors."""
+    far = _far(problem, found)
+    if not far:
+        return []
+    worst = max(far, key=far.__getitem__)
+    count = sum(u.kind == "local" and u.prior is not None for u in problem.unknowns)
+    return [
+        f"{len(far)} of {count} values of single records lie more than 3 standard deviations from their priors, '{worst}' the farthest "
+        f"with {far[worst]:.1f}. The priors are too tight, or the model lacks physics that these values compensate. Widen the priors, "
+        "or run `thermid criticise`."
+    ]
+
+
+@takes_objects
+def calibrate(
+    model: Model,
+    records: Record | Sequence[Record],
+    free: Sequence[str],
+    *,
+    scenario: Scenario | Mapping[str, Scenario] | None = None,
+    local: Mapping[str, Any] | None = None,
+    priors: Mapping[str, tuple[str, str] | str] | None = None,
+    loss: str = "linear",
+    search: str = "auto",
+    weights: Mapping[str, float] | str | None = None,
+    name: str = "",
+    progress: Progress | None = None,
+) -> Calibration:
+    """Return the fit of some parameters of a model to one or several records.
+
+    The interrupt key ends the search with the best values so far: the calibration is then not credible, "stopped by the user".
+
+    Parameters
+    ----------
+    model : Model               What the hardware is.
+    records : Record(s)         Logs whose channels are bound to nodes, boundaries, loads or commands.
+    free : sequence of str      Paths of the parameters to fit, or globs such as ``pre.*.htc``; all others stay as they are.
+    scenario : Scenario(s)      What the logs do not say; one for all, or one by record name.
+    local : dict                Values that each record has for itself: boundary or ``initial.<node>`` -> ``{start, sd}``.
+    priors : dict               Path or glob -> (mean, standard deviation), texts with units; or ``"range"`` for that of its data sheet.
+    loss : str                  linear, soft_l1, huber or cauchy.
+    search : str                local, multistart, differential evolution, cma; or auto: further starts where one descent is doubtful.
+    weights : dict or str       Sensor -> weight of its residuals, 1 where none is given; or ``"effective"``: after a first fit readings
+                                count as many as residuals that wander are worth, so that priors and local values have the width stated.
+    progress : callable         Called with the number of evaluations and the RMS of the weighted residuals; where it has a method
+                                ``ahead(words, seconds)``, that is called before a descent and before a search, with what it will take.
+
+    Raises
+    ------
+    IdentificationError   When parameters act only as a product, or a standard error is wider than the bounds; the message says what to do.
+    """
+    many = (records,) if isinstance(records, Record) else tuple(records)
+    scenarios = dict(scenario) if isinstance(scenario, Mapping) else {"*": scenario} if scenario else {}
+    specs = {k: LocalSpec.read(v, f"local.{k}") for k, v in (local or {}).items()}
+    wanted, _ = freed(model, free, (), name or model.title)
+    known = priors_of(model, priors or {}, name or model.title)
+    weighed = weighing(weights or {}, name or model.title)
+    request = Request(model, many, tuple(wanted), scenarios, specs, priors=known, loss=loss, search=search, name=name, **weighed)
+    return fit(request, progress, stoppable=True)
+
+
+def fit(request: Request, progress: Progress | None = None, known: KeptFit | None = None, stoppable: bool = False) -> Calibration:
+    """Return the calibration that a request asks for; see `calibrate`.
+
+    `known` is what was kept of the same fit from before; its end is then evaluated and not searched again. `stoppable` says
+    whether the interrupt key ends the search with the best values so far; what makes many fits leaves it to go through.
+    """
+    if request.hand is not None:
+        return tuned_by_hand(request, request.hand)
+    return fit_problem(request, build_problem(request), progress, known, stoppable)
+
+
+def fit_problem(
+    request: Request,
+    problem: Problem,
+    progress: Progress | None = None,
+    known: KeptFit | None = None,
+    stoppable: bool = False,
+) -> Calibration:
+    """Return the calibration of a problem that was made for a request."""
+    from threadpoolctl import threadpool_limits
+
+    with threadpool_limits(limits=1):  # matrices of up to some hundred rows: two threads wait for one another a hundred times longer
+        return _fitted(request, problem, progress, known, stoppable)
+
+
+def _fitted(request: Request, problem: Problem, progress: Progress | None, known: KeptFit | None, stoppable: bool) -> Calibration:
+    stated = all(o.noise is not None for o in problem.observations())
+    if known is not None and not request.effective and list(known.fitted) == [u.name for u in problem.unknowns]:
+        found = ended(problem, np.array(list(known.fitted.values())), request.loss, request.loss_scale, known.evaluations)
+        found = replace(found, search=known.search, remarks=known.remarks)
+    else:
+        with _units_asked(problem):
+            if problem.clocked:
+                problem = with_clocks(problem, request.loss, request.loss_scale)
+            refuse_before(request, problem, lambda r: fit(r))
+            found = searched(problem, request.search, request.loss, request.loss_scale, progress, stoppable)
+            if problem.clocked and not found.stopped:
+                problem, found = in_turns(problem, found, request.loss, request.loss_scale, progress)
+        if not stated and not found.stopped:
+            weighed = replace(problem, noise=_measured_noise(problem, found, request.loss))
+            again = minimise(weighed, request.loss, request.loss_scale, found.fitted, progress, stoppable=stoppable)
+            found = replace(again, evaluations=found.evaluations + again.evaluations, search=found.search, remarks=found.remarks)
+    if request.effective and not found.stopped:
+        problem, found = _as_they_are_worth(request, problem, found, progress, stoppable)
+    if problem.clocked:
+        problem = at_clocks(problem, found.fitted)
+    if not stated:
+        # from the end alone, so that a fit taken from before says the same
+        problem = replace(problem, noise=_measured_noise(problem, found, request.loss))
+        again = ended(problem, found.fitted, request.loss, request.loss_scale)
+        same = {k: getattr(found, k) for k in ("evaluations", "message", "converged", "search", "remarks", "stopped")}
+        found = replace(again, **same)
+    spread = autocorrelation(problem, found, request.loss, request.loss_scale)
+    _, random, weights = covariances(found, spread.variance_factor, spread.score_excess)
+    if problem.clocked:
+        wider = widened_by_noise_of_powers(problem, found.fitted)
+        random = random * np.outer(wider, wider)
+    asked = (*strange_powers(problem), *(FIRST + said for said in stray_readings([e.record for e in problem.experiments])))
+    end = {u.name: float(x) for u, x in zip(problem.unknowns, found.fitted, strict=True)}
+    kept = KeptFit(end, found.evaluations, found.search, found.remarks)
+    found = replace(found, remarks=(*found.remarks, *asked))
+    try:
+        if not found.stopped:
+            refuse_after(request, problem, found, weights)  # what the data can tell, not how badly a wrong model fits them
+    except IdentificationError as refusal:
+        unlogged = (
+            f"{r.words}." for r in inputs_of(request, problem.experiments, problem.unknowns).assumed if r.kind == "load" and not r.partly
+        )
+        questions = dict.fromkeys(a.removeprefix(FIRST) for a in (*asked, *unlogged))
+        raise IdentificationError(" ".join([refusal.message, *(f"{a[0].upper()}{a[1:]}" for a in questions)]), refusal.where) from None
+    errors = responses(request, problem, found, spread.variance_factor, random, weights)
+    _refuse_without_errors(request, problem, errors.total)
+    made = with_discrepancy(replace(summarise(request, problem, found, errors, random, spread), kept=kept))
+    return with_doubts(made) if request.doubts or _suspect(made, spread) else made
+
+
+def _suspect(fit: Calibration, spread: Autocorrelation) -> bool:
+    """Whether the residuals of a fit may refute its structure: larger than the stated noise allows, and some of them wander."""
+    if fit.problem is None or any(o.noise is None for o in fit.problem.observations()):
+        return False
+    slow = any(t.white_variance > 0.0 and wanders(t.effective_samples, t.samples) for t in spread.traces)
+    return slow and fit.chi_square > fit.freedom + SURE * (2.0 * max(fit.freedom, 1)) ** 0.5
+
+
+def _as_they_are_worth(request: Request, problem: Problem, found: Fit, progress: Progress | None, stoppable: bool) -> tuple[Problem, Fit]:
+    """Return the problem and its fit with readings that count as many as their residuals were worth in a fit.
+
+    Residuals that wander together say together what few say that do not. Counted one by one they outweigh every prior: the room of a
+    run then follows them and takes up what the model lacks.
+    """
+    slow = _slow(autocorrelation(problem, found, request.loss, request.loss_scale))
+    if not slow:
+        return problem, found
+    # one share for all: a single trace says little of how long residuals wander
+    share = sum(t.effective_samples for t in slow) / sum(t.samples for t in slow)
+
+    def weighed(e: Experiment) -> Experiment:
+        return replace(e, observations=tuple(replace(o, weight=o.weight * share**0.5) for o in e.observations))
+
+    problem = replace(problem, experiments=tuple(map(weighed, problem.experiments)))
+    again = minimise(problem, request.loss, request.loss_scale, found.fitted, progress, stoppable=stoppable)
+    said = (
+        f"weights = 'effective': each reading weighs as {short(share)} of an independent one, the effective sample size of autocorrelated "
+        "residuals. Priors and local values count for more than with all readings"
+    )
+    count = found.evaluations + again.evaluations
+    return problem, replace(again, evaluations=count, search=found.search, remarks=(*found.remarks, said))
+
+
+def _refuse_without_errors(request: Request, problem: Problem, total: Array) -> None:
+    """Refuse a fit in which a variance comes out below zero: readings hardly depend on that value.
+
+    Raises
+    ------
+    IdentificationError   Names the value.
+    """
+    lost = [u.name for u, variance in zip(problem.unknowns, np.diag(total), strict=True) if not variance >= 0.0]
+    if lost:
+        raise IdentificationError(
+            f"at the end of the fit almost no reading depends on {listed(lost[:3])}, so its error is unknown. Fix it, or give it a prior.",
+            request.name or request.model.title,
+        )
+
+
+@contextmanager
+def _units_asked(problem: Problem) -> Iterator[None]:
+    """Let a run that breaks off say which logged powers may be in another unit."""
+    try:
+        yield
+    except SolverError as error:
+        raise SolverError(" ".join([error.message, *(a.removeprefix(FIRST) for a in strange_powers(problem))]), error.where) from None
+
+
+def _measured_noise(problem: Problem, found: Fit, loss: str) -> dict[str, float]:
+    """Return sensor -> noise: as stated, or the RMS of its residuals where nothing was stated. [K]
+
+    Where the loss is robust, outliers are expected; 1.4826 times the median size of the residuals stands for their RMS.
+    """
+    stated = {o.sensor: o.noise for o in problem.observations()}
+    out = {sensor: noise for sensor, noise in stated.items() if noise is not None}
+    blocks = problem.blocks(found.fitted) if loss != "linear" else []
+    for sensor in (s for s in stated if s not in out):
+        if loss == "linear":
+            size = np.sqrt(pooled([s for _, name, s in found.sums if name == sensor]).mean_square)
+        else:
+            size = 1.4826 * np.median(np.abs(np.concatenate([b.residuals for b in blocks if b.sensor == sensor])))
+        out[sensor] = max(float(size), 1e-6)
+    return out

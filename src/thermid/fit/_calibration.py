@@ -1,0 +1,478 @@
+"""`Calibration`: what a fit found, its uncertainty, what it contradicts, and which sensors set its errors."""
+
+from __future__ import annotations
+
+import math
+import os
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field, replace
+from functools import cached_property
+from typing import Self
+
+import numpy as np
+
+from thermid.base.results import PlottedTrace, Result, Row
+from thermid.base.units import counted, from_si, unit
+from thermid.fit._inputs import InputTable, input_lines, inputs_of
+from thermid.fit._minimisation import KeptFit
+from thermid.fit._problem.experiment import Experiment
+from thermid.fit._problem.request import Request
+from thermid.fit._problem.residuals import Predictions, Problem, SensorStatistics, SensorTrace, Sums, pooled
+from thermid.fit._uncertainty.moved import Moves
+from thermid.fit._uncertainty.noise import Autocorrelation
+from thermid.measure.amounts import digits, short
+from thermid.model.identity import cuts_of
+from thermid.model.parameters import UNJUDGED, Standing, worst
+from thermid.model.tree import Model, parameter_table
+from thermid.physics.constants import ICE_POINT
+from thermid.values.fitted import FittedValue, FittedValues, save_store
+from thermid.values.store import State, Store
+
+LOUD = "NOT CREDIBLE: "
+BLAME = "A column, a unit, a node, an accuracy or the model is wrong. Do not use these values."
+"""What to look for where a fit contradicts what was stated."""
+
+FIRST = "check: "
+"""Begins what stands in the first lines of a fit: a question that its user can answer and the fit cannot."""
+TIMES = 5.0
+"""Factor from the deck's value from which a fitted value with a source is questioned. [-]"""
+UNSOURCED = tuple(unit(u).dimension for u in ("kg", "J/K", "J/(kg K)"))
+"""Quantities that are questioned also where the deck gives no source: nobody is wrong about a mass by so much."""
+
+FAR = 10.0
+"""Standard deviations from what was stated beyond which a fit is not believed; chance and a careless accuracy do not reach so far. [-]"""
+
+
+def contradicted(values: FittedValues) -> dict[str, str]:
+    """Return name -> what would have to be wrong, of fitted values that lie more than ten deviations from what was stated of them."""
+    far = {name: _deviations(v) for name, v in values.items()}
+    return {name: _words(values[name], d) for name, d in sorted(far.items(), key=lambda item: -item[1]) if d > FAR}
+
+
+def loudly(values: FittedValues) -> tuple[str, ...]:
+    """Return the sentence about contradicted values for the head of a fit; nothing where nothing is contradicted."""
+    far = contradicted(values)
+    return (f"{LOUD}{'; '.join(far.values())}. {BLAME}",) if far else ()
+
+
+def far_from_sheet(model: Model, values: FittedValues) -> tuple[str, ...]:
+    """Return a question about each fitted value that is five times the deck's, or a fifth of it.
+
+    Asked of values whose source is a data sheet, a publication, a measurement or a derivation, and of masses and heat capacities unless
+    they are assumed.
+    """
+    table, out = parameter_table(model), []
+    for path, v in values.parameters.items():
+        if path not in table or not (v.log and v.start > 0.0 and v.value > 0.0):
+            continue
+        ratio, source = v.value / v.start, table[path].parameter.source
+        asked = source != "assumed" if source else unit(v.unit).dimension in UNSOURCED
+        if asked and not 1.0 / TIMES < ratio < TIMES:
+            of = f"{short(v.converted(v.start), 3)} {v.unit} ({source})" if source else f"{short(v.converted(v.start), 3)} {v.unit}"
+            times = f"{short(ratio, 3)} times" if ratio > 1.0 else f"{short(1.0 / ratio, 3)} times less than"
+            out.append(
+                f"{FIRST}{path} is {short(v.in_unit, 3)} {v.unit}, {times} the deck's {of}. A unit of time, power or temperature in the "
+                "log, or the deck's value, may be wrong. Check them."
+            )
+    return tuple(out)
+
+
+def _deviations(v: FittedValue) -> float:
+    """Return how many standard deviations a value lies from its prior; zero where it has none. [-]"""
+    if v.prior is None or (v.log and not v.value > 0.0):
+        return 0.0
+    mean, sd = v.prior
+    return abs((math.log(v.value) if v.log else v.value) - mean) / sd
+
+
+def _words(v: FittedValue, deviations: float) -> str:
+    times = short(deviations)
+    if v.kind == "sensor" or (v.kind == "shared" and v.unit == "K"):
+        sd = v.prior[1] if v.prior is not None else 0.0
+        name = v.path.removeprefix("sensor ").removesuffix(" error")
+        return f"{name} would need an error of {v.value:+.3g} K, {times} times its accuracy of {short(sd)} K"
+    if v.kind == "shared":
+        sd = v.prior[1] if v.prior is not None else 0.0
+        error = f"{100 * (v.value - 1):+.3g} %, {times} times its accuracy of {short(100 * sd)} %"
+        return f"{v.path.removesuffix(' error')} would need an error of {error}"
+    if v.kind == "instrument":
+        return f"{v.path} would need to be {short(v.in_unit, 3)} {v.unit}, {times} standard deviations from the stated value"
+    return f"{v.path} would need to be {short(v.in_unit, 3)} {v.unit}, {times} standard deviations from its prior"
+
+
+@dataclass(frozen=True)
+class Local:
+    """A value fitted for one record alone."""
+
+    record: str
+    name: str
+    value: float
+    error: float
+    unit: str = "K"
+
+
+@dataclass(frozen=True, eq=False)
+class Calibration(Result):
+    """The result of a fit; it changed nothing.
+
+    Parameters
+    ----------
+    stage : str                 Name of the stage, or of the model.
+    model : Model               The model as it was given.
+    values : FittedValues       Parameters and sensors' constant errors, with their joint covariance.
+    local : tuple of Local      What was fitted per record.
+    blocks : sequence of Block  Measured and predicted readings, per record and sensor; predicted when they are first looked at.
+    bias : dict                 Sensor -> constant error used. [K]
+    records : dict              Record -> checksum of its samples.
+    correlations : dict         (path, path) -> correlation, those above 0.1.
+    chi_square : float          Weighted sum of squares of the data. [-]
+    freedom : int               Samples less unknowns.
+    evaluations : int           How often the records were simulated.
+    loss : str                  The loss.
+    warnings : tuple of str     What a reader must know.
+    synthetic : bool            Whether any record was made and not measured.
+    experiments : tuple         The records bound to the model.
+    fitted : dict               Unknown -> its fitted form at the end.
+    converged : bool            Whether the minimisation ended by its own tolerances.
+    request : Request           What was asked; None for a calibration that no fit of this session made.
+    problem : Problem           Its weighted residuals, with the noise that was used.
+    moved : Moves               What the logs say of values of the stages below: moved, not rejected, or that they cannot decide.
+    search : str                What was looked at beyond one descent; empty for nothing.
+    seen : dict                 Checksum -> who used it: this stage's records and those of the stages below.
+    autocorrelation : Autocorrelation or None   Of the residuals.
+    own : Standing              How far the fit may be trusted by itself.
+    rests : dict                Who gave values that the fit rests on (``stage 'name'``) -> their standing.
+    verdict : Standing or None  What failed verdicts on it make of it.
+    store : Store               Everything known of the model's values, at every depth.
+    stopped : bool              Whether the interrupt key ended the search; the values are then the best so far, and not credible.
+    kept : KeptFit or None      What a results folder keeps of the fit, so that it can be taken again; None where values are set by hand.
+    doubted : bool              Whether the errors of its values count what the structure may lack; their covariance is that of the fit.
+    """
+
+    stage: str
+    model: Model
+    values: FittedValues
+    local: tuple[Local, ...]
+    blocks: Sequence[SensorTrace]
+    bias: Mapping[str, float]
+    records: Mapping[str, str]
+    correlations: Mapping[tuple[str, str], float]
+    chi_square: float
+    freedom: int
+    evaluations: int
+    loss: str
+    warnings: tuple[str, ...]
+    synthetic: bool = False
+    seen: Mapping[str, str] = field(default_factory=dict)
+    experiments: tuple[Experiment, ...] = field(default=(), repr=False)
+    fitted: Mapping[str, float] = field(default_factory=dict, repr=False)
+    converged: bool = True
+    request: Request | None = field(default=None, repr=False)
+    problem: Problem | None = field(default=None, repr=False)
+    moved: Moves = field(default_factory=Moves)
+    autocorrelation: Autocorrelation | None = field(default=None, repr=False)
+    search: str = ""
+    store: Store = field(default_factory=Store, repr=False)
+    own: Standing = UNJUDGED
+    rests: Mapping[str, Standing] = field(default_factory=dict)
+    verdict: Standing | None = None
+    stopped: bool = False
+    kept: KeptFit | None = field(default=None, repr=False)
+    doubted: bool = False
+
+    @property
+    def standing(self) -> Standing:
+        """How far the fit may be trusted: by itself, by the worst of the values that it rests on, and by verdicts."""
+        return worst([self.own, *self.rests.values(), *([self.verdict] if self.verdict is not None else [])])
+
+    def judged(self, rests: Mapping[str, Standing], verdict: Standing | None) -> Self:
+        """Return the fit with what verdicts made of it and of what it rests on; its values say the same."""
+        made = replace(self, rests=rests, verdict=verdict)
+        now = {**rests, f"stage '{self.stage}'": made.standing}
+        return replace(made, values=self.values.judged(made.standing), store=self.store.judged(now))
+
+    @cached_property
+    def fitted_model(self) -> Model:
+        """The model with the fitted values laid over it."""
+        return self.model.with_values(self.values.assignments, f"stage '{self.stage}'")
+
+    @property
+    def instrument_errors(self) -> dict[str, float]:
+        """Channel -> constant error that was found for a logged boundary (added to it [K]) or power (a factor)."""
+        return {p.removesuffix(" error"): v.value for p, v in self.values.items() if v.kind == "shared"}
+
+    @property
+    def reduced_chi_square(self) -> float:
+        """Weighted sum of squares per degree of freedom; 1 when model and noise are right. [-]"""
+        return self.chi_square / max(self.freedom, 1)
+
+    @property
+    def contradicted(self) -> Mapping[str, str]:
+        """Value -> what would have to be wrong, of those over ten deviations from an accuracy or prior: do not use the fit then."""
+        return contradicted(self.values)
+
+    @property
+    def inputs(self) -> InputTable:
+        """Every boundary, load and start of every record with its source, what is assumed first; empty where no log was fitted."""
+        if self.request is None or self.problem is None:
+            return InputTable()
+        return inputs_of(self.request, self.experiments, self.problem.unknowns)
+
+    def _sums(self) -> list[tuple[str, str, Sums]]:
+        """Return record, sensor and the sums of its residuals; of blocks that were not predicted yet, as the fit left them."""
+        if isinstance(self.blocks, Predictions):
+            return list(self.blocks.sums)
+        return [(b.record, b.sensor, Sums.of(b.residuals)) for b in self.blocks]
+
+    @property
+    def effective_samples(self) -> Mapping[tuple[str, str], float]:
+        """(record, sensor) -> independent samples that its readings are worth."""
+        return self.autocorrelation.effective_samples if self.autocorrelation is not None else {}
+
+    @property
+    def statistics(self) -> dict[str, dict[str, SensorStatistics]]:
+        """Record -> sensor -> statistics."""
+        out: dict[str, dict[str, SensorStatistics]] = {}
+        for record, sensor, sums in self._sums():
+            out.setdefault(record, {})[sensor] = sums.statistics(self.bias.get(sensor, 0.0), self.effective_samples.get((record, sensor)))
+        return out
+
+    @property
+    def sensors(self) -> dict[str, SensorStatistics]:
+        """Sensor -> statistics over all records together."""
+        parts: dict[str, list[Sums]] = {}
+        effective: dict[str, float] = {}
+        for record, sensor, sums in self._sums():
+            parts.setdefault(sensor, []).append(sums)
+            effective[sensor] = effective.get(sensor, 0.0) + self.effective_samples.get((record, sensor), sums.count)
+        return {n: pooled(several).statistics(self.bias.get(n, 0.0), effective[n]) for n, several in parts.items()}
+
+    def median_rmse(self, sensor: str) -> float:
+        """Return the median over records of a sensor's RMSE. [K]"""
+        return float(np.median([s[sensor].rmse for s in self.statistics.values() if sensor in s]))
+
+    def __getitem__(self, path: str) -> FittedValue:
+        """Return one fitted value."""
+        return self.values[path]
+
+    def save(self, path: str | os.PathLike[str]) -> None:
+        """Write all that is known of the model's values, at every depth, with errors and origins, to a file of its own."""
+        save_store(self.store, path, self.stage)
+
+    def report(self) -> str:
+        """Return the fit as text."""
+        return str(self)
+
+    def __str__(self) -> str:
+        """Return values with random and total errors, statistics per sensor, correlations and warnings."""
+        if not self.records:
+            return _by_hand(self)
+        fitted = {p: v for p, v in self.values.items() if v.kind in ("parameter", "level")}
+        samples = sum(s.samples for s in self.sensors.values())
+        kind = " (synthetic data)" if self.synthetic else ""
+        free, channels = counted(len(fitted), "free parameter"), counted(len(self.sensors), "channel")
+        records = f" in {len(self.records)} records" if len(self.records) > 1 else ""
+        counts = f"{free}, {samples} samples of {channels}{records}{kind}"
+        told = self.standing.line(self.stage) + (f". {BLAME}" if self.contradicted else "")
+        lines = [f"{self.stage}: {counts}"] if self.standing.fair else [f"{self.stage}: {told}", f"  {counts}"]
+        lines += [f"  {w}" for w in self.warnings if w.startswith(FIRST)]
+        lines += [f"  {line}" for line in input_lines(self.inputs.assumed)]
+        width = max((len(p) for p in fitted), default=0)
+        lines += [f"  {_value_line(v, width, self.doubted)}" for v in fitted.values()]
+        lines += [f"  {v.path}: shares its value with {', '.join(v.also)}" for v in fitted.values() if v.also]
+        lines += [f"  cut from the other instances of its deck: {place}" for place in cuts_of(self.model)]
+        lines += _known_lines(self.store, {*self.values.assignments}, width)
+        for name, s in self.sensors.items():
+            white = "yes" if s.white else f"no (lag-1 {s.lag_one:.2f})"
+            worth = f", effective sample size {short(s.effective_samples)}" if s.wanders else ""
+            lines.append(
+                f"  {name}: RMSE {short(s.rmse, 3)} K   largest {short(abs(s.largest), 3)} K   residuals white: {white}{worth}"
+                + _bias_text(name, self)
+            )
+        lines += [f"  {share}" for share in (*sensor_shares(self), *instrument_shares(self))]
+        if self.local:
+            lines.append("  per record:")
+            lines += [f"    {i.record}: {i.name} {_local_text(i)}" for i in self.local]
+        if self.correlations:
+            pairs = sorted(self.correlations.items(), key=lambda item: -abs(item[1]))[:10]
+            lines.append("  correlations: " + "; ".join(f"{a} ~ {b} {c:+.2f}" for (a, b), c in pairs))
+        lines += self.moved.lines()
+        lines.append(f"  reduced chi-square {short(self.reduced_chi_square, 3)}; {counted(self.evaluations, 'evaluation')}")
+        lines += [f"  search: {self.search}"] if self.search else []
+        lines += [f"  warning: {w}" for w in self.warnings if not w.startswith((LOUD, FIRST))]
+        return "\n".join(lines)
+
+    _frame_of_rows = True
+
+    def _summary(self) -> str:
+        """Return stage, standing, and the sensor that is met worst."""
+        worst = max(self.sensors.items(), key=lambda item: item[1].rmse, default=None)
+        said = f", worst sensor {worst[0]}, RMSE {short(worst[1].rmse, 2)} K" if worst is not None else ""
+        kind = ", synthetic data" if self.synthetic else ""
+        return f"{self.stage}: {self.standing.state}, {counted(len(self.values.parameters), 'value')} fitted{said}{kind}"
+
+    def _as_rows(self) -> list[Row]:
+        """Return the fitted values with their standard errors, in their units."""
+        return [
+            {"path": v.path, "value": v.in_unit, "error": v.shown(v.error), "unit": v.unit, "start": v.converted(v.start), "kind": v.kind}
+            for v in self.values.values()
+        ]
+
+    def _as_traces(self) -> Sequence[PlottedTrace]:
+        """Return measured readings of every sensor as points, and what the model says of them."""
+        out = []
+        for b in self.blocks:
+            name = f"{b.sensor}, {b.record}" if len(self.records) > 1 else b.sensor
+            out.append(PlottedTrace(f"{name} measured", b.times, b.measured - ICE_POINT, measured=True))
+            out.append(PlottedTrace(f"{name} simulated", b.times, b.predicted - ICE_POINT))
+        return out
+
+    def _ipython_key_completions_(self) -> list[str]:
+        """Return the paths of the fitted values."""
+        return list(self.values)
+
+
+def _value_line(v: FittedValue, width: int, doubted: bool = False) -> str:
+    total, random = v.shown(v.error), v.shown(v.error_random)
+    low, high = (v.converted(b) if np.isfinite(b) else b for b in v.bounds)
+    bounds = f", bounds {low:.4g} .. {high:.4g}" if np.isfinite(low) or np.isfinite(high) else ""
+    wider = " (the structure)" if doubted else " (constant errors, priors)"
+    what = wider if total > 1.05 * random else ""
+    text = f"{v.path:<{width}}  {digits(v.in_unit, random):>12} {v.unit:<10}  random +- {short(random)}   total +- {short(total)}{what}"
+    return f"{text}   start {v.converted(v.start):.5g}{bounds}"
+
+
+def _by_hand(fit: Calibration) -> str:
+    """Return a stage without records as text."""
+    width = max((len(p) for p in fit.store.parameters), default=0)
+    lines = [f"{fit.stage}: {counted(len(fit.values), 'value')} tuned by hand", *_known_lines(fit.store, set(), width)]
+    return "\n".join([*lines, *(f"  warning: {w}" for w in fit.warnings)])
+
+
+def _known_lines(store: Store, own: set[str], width: int) -> list[str]:
+    """Return a line for each value of another stage."""
+    return [f"  {_known_line(s, store, width)}" for s in store.parameters.values() if not own & {*s.paths}]
+
+
+def _known_line(s: State, store: Store, width: int) -> str:
+    """Return a value of another stage, who gave it, and where it does not act."""
+    value, error = from_si(s.value, s.unit), store.error(s.path) / float(unit(s.unit).factor)
+    sure = f"   total +- {short(error)}" if np.isfinite(error) and error > 0 else ""
+    where = f", hidden at {', '.join(s.hidden)}" if s.hidden else ""
+    how = "tuned by hand" if s.origin.kind == "hand" else "fixed"
+    return f"{s.path:<{width}}  {digits(value, error):>12} {s.unit:<10}{sure} ({s.origin}, {how}{where})"
+
+
+def _bias_text(sensor: str, fit: Calibration) -> str:
+    found = fit.values.sensors.get(sensor)
+    if found is None:
+        held = fit.bias.get(sensor, 0.0)
+        return f"   bias {held:+.2f} K (held)" if held else ""
+    return f"   bias {found.value:+.2f} +- {short(found.error)} K"
+
+
+def _local_text(i: Local) -> str:
+    if i.unit == "degC":
+        return f"{i.value - 273.15:.2f} +- {short(i.error)} degC"
+    return f"{digits(i.value, i.error)} +- {short(i.error)} {i.unit if i.unit != '1' else ''}".rstrip()
+
+
+WORTH = 0.05
+"""Share of a variance from which it is worth a word."""
+
+
+@dataclass(frozen=True)
+class SensorShare:
+    """The constant error of a sensor beside what it measured.
+
+    Parameters
+    ----------
+    sensor : str
+    accuracy : float    Standard deviation of its constant error before the fit. [K]
+    rise : float        Between its lowest and highest reading in a record, the largest of all records. [K]
+    parameter : str     The parameter whose error it sets most; empty for none worth a word.
+    share : float       Of the variance of that parameter, what would be gone if the constant error were known. [-]
+    """
+
+    sensor: str
+    accuracy: float
+    rise: float
+    parameter: str
+    share: float
+
+    def __str__(self) -> str:
+        """Return it as a sentence."""
+        part = f"is {100 * self.accuracy / self.rise:.2g} % of its rise of {self.rise:.2g} K" if self.rise > 0 else "met no rise"
+        sets = f", and sets {100 * self.share:.0f} % of the variance of {self.parameter}" if self.parameter else ""
+        return f"constant error of {self.sensor}: {self.accuracy:.2g} K (accuracy) {part}{sets}"
+
+
+def sensor_shares(fit: Calibration) -> tuple[SensorShare, ...]:
+    """Return what the constant error of every sensor that has an accuracy means for a fit.
+
+    The share is the squared correlation of parameter and constant error in their joint covariance.
+    """
+    seen: dict[str, float] = {}
+    accuracy: dict[str, float] = {}
+    for e in fit.experiments:
+        for o in e.observations:
+            seen[o.sensor] = max(seen.get(o.sensor, 0.0), float(np.ptp(o.measured)) if o.measured.size else 0.0)
+            accuracy[o.sensor] = o.accuracy or 0.0
+    order = list(fit.values)
+    out = []
+    for sensor in fit.values.sensors:
+        best, share = _most(fit, order.index(f"sensor {sensor}"))
+        if accuracy.get(sensor):
+            out.append(SensorShare(sensor, accuracy[sensor], seen[sensor], best, share))
+    return tuple(out)
+
+
+def _most(fit: Calibration, j: int) -> tuple[str, float]:
+    """Return the parameter whose error an unknown at position `j` sets most, and its share of the variance; nothing below `WORTH`."""
+    order, best, share = list(fit.values), "", WORTH
+    for path in fit.values.parameters:
+        k = order.index(path)
+        size = fit.values.covariance[k, k] * fit.values.covariance[j, j]
+        found = float(fit.values.covariance[k, j] ** 2 / size) if size > 0 and np.isfinite(size) else 0.0
+        best, share = (path, found) if found > share else (best, share)
+    return best, share if best else 0.0
+
+
+@dataclass(frozen=True)
+class InstrumentShare:
+    """The error of a sensor's scale, or its lag, as it was stated and as the fit found it.
+
+    Parameters
+    ----------
+    name : str              ``scale of T1``, ``lag of T1``.
+    unit : str              Of the numbers: 1 for a scale, s for a lag.
+    stated : (float, float) Mean and standard deviation before the fit.
+    found : (float, float)  After it.
+    parameter : str         The parameter whose error it sets most; empty for none worth a word.
+    share : float           Of the variance of that parameter, what would be gone if it were known. [-]
+    """
+
+    name: str
+    unit: str
+    stated: tuple[float, float]
+    found: tuple[float, float]
+    parameter: str
+    share: float
+
+    def __str__(self) -> str:
+        """Return it as a sentence."""
+        factor, unit = (100.0, "%") if self.unit == "1" else (1.0, self.unit)
+        before, after = (f"{factor * mean:.3g} +- {factor * sd:.2g} {unit}" for mean, sd in (self.stated, self.found))
+        sets = f", and sets {100 * self.share:.0f} % of the variance of {self.parameter}" if self.parameter else ""
+        return f"{self.name}: {before} as stated, {after} found{sets}"
+
+
+def instrument_shares(fit: Calibration) -> tuple[InstrumentShare, ...]:
+    """Return what the scales and lags that were looked for mean for a fit; shares as in `sensor_shares`."""
+    out = []
+    for j, (name, v) in enumerate(fit.values.items()):
+        if v.kind == "instrument" and v.prior is not None:
+            mean, sd = v.prior
+            stated = (float(np.exp(mean)), float(np.exp(mean)) * sd) if v.log else (mean, sd)
+            out.append(InstrumentShare(name, v.unit, stated, (v.value, v.error), *_most(fit, j)))
+    return tuple(out)

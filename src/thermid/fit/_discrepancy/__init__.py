@@ -1,0 +1,1 @@
+"""How far coefficients may depart from their values: within the structure, and from one kind of run to another."""

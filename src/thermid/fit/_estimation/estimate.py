@@ -1,0 +1,278 @@
+"""`estimate`: records, free names and process noise in, an `Estimation` out; it reads as `calibrate` does."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import replace
+from datetime import UTC, datetime
+from importlib.metadata import version
+from typing import Any, Final
+
+import numpy as np
+
+from thermid.base.arguments import takes_objects
+from thermid.base.errors import IdentificationError
+from thermid.base.linear_algebra import Array, symmetric_inverse
+from thermid.fit._calibrate import differing
+from thermid.fit._estimation.dynamics import WIDE
+from thermid.fit._estimation.estimation import OUTPUT, PROCESS, Estimation, Estimator, Found, whiteness_of
+from thermid.fit._estimation.likelihood import Likelihood, Maximum, likelihood_of
+from thermid.fit._estimation.outlook import OpenLoopScore, foresight, origins_of, outlooks, starts_sd
+from thermid.fit._estimation.process import ProcessNoise, read_process
+from thermid.fit._problem.gather import build_problem
+from thermid.fit._problem.request import LocalSpec, Request, freed, priors_of
+from thermid.fit._problem.residuals import Problem
+from thermid.measure.amounts import duration_text, short
+from thermid.measure.records import Record
+from thermid.model.laws import literal
+from thermid.model.tree import Model
+from thermid.simulation.scenarios import Scenario
+from thermid.simulation.solver import refuse_unseen
+from thermid.values.fitted import FittedValue, FittedValues
+
+KEPT: Final = 0.6
+"""Part of every record that is fitted where the rest is left out to be foreseen."""
+LEAST: Final = 0.3
+"""The same at least, for a long horizon."""
+UNSEEN: Final = 3.0
+"""Standard error of the logarithm of a size from which nothing of that noise is seen."""
+MOVED: Final = 2.0
+"""Errors by which a value may move as the noise goes to zero before it is named."""
+
+
+@takes_objects
+def estimate(
+    model: Model,
+    records: Record | Sequence[Record],
+    free: Sequence[str],
+    *,
+    process_noise: Mapping[str, Any],
+    scenario: Scenario | Mapping[str, Scenario] | None = None,
+    local: Mapping[str, Any] | None = None,
+    priors: Mapping[str, tuple[str, str] | str] | None = None,
+    start_sd: Mapping[str, str] | None = None,
+    horizon: str = "",
+    name: str = "",
+) -> Estimation:
+    """Return values of a model by maximum likelihood with process noise, beside those without it.
+
+    Which of both to use is decided by readings that were left out, foreseen over `horizon` without a reading in between.
+
+    Parameters
+    ----------
+    model, records, free, scenario, local, priors, name    As in `calibrate`; a start that is looked for is named in `local`
+                                (``{"initial.wall": {"start": "25 [degC]", "sd": "7 [K]"}}``).
+    process_noise : dict        Node, load or boundary -> ``"free"`` (a Wiener noise whose size is looked for), a size with its unit, or a
+                                table with `kind` (``wiener``, ``gauss-markov``), `size`, `time` and `start`. A Wiener noise on a node is
+                                in K/s^0.5, on a load W/s^0.5; on a boundary it is a random walk of what is added to it, in K/s^0.5.
+    start_sd : dict             Node, or boundary with a random walk -> standard deviation of its start; otherwise zero where it is stated
+                                or looked for, and 10 K where its own sensor reads it. [K]
+    horizon : str               Over which predictions are compared; a fifth of the shortest record where nothing is said.
+
+    Raises
+    ------
+    IdentificationError   When a noise names nothing or cannot be filtered, there is none, or records are too short for the horizon.
+    """
+    title = name or model.title
+    if not process_noise:
+        raise IdentificationError("no process noise is given. Give process_noise = {'node': 'free'}, or use td.calibrate.", title)
+    many = (records,) if isinstance(records, Record) else tuple(records)
+    scenarios = dict(scenario) if isinstance(scenario, Mapping) else {"*": scenario} if scenario else {}
+    specs = {k: LocalSpec.read(v, f"local.{k}") for k, v in (local or {}).items()}
+    wanted, _ = freed(model, free, (), title)
+    known = priors_of(model, priors or {}, title)
+    request = Request(model, many, tuple(wanted), scenarios, specs, priors=known, name=title, fit_start=False)
+    return estimated(request, process_noise, start_sd or {}, horizon)
+
+
+def estimated(request: Request, process_noise: Mapping[str, Any], start_sd: Mapping[str, str], horizon: str) -> Estimation:
+    """Return the estimation that a request asks for; see `estimate`."""
+    from threadpoolctl import threadpool_limits
+
+    with threadpool_limits(limits=1):
+        return _estimated(request, process_noise, start_sd, horizon)
+
+
+def _estimated(request: Request, given: Mapping[str, Any], start_sd: Mapping[str, str], horizon: str) -> Estimation:
+    refuse_unseen(request.model, "a filter")
+    problem = build_problem(request)
+    noises = read_process(given, problem.experiments[0].network, request.name)
+    starts = starts_sd(problem, start_sd, noises, request.name)
+    spans = [float(e.times[-1]) for e in problem.experiments]
+    ahead = literal(horizon, "s", f"{request.name}, horizon") if horizon else 0.2 * min(spans)
+    if not 0.0 < ahead <= (1.0 - LEAST) * min(spans):
+        raise IdentificationError(
+            f"a horizon of {duration_text(ahead)} leaves too little to fit: of the {duration_text(min(spans))} of the shortest record "
+            f"{100 * LEAST:.0f} % are fitted at least. Give a shorter horizon.",
+            request.name,
+        )
+    split = [min(KEPT * s, s - ahead) for s in spans]
+    earlier = replace(request, records=tuple(_before(r, t) for r, t in zip(request.records, split, strict=True)))
+    train = build_problem(earlier)
+    found = {}
+    # without its noise a walk is a constant that nobody knows: output error is process noise with every size at zero
+    still = tuple(replace(p, size=0.0, free=False) for p in noises if p.walks)
+    for kind, own in ((OUTPUT, still), (PROCESS, noises)):
+        full = likelihood_of(problem, own, starts)
+        maximum = full.maximise(full.start)
+        part = likelihood_of(train, own, starts)
+        before = part.maximise(maximum.fitted, observed=False)
+        left = _foreseen(full, before, split, spans, ahead)
+        found[kind] = _estimator(kind, request, full, maximum, left)
+    levels = tuple(
+        f"what is added to {p.target} is unknown at the start to +- {WIDE:g} K, and stays constant in output error"
+        for p in still
+        if p.target not in starts and any(d.level_sd(p) > 0.0 for d in full.dynamics)
+    )
+    return _compared(request, found[PROCESS], found[OUTPUT], ahead, ((*levels, *_exact(problem, noises)), starts, differing(problem)))
+
+
+def _exact(problem: Problem, noises: Sequence[ProcessNoise]) -> list[str]:
+    """Return in words which noise of logged boundaries and powers is not counted, but for those that a process noise drives."""
+    driven = {p.target for p in noises}
+    sizes: dict[str, float] = {}
+    for e in problem.experiments:
+        for path, n in e.noisy.items():
+            if path not in driven:
+                sizes[path] = max(float(np.hypot(n.white, n.step / 12.0**0.5)), sizes.get(path, 0.0))
+    if not sizes:
+        return []
+    boundaries = problem.experiments[0].network.boundaries
+    named = ", ".join(f"'{p}' ({short(size)} {'K' if p in boundaries else 'W'})" for p, size in sizes.items())
+    return [f"logged boundaries and powers are exact: the noise of {named} is not counted. `calibrate` counts it"]
+
+
+def _before(record: Record, seconds: float) -> Record:
+    """Return the first part of a record."""
+    begin = float(record.times[0])
+    return record.trim(begin, begin + seconds)
+
+
+def _foreseen(full: Likelihood, maximum: Maximum, split: Sequence[float], spans: Sequence[float], ahead: float) -> OpenLoopScore:
+    """Return how well the later part of every record is foreseen with values of the earlier one."""
+    covariance = symmetric_inverse(maximum.information)
+    found = []
+    for i, (begin, end) in enumerate(zip(split, spans, strict=True)):
+        found += outlooks(full, i, maximum.fitted, covariance, origins_of(begin, end, ahead), ahead)
+    return foresight([several for several in found if several])
+
+
+def _whole(full: Likelihood, maximum: Maximum) -> float:
+    """Return the RMSE of runs from the starts without any later reading. [K]"""
+    none = np.zeros_like(maximum.information)
+    found = []
+    for i, d in enumerate(full.dynamics):
+        found += outlooks(full, i, maximum.fitted, none, np.zeros(1), float(d.grid[-1]))
+    return foresight(found).rmse
+
+
+def _estimator(name: str, request: Request, full: Likelihood, maximum: Maximum, left: OpenLoopScore) -> Estimator:
+    white = whiteness_of(full, maximum.fitted)
+    widened = max((w.widening for w in white), default=1.0)
+    if widened > 1.0:
+        maximum = _widened(full, maximum, widened)
+    errors = maximum.errors()
+    found = {}
+    for u, fitted, error in zip(full.unknowns, maximum.fitted, errors, strict=True):
+        found[u.name] = Found(
+            u.name, u.to_value(float(fitted)), float(error) * u.slope(float(fitted)), "degC" if u.unit == "degC" else u.unit
+        )
+    values = _values(request, full, maximum, errors)
+    return Estimator(name, full, maximum, values, found, left, _whole(full, maximum), white, widened)
+
+
+def _widened(full: Likelihood, maximum: Maximum, factor: float) -> Maximum:
+    """Return a maximum whose readings say less by the square of a factor; priors say what they said."""
+    slopes = full.priors(maximum.fitted)[1]
+    known = slopes.T @ slopes
+    return replace(maximum, information=(maximum.information - known) / factor**2 + known)
+
+
+def _values(request: Request, full: Likelihood, maximum: Maximum, errors: Array) -> FittedValues:
+    """Return parameters and constant errors as a values file holds them."""
+    kept = [k for k, u in enumerate(full.unknowns) if u.kind not in ("local", "noise")]
+    covariance = symmetric_inverse(maximum.information)
+    items = {}
+    for k in kept:
+        u, fitted = full.unknowns[k], float(maximum.fitted[k])
+        error = float(errors[k]) * u.slope(fitted)
+        prior = (u.prior.mean, u.prior.sd) if u.prior is not None else None
+        value = FittedValue(
+            u.name, u.to_value(fitted), error, error if u.kind == "parameter" else 0.0, u.log, u.unit, u.start, (u.low, u.high)
+        )
+        items[u.name] = replace(value, origin=request.name, kind=u.kind, prior=prior, also=u.also)
+    provenance = {
+        "records": {r.name: r.origin.sha256 for r in request.records},
+        "version": version("thermid"),
+        "date": datetime.now(UTC).isoformat(timespec="seconds"),
+    }
+    return FittedValues(request.name, items, covariance[np.ix_(kept, kept)], provenance)
+
+
+def _compared(
+    request: Request,
+    process: Estimator,
+    output: Estimator,
+    ahead: float,
+    given: tuple[tuple[str, ...], Mapping[str, float], list[str]],
+) -> Estimation:
+    from scipy.special import gammaincc
+
+    ratio = 2.0 * (process.log_likelihood - output.log_likelihood)
+    freedom = max(len(process.likelihood.unknowns) - len(output.likelihood.unknowns), 1)
+    # a size at its bound of zero: half the mass of the last degree of freedom stands there (Self and Liang, JASA 82 (1987) 605)
+    p = (
+        1.0
+        if ratio <= 0
+        else float(
+            0.5 * gammaincc(0.5 * freedom, 0.5 * ratio) + (0.5 * gammaincc(0.5 * (freedom - 1), 0.5 * ratio) if freedom > 1 else 0.0)
+        )
+    )
+    place = {u.name: k for k, u in enumerate(output.likelihood.unknowns)}
+    errors = process.maximum.errors()
+    moved = []
+    for k, u in enumerate(process.likelihood.unknowns):
+        if u.kind != "noise" and abs(process.maximum.fitted[k] - output.maximum.fitted[place[u.name]]) > MOVED * errors[k]:
+            moved.append(u.name)
+    assumed, starts, remarks = given
+    warnings = (*_warnings(process, output, moved), *remarks)
+    return Estimation(request.name, request.model, process, output, ahead, ratio, p, tuple(moved), warnings, assumed, request, starts)
+
+
+def _warnings(process: Estimator, output: Estimator, moved: Sequence[str]) -> tuple[str, ...]:
+    """Return what a reader must know."""
+    out = []
+    if moved:
+        named = ", ".join(f"'{m}'" for m in moved)
+        verb = "moves" if len(moved) == 1 else "move"
+        out.append(
+            f"{named} {verb} by more than two standard errors when the process noise goes to zero, so the value depends on that choice"
+        )
+    for e in (process, output):
+        if not e.maximum.converged:
+            out.append(f"{e.name}: the search did not converge in {e.maximum.steps} steps")
+        out += [
+            f"{e.name}: '{f.name}' has no finite error, because the logs do not determine it"
+            for f in e.found.values()
+            if not np.isfinite(f.error)
+        ]
+    errors = process.maximum.errors()
+    for k, u in enumerate(process.likelihood.unknowns):
+        low, high = u.fitted_bounds()
+        end = process.maximum.fitted[k]
+        if u.name.startswith("noise of") and (end - low < 3.0 or UNSEEN < errors[k] / process.widened < np.inf):
+            out.append(f"'{u.name}' went to zero, so the logs show no such noise. Remove it")
+        elif np.isfinite(low + high) and min(end - low, high - end) < 1e-4:
+            out.append(f"'{u.name}' ended at a bound, so its error is not meaningful. Widen the bound")
+    for w in process.white:
+        if w.loud:
+            out.append(
+                f"{process.name}: innovations of {w.sensor} are {short(w.size)} times the stated noise, so the errors were widened. Check "
+                "the noise, or look for missing physics"
+            )
+        if not w.white:
+            out.append(
+                f"{process.name}: innovations of {w.sensor} are not white, so the errors were widened. Add process noise at another "
+                "node, or look for missing physics"
+            )
+    return tuple(out)

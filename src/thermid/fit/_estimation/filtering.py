@@ -1,0 +1,198 @@
+"""Kalman filter and Rauch-Tung-Striebel smoother in square-root form, over several members (sets of values) at once.
+
+Covariances are held as roots, ``P = L L'``, so that none can lose its sign: the time step is one QR of [F L, root of Q] (Kailath, Sayed
+and Hassibi, Linear Estimation, 2000, chapter 12), a reading is one Potter update (Bierman, Factorization Methods, 1977, chapter 2), and the
+smoother is the square-root form of Rauch, Tung and Striebel (AIAA J. 3 (1965) 1445).
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Final, NamedTuple
+
+import numpy as np
+
+from thermid.base.linear_algebra import Array
+from thermid.fit._estimation.steps import lower
+from thermid.measure.steadiness import effective_samples
+
+
+class ReadingRow(NamedTuple):
+    """One reading: which sensor, its value less what no state holds (members,) [K], its row (members, states), its noise (members,) [K]."""
+
+    sensor: int
+    value: Array
+    row: Array
+    noise: Array
+
+
+class Belief(NamedTuple):
+    """Mean (members, states) and root of the covariance (members, states, states) of the state."""
+
+    mean: Array
+    root: Array
+
+    @property
+    def variance(self) -> Array:
+        """Of every state (members, states). [K^2]"""
+        return np.asarray(np.sum(self.root**2, axis=2))
+
+
+@dataclass(frozen=True, eq=False)
+class Innovations:
+    """What readings said beyond what was foreseen, in order.
+
+    Parameters
+    ----------
+    sensors : array (readings,)             Column of the sensor.
+    times : array (readings,)               [s]
+    errors : array (readings, members)      ReadingRow less its forecast. [K]
+    variances : array (readings, members)   Of that. [K^2]
+    """
+
+    sensors: Array
+    times: Array
+    errors: Array
+    variances: Array
+
+    @property
+    def loss(self) -> Array:
+        """Minus the logarithm of the likelihood (members,). [-]"""
+        return np.asarray(0.5 * np.sum(self.errors**2 / self.variances + np.log(2.0 * np.pi * self.variances), axis=0))
+
+    @property
+    def standard(self) -> Array:
+        """Innovations in units of their standard deviations (readings, members). [-]"""
+        return np.asarray(self.errors / np.sqrt(self.variances))
+
+
+def moved(belief: Belief, transition: Array, mean: Array, noise: Array) -> Belief:
+    """Return a belief a step later, its new mean given."""
+    return Belief(mean, lower(np.concatenate([transition @ belief.root, noise], axis=2)))
+
+
+class Gain(NamedTuple):
+    """What a reading does to a mean (members, states), and the variance of its innovation (members,). [K^2]"""
+
+    gain: Array
+    variance: Array
+
+
+def updated(belief: Belief, reading: ReadingRow) -> tuple[Belief, Array, Gain]:
+    """Return a belief after a reading, the innovation (members,) [K], and what it did."""
+    seen = np.einsum("mij,mi->mj", belief.root, reading.row)
+    variance = np.einsum("mj,mj->m", seen, seen) + reading.noise**2
+    gain = np.einsum("mij,mj->mi", belief.root, seen) / variance[:, None]
+    share = 1.0 / (1.0 + reading.noise / np.sqrt(variance))
+    root = belief.root - share[:, None, None] * gain[:, :, None] * seen[:, None, :]
+    did = Gain(gain, variance)
+    mean, error = corrected(belief.mean, reading, did)
+    return Belief(mean, root), error, did
+
+
+def corrected(mean: Array, reading: ReadingRow, did: Gain) -> tuple[Array, Array]:
+    """Return a mean (members, states) after a reading whose gain is known, and the innovation (members,). [K]"""
+    error = reading.value - np.einsum("mi,mi->m", reading.row, mean)
+    return mean + did.gain * error[:, None], error
+
+
+class FilterStep(NamedTuple):
+    """A step that was taken: transition, root of the noise, the belief before and the mean after it."""
+
+    transition: Array
+    noise: Array
+    before: Belief
+    after: Array
+
+
+def smoothed(last: Belief, legs: Sequence[FilterStep]) -> list[Belief]:
+    """Return the beliefs by all readings, before every leg and at the end, from the last filtered one back."""
+    out = [last]
+    for leg in reversed(legs):
+        out.append(_back(leg, out[-1]))
+    return out[::-1]
+
+
+def _back(leg: FilterStep, later: Belief) -> Belief:
+    """Return the belief before a leg by all readings, from that after it."""
+    n = later.mean.shape[1]
+    carried = np.concatenate([leg.transition @ leg.before.root, leg.noise], axis=2)
+    here = np.concatenate([leg.before.root, np.zeros_like(leg.noise)], axis=2)
+    joint = lower(np.concatenate([carried, here], axis=1))
+    forecast, cross, rest = joint[:, :n, :n], joint[:, n:, :n], joint[:, n:, n:]
+    gain = cross @ np.linalg.pinv(forecast, rcond=1e-13)
+    mean = leg.before.mean + np.einsum("mij,mj->mi", gain, later.mean - leg.after)
+    return Belief(mean, lower(np.concatenate([rest, gain @ later.root], axis=2)))
+
+
+LAGS: Final = 20
+LEVEL: Final = 0.01
+"""Probability below which innovations are not taken as white."""
+LOUD: Final = 3.0
+"""Standard deviations by which the size of innovations may exceed one before it widens errors."""
+
+
+@dataclass(frozen=True)
+class Whiteness:
+    """Portmanteau test of the innovations of one sensor (Ljung and Box, Biometrika 65 (1978) 297).
+
+    Parameters
+    ----------
+    sensor : str
+    count, lags : int
+    lag_one : float         Correlation of neighbours. [-]
+    size : float            RMS of the innovations in units of what the filter foresaw; one where noises are right. [-]
+    probability : float     Of correlations as large or larger, were they white. [-]
+    effective : float       Independent innovations that would say as much about a mean. [-]
+    """
+
+    sensor: str
+    count: int
+    lags: int
+    lag_one: float
+    size: float
+    probability: float
+    effective: float
+
+    @property
+    def white(self) -> bool:
+        """Whether they pass at one per cent."""
+        return self.probability >= LEVEL
+
+    @property
+    def loud(self) -> bool:
+        """Whether they are larger than the stated noise allows."""
+        return self.size > 1.0 + LOUD / math.sqrt(2.0 * self.effective)
+
+    @property
+    def widening(self) -> float:
+        """How much wider than the likelihood's the errors of values are: by size where they are loud, by correlation where not white."""
+        return max(1.0, (self.size if self.loud else 1.0) * (1.0 if self.white else math.sqrt(self.count / self.effective)))
+
+    def __str__(self) -> str:
+        """On one line."""
+        word = "white" if self.white else "not white"
+        said = f"{self.sensor}: innovations {word} (lag one {self.lag_one:+.2f}, {chance(self.probability)} over {self.lags} lags)"
+        return f"{said}, {self.size:.3g} times the expected size"
+
+
+def chance(probability: float) -> str:
+    """Return a probability in words; below a millionth the tail of no log is normal, so no digits are shown."""
+    return f"p = {probability:.2g}" if probability >= 1e-6 else "p < 1e-6"
+
+
+def whiteness(sensor: str, standard: Array, unknowns: int = 0) -> Whiteness:
+    """Return whether standardised innovations (readings,) are white; `unknowns` that were fitted to them take as many lags."""
+    from scipy.special import gammaincc
+
+    n = standard.size
+    lags = max(1, min(LAGS, n // 5))
+    off = standard - standard.mean()
+    power = float(off @ off)
+    r = np.array([float(off[k:] @ off[:-k]) / power if power > 0 else 0.0 for k in range(1, lags + 1)])
+    q = n * (n + 2.0) * float(np.sum(r**2 / (n - np.arange(1, lags + 1))))
+    freedom = max(lags - unknowns, 1)
+    size, probability = float(np.sqrt(np.mean(standard**2))), float(gammaincc(0.5 * freedom, 0.5 * q))
+    return Whiteness(sensor, n, lags, float(r[0]), size, probability, effective_samples(standard))

@@ -1,0 +1,249 @@
+"""The likelihood of logs under a model with process noise: innovations of a Kalman filter, their derivatives, the search for the maximum.
+
+Minus the log-likelihood is the sum of ``e^2 / 2S + log(2 pi S) / 2`` over the innovations e with their variances S, and half the squares of
+the priors (Schweppe, IEEE Trans. Inf. Theory 11 (1965) 61). Derivatives are central differences of e and S between members that pass a
+log together; the search is Fisher's scoring, damped (information of e and S: Astrom, Automatica 16 (1980) 551).
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from typing import Final, NamedTuple
+
+import numpy as np
+
+from thermid.base.errors import SolverError
+from thermid.base.linear_algebra import Array, Bools, variance
+from thermid.fit._estimation.dynamics import At, Dynamics
+from thermid.fit._estimation.passing import Passing
+from thermid.fit._estimation.process import ProcessNoise
+from thermid.fit._problem.residuals import Problem, Unknown, prior_rows
+
+DIFFERENCE: Final = 1e-4
+"""Half the step of differences, in typical changes of an unknown."""
+DAMPING: Final = (0.0, 1e-3, 1e-2, 0.1, 1.0, 10.0, 100.0)
+LARGEST: Final = 1.5
+"""Largest step, in typical changes of an unknown."""
+CLOSE: Final = 1e-8
+"""Gain in the log-likelihood that is foreseen where the search ends."""
+TRIVIAL: Final = 1e-4
+"""The same that may be left where no step gains any more: a hundredth of a standard error."""
+MOST: Final = 80
+CURVED: Final = 0.1
+"""NoisyStep of differences of the gradient, in standard errors."""
+READING: Final = "reading noise of "
+FLOOR, CEILING = 1e-7, 1e4
+"""Bounds of a size that is looked for, over where the search begins."""
+
+
+class LikelihoodScore(NamedTuple):
+    """Minus the log-likelihood, its gradient (unknowns,), and the expected information (unknowns, unknowns)."""
+
+    loss: float
+    gradient: Array
+    information: Array
+
+
+@dataclass(frozen=True, eq=False)
+class Maximum:
+    """Where a search ended.
+
+    Parameters
+    ----------
+    fitted : array (unknowns,)                      In the fitted forms.
+    log_likelihood : float                          Of the readings alone, without priors. [-]
+    information : array (unknowns, unknowns)        Observed where it is positive, else expected; priors in it.
+    observed : bool                                 Which of these it is.
+    converged : bool
+    steps : int
+    """
+
+    fitted: Array
+    log_likelihood: float
+    information: Array
+    observed: bool
+    converged: bool
+    steps: int
+
+    def errors(self) -> Array:
+        """Return the standard errors (unknowns,) in the fitted forms; infinite where the logs say nothing."""
+        eye = np.eye(self.fitted.size)
+        return np.array([np.sqrt(variance(self.information, row)) for row in eye])
+
+
+@dataclass(frozen=True, eq=False)
+class Likelihood:
+    """Logs, a model and noise on it, over unknowns.
+
+    Parameters
+    ----------
+    problem : Problem       The records bound to the model, with what a fit looks for.
+    dynamics : tuple        One per record.
+    noises : tuple          What drives the model.
+    unknowns : tuple        Those of the problem, then sizes and times of noises, then noises of sensors that nobody stated.
+    sigma : dict            Sensor -> standard deviation of a sample that is not looked for. [K]
+    """
+
+    problem: Problem
+    dynamics: tuple[Dynamics, ...]
+    noises: tuple[ProcessNoise, ...]
+    unknowns: tuple[Unknown, ...]
+    sigma: dict[str, float]
+
+    @property
+    def start(self) -> Array:
+        """Where the search begins (unknowns,), in the fitted forms."""
+        return np.array([u.to_fitted(u.start) for u in self.unknowns])
+
+    def at(self, i: int, fitted: Array) -> At:
+        """Return the dynamics of a record at values of the unknowns."""
+        own = fitted[: len(self.problem.unknowns)]
+        x, _ = self.problem.inputs(i, own)
+        named = {u.name: u.to_value(float(v)) for u, v in zip(self.unknowns, fitted, strict=True)}
+        sizes = np.array([named.get(f"noise of {p.target}", p.size) for p in self.noises])
+        times = np.array([named.get(f"noise time of {p.target}", p.time) for p in self.noises])
+        seen = self.problem.experiments[i].observations
+        sigma = np.array([o.sigma({o.sensor: named.get(READING + o.sensor, self.sigma.get(o.sensor, 1.0))}) for o in seen])
+        bias = np.array([named.get(f"sensor {o.sensor}", self.problem.fixed_bias.get(o.sensor, 0.0)) for o in seen])
+        return self.dynamics[i].at(x, sizes, times, sigma, bias)
+
+    def passing(self, i: int, members: Sequence[Array]) -> Passing:
+        """Return a record ready to be passed at several values of the unknowns."""
+        return Passing(self.dynamics[i], [self.at(i, m) for m in members])
+
+    def innovations(self, members: Sequence[Array]) -> tuple[Array, Array]:
+        """Return innovations of all records (readings, members) [K] and their variances. [K^2]"""
+        found = [self.passing(i, members).run().innovations for i in range(len(self.dynamics))]
+        return np.concatenate([f.errors for f in found]), np.concatenate([f.variances for f in found])
+
+    def priors(self, fitted: Array) -> tuple[Array, Array]:
+        """Return the residuals of priors and their derivatives (residuals, unknowns). [-]"""
+        return prior_rows(self.unknowns, self.problem.coupled, fitted)
+
+    def losses(self, members: Sequence[Array]) -> Array:
+        """Return minus the log-likelihood with priors (members,); infinite where a run breaks off."""
+        with np.errstate(over="ignore", invalid="ignore", divide="ignore"):
+            try:
+                errors, variances = self.innovations(members)
+            except (SolverError, np.linalg.LinAlgError, FloatingPointError):
+                if len(members) == 1:
+                    return np.array([np.inf])
+                return np.concatenate([self.losses([m]) for m in members])
+            out = _loss(errors, variances) + np.array([0.5 * float(np.sum(self.priors(m)[0] ** 2)) for m in members])
+        return np.where(np.isfinite(out), out, np.inf)
+
+    def score(self, fitted: Array) -> LikelihoodScore:
+        """Return the loss with its gradient and the expected information."""
+        return self.scores([fitted])[0]
+
+    def scores(self, points: Sequence[Array]) -> list[LikelihoodScore]:
+        """Return the loss with its gradient and the expected information at several values of the unknowns, from one pass of the logs."""
+        steps = DIFFERENCE * np.array([u.scale for u in self.unknowns])
+        count, shifts = len(self.unknowns), np.diag(steps)
+        members = [m for p in points for m in (p, *(p + s for s in shifts), *(p - s for s in shifts))]
+        errors, variances = self.innovations(members)
+        out = []
+        for n, fitted in enumerate(points):
+            own = slice(n * (2 * count + 1), (n + 1) * (2 * count + 1))
+            e, s = errors[:, own], variances[:, own]
+            de = (e[:, 1 : 1 + count] - e[:, 1 + count :]) / (2.0 * steps)
+            ds = (s[:, 1 : 1 + count] - s[:, 1 + count :]) / (2.0 * steps)
+            e, s = e[:, :1], s[:, :1]
+            gradient = np.sum(e * de / s + 0.5 * (ds / s) * (1.0 - e**2 / s), axis=0)
+            information = (de / s).T @ de + 0.5 * (ds / s).T @ (ds / s)
+            rows, slopes = self.priors(fitted)
+            loss = float(_loss(e, s)[0]) + 0.5 * float(rows @ rows)
+            out.append(LikelihoodScore(loss, gradient + slopes.T @ rows, information + slopes.T @ slopes))
+        return out
+
+    def maximise(self, start: Array, *, observed: bool = True) -> Maximum:
+        """Return the maximum that a search from a start (unknowns,) comes upon; without `observed` its information is the expected one."""
+        low, high = (np.array(b) for b in zip(*(u.fitted_bounds() for u in self.unknowns), strict=True))
+        fitted = np.clip(start, low, high)
+        scale = np.array([u.scale for u in self.unknowns])
+        count, left = 0, np.inf
+        while count < MOST:
+            count += 1
+            score = self.score(fitted)
+            open_ = ~(((fitted <= low) & (score.gradient > 0)) | ((fitted >= high) & (score.gradient < 0)))
+            left = _foreseen(score, open_)
+            if left < CLOSE:
+                break
+            trials = [np.clip(fitted + m, low, high) for m in _moves(score, open_, scale)]
+            losses = self.losses(trials)
+            best = int(np.argmin(losses))
+            if losses[best] >= score.loss:
+                break
+            fitted = trials[best]
+        score = self.score(fitted)
+        information, positive = self._observed(fitted, score) if observed else (score.information, False)
+        rows, _ = self.priors(fitted)
+        return Maximum(fitted, 0.5 * float(rows @ rows) - score.loss, information, positive, left < TRIVIAL, count)
+
+    def _observed(self, fitted: Array, score: LikelihoodScore) -> tuple[Array, bool]:
+        """Return the observed information, by differences of the gradient, or the expected one where it is not positive; and which."""
+        errors = Maximum(fitted, 0.0, score.information, False, True, 0).errors()
+        scale = np.array([u.scale for u in self.unknowns])
+        steps = np.minimum(np.where(np.isfinite(errors), CURVED * errors, 0.1 * scale), 0.1 * scale)
+        try:
+            shifts = np.diag(steps)
+            sides = self.scores([*(fitted + s for s in shifts), *(fitted - s for s in shifts)])
+            found = np.array([a.gradient - b.gradient for a, b in zip(sides[: steps.size], sides[steps.size :], strict=True)])
+            found = found / (2.0 * steps[:, None])
+        except (SolverError, np.linalg.LinAlgError):
+            return score.information, False
+        found = 0.5 * (found + found.T)
+        size = np.sqrt(np.maximum(np.diag(found), 1e-300))
+        positive = bool(np.isfinite(found).all()) and float(np.linalg.eigvalsh(found / np.outer(size, size)).min()) > 1e-6
+        return (found, True) if positive else (score.information, False)
+
+
+def likelihood_of(problem: Problem, noises: Sequence[ProcessNoise], start_sd: Mapping[str, float]) -> Likelihood:
+    """Return the likelihood of a problem's records with noises on its model."""
+    dynamics = tuple(Dynamics(b, noises, dict(start_sd)) for b in problem.benches())
+    seen = {o.sensor: o for e in problem.experiments for o in e.observations}
+    stated = {s: o.noise for s, o in seen.items() if o.noise is not None}
+    unknowns: list[Unknown] = list(problem.unknowns)
+    for p in noises:
+        if p.free:
+            unknowns.append(_size(f"noise of {p.target}", p.size, p.unit))
+        if p.free_time:
+            unknowns.append(_size(f"noise time of {p.target}", p.time, "s"))
+    for sensor, o in seen.items():
+        if sensor not in stated:
+            steps = np.diff(o.measured)
+            guess = max(float(np.median(np.abs(steps))) if steps.size else 0.0, 1e-3)
+            unknowns.append(_size(READING + sensor, guess, "K"))
+    return Likelihood(problem, dynamics, tuple(noises), tuple(unknowns), stated)
+
+
+def _size(name: str, start: float, unit: str) -> Unknown:
+    return Unknown(name, "noise", (), start, True, FLOOR * start, CEILING * start, None, unit)
+
+
+def _loss(errors: Array, variances: Array) -> Array:
+    """Return minus the log-likelihood (members,) of innovations."""
+    return np.asarray(0.5 * np.sum(errors**2 / variances + np.log(2.0 * np.pi * variances), axis=0))
+
+
+def _moves(score: LikelihoodScore, open_: Bools, scale: Array) -> list[Array]:
+    """Return steps of every damping (unknowns,), none longer than `LARGEST`."""
+    at = np.flatnonzero(open_)
+    inner, pull = score.information[np.ix_(at, at)], score.gradient[at]
+    diagonal = np.maximum(np.diag(inner), 1e-12)
+    out = []
+    for damping in DAMPING:
+        move = np.zeros(scale.size)
+        move[at] = -np.linalg.lstsq(inner + np.diag((damping + 1e-12) * diagonal), pull, rcond=None)[0]
+        longest = float(np.abs(move / scale).max(initial=0.0))
+        out.append(move * min(1.0, LARGEST / longest) if longest > 0.0 else move)
+    return out
+
+
+def _foreseen(score: LikelihoodScore, open_: Bools) -> float:
+    """Return the gain in the log-likelihood that a full step foresees."""
+    at = np.flatnonzero(open_)
+    inner = score.information[np.ix_(at, at)]
+    inner = inner + 1e-9 * np.diag(np.maximum(np.diag(inner), 1e-12))
+    return 0.5 * float(score.gradient[at] @ np.linalg.lstsq(inner, score.gradient[at], rcond=None)[0])

@@ -1,0 +1,150 @@
+"""Courses of a power that no log gives, as laws over the time since a record began: start-up transients, and their fit.
+
+In the model a course is a load with a `cycle` of one turn, so that it stands in the deck of what was fitted. Its power is fitted as any
+other value; its time is not a value of the network, so it is found on the profile of the fit's cost.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from thermid.base.errors import IdentificationError, ThermidError, refuse_unknown
+from thermid.base.linear_algebra import Array
+from thermid.fit._minimisation import minimise
+from thermid.fit._power.history import watts, with_load
+from thermid.fit._problem.gather import build_problem
+from thermid.fit._problem.request import Request
+from thermid.measure.amounts import duration_text, short
+from thermid.model.tree import Model
+
+ONE_TURN = "100000 [h]"
+"""Period of a cycle that does not come again in any run."""
+POINTS, FADED = 40, 7.0
+"""Points of a decay in its table, and how many time constants they reach."""
+SHARP = 1e-3
+"""Part of the time before a course begins in which it comes on. [-]"""
+GRID, TURNS = 9, 9
+"""Times that are tried at first, and how often the bracket about the best one is narrowed."""
+Shape = Callable[[float], tuple[Array, Array, bool]]
+
+
+def _step(time: float) -> tuple[Array, Array, bool]:
+    return np.array([0.0, time]), np.array([1.0, 0.0]), True
+
+
+def _ramp(time: float) -> tuple[Array, Array, bool]:
+    return np.array([0.0, time]), np.array([1.0, 0.0]), False
+
+
+def _decay(time: float) -> tuple[Array, Array, bool]:
+    at = FADED * np.linspace(0.0, 1.0, POINTS) ** 2
+    share = np.exp(-at)
+    share[-1] = 0.0
+    return at * time, share, False
+
+
+SHAPES: dict[str, Shape] = {"step": _step, "ramp": _ramp, "decay": _decay}
+"""Shape -> times [s] and share of the power at them for a length or time constant [s], and whether each share holds until the next."""
+WORDS = {
+    "step": "{power} W more for the first {time}",
+    "ramp": "{power} W more at first, falling to nothing over {time}",
+    "decay": "{power} W more at first, decaying with a time constant of {time}",
+}
+
+
+@dataclass(frozen=True)
+class PowerCourse:
+    """A power beside those of logs and deck, from the beginning of each record on.
+
+    Parameters
+    ----------
+    name : str          Of its load in the model.
+    into : str          The node that it heats.
+    shape : str         A key of `SHAPES`.
+    time : float        Its length or time constant. [s]
+    power : float       At its beginning, where the fit starts. [W]
+    error : float       Standard error of the time, from the profile; infinite where that has no minimum within the record. [s]
+    begin : float       When it begins, after the record does. [s]
+    """
+
+    name: str
+    into: str
+    shape: str
+    time: float
+    power: float = 1.0
+    error: float = math.inf
+    begin: float = 0.0
+
+    def words(self, power: float) -> str:
+        """Return it in words, with the power that was found. [W]"""
+        return WORDS[self.shape].format(power=short(power, 3), time=duration_text(float(short(self.time, 3))))
+
+    def on(self, model: Model) -> Model:
+        """Return a model with the load of this course."""
+        times, shares, hold = SHAPES[self.shape](self.time)
+        if self.begin > 0.0:
+            times, shares = np.concatenate([[0.0, (1.0 - SHARP) * self.begin], self.begin + times]), np.concatenate([[0.0, 0.0], shares])
+        cycle = {"times": [f"{t!r} [s]" for t in times.tolist()], "values": shares.tolist(), "period": ONE_TURN}
+        load = watts(self.into, power=f"{self.power!r} [W]", cycle={**cycle, **({"hold": True} if hold else {})})
+        return with_load(model, self.name, load)
+
+    def within(self, request: Request) -> Request:
+        """Return a request that looks for this course's power too."""
+        return replace(request, model=self.on(request.model), free=(*request.free, f"{self.name}.power"))
+
+
+def recovered(
+    request: Request, name: str, into: str, *, shapes: Sequence[str] = tuple(SHAPES), power: float = 1.0, begin: float = 0.0
+) -> PowerCourse:
+    """Return the course that meets the readings of a request best: shape and time on the profile of the fit's cost.
+
+    Parameters
+    ----------
+    request : Request   The fit without the course.
+    name, into : str    Of the load that it becomes, and the node that it heats.
+    shapes : sequence   Shapes that are tried.
+    power : float       Where its power starts. [W]
+    begin : float       When it begins, after each record does. [s]
+
+    Raises
+    ------
+    IdentificationError   When no course can be run with these records.
+    """
+    refuse_unknown(shapes, SHAPES, f"course {name}", "unknown shape '{}' of a course. Use one of {known}.", IdentificationError)
+    span = min(float(np.ptp(r.times)) for r in request.records)
+    step = max(r.step for r in request.records)
+    tried = [_profiled(request, PowerCourse(name, into, s, 0.1 * span, power, begin=begin), 3.0 * step, 0.5 * span) for s in shapes]
+    cost, course = min(tried, key=lambda each: each[0])
+    if not np.isfinite(cost):
+        raise IdentificationError(f"no course of a power at '{into}' can be run with these records.", request.name or request.model.title)
+    return course
+
+
+def _profiled(request: Request, course: PowerCourse, low: float, high: float) -> tuple[float, PowerCourse]:
+    """Return the least cost of a course over its time between two bounds [s], and the course there."""
+    known: dict[float, float] = {}
+
+    def cost(log_time: float) -> float:
+        if log_time not in known:
+            try:
+                found = minimise(build_problem(replace(course, time=math.exp(log_time)).within(request)), request.loss, request.loss_scale)
+                known[log_time] = found.cost
+            except ThermidError:
+                known[log_time] = math.inf
+        return known[log_time]
+
+    grid = np.linspace(math.log(low), math.log(max(high, 2.0 * low)), GRID).tolist()
+    best = min(grid, key=cost)
+    width = 0.5 * (grid[1] - grid[0])
+    for _ in range(TURNS):
+        best = min((best, *(max(grid[0], min(grid[-1], best + d)) for d in (-width, width))), key=cost)
+        width *= 0.6
+    sides = [best - 0.1, best + 0.1]
+    # second difference of half the chi-square over ln(time): one over the variance of ln(time)
+    bend = (cost(sides[0]) - 2.0 * cost(best) + cost(sides[1])) / 0.01
+    error = math.exp(best) / math.sqrt(bend) if bend > 0.0 and np.isfinite(bend) else math.inf
+    return cost(best), replace(course, time=math.exp(best), error=error)

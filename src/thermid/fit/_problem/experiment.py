@@ -1,0 +1,854 @@
+"""A record bound to a model: its channels become observations, boundary signals, powers and first temperatures."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field, replace
+from itertools import combinations
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from thermid.base.errors import NameNotFoundError, RecordError, ThermidError, refuse_unknown
+from thermid.base.linear_algebra import Array
+from thermid.base.memo import Memo
+from thermid.measure.records import Channel, Record, SecondClock, found_noise, step_of
+from thermid.measure.sensors import SensorPart
+from thermid.model.deck import model_from_dict
+from thermid.model.laws import Constant, Signal, TableSignal, conducted
+from thermid.model.tree import Model, Names, Submodel
+from thermid.simulation.network import Network, compile_network
+from thermid.simulation.scenarios import Scenario
+from thermid.simulation.solver import Engine, Wiring
+from thermid.values.fitted import FittedValue
+
+
+@dataclass
+class Inputs:
+    """What the channels of a record drive, on top of what the scenario gives."""
+
+    boundaries: dict[str, Any]
+    loads: dict[str, Any]
+    commands: dict[str, Any]
+    gains: dict[str, str]
+    shared: dict[str, tuple[str, float]] = field(default_factory=dict)
+
+    def take(self, channel: Channel, role: str, path: str, signal: Signal, errors: Mapping[str, float] | None) -> None:
+        """Lay the signal of a channel over a boundary or load, with its constant error taken off or noted as one to look for."""
+        if role == "boundary":
+            self.boundaries[path] = signal if errors is None else signal.raised(errors.get(channel.name, 0.0))
+            if errors is None and channel.accuracy:
+                self.shared[channel.name] = (path, channel.accuracy)
+        elif channel.gain or role == "command":
+            self.commands[path] = signal
+            if channel.gain:
+                self.gains[path] = channel.gain
+        else:
+            self.loads[path] = signal if errors is None else signal.scaled(errors.get(channel.name, 1.0))
+            power = power_while_on(signal)
+            if errors is None and channel.accuracy and power > 0:
+                self.shared[channel.name] = (f"scale.{path}", channel.accuracy / power)
+
+
+def on_the_clock_of(record: Record, scenario: Scenario) -> Scenario:
+    """Return a scenario whose columns of the record's own log count from the record's first sample, though its start was cut off.
+
+    Raises
+    ------
+    RecordError   When the record's times are no longer those of its log.
+    """
+
+    def moved(given: Any) -> Any:
+        if not isinstance(given, TableSignal) or given.log is None or given.log[0] != record.origin.sha256:
+            return given
+        again = next((step for step in record.steps if step.startswith(("shift_start", "steady point"))), "")
+        if again:
+            raise RecordError(
+                f"the scenario has a column of the log '{record.origin.file}', but the record has other times after this step "
+                f"({again}). Leave that step out, or give the column in a separate log.",
+                record.name,
+            )
+        zero = float(record.times[0])
+        return given.shifted(zero - given.log[1])
+
+    return scenario.mapped(moved)
+
+
+def power_while_on(signal: Signal) -> float:
+    """Return the mean power weighted by itself, so that pauses do not count; zero for a load that is always off. [W]"""
+    values = np.abs(signal.levels)
+    total = float(values.sum())
+    return float(values @ values) / total if total > 0 else 0.0
+
+
+def corrected(scenario: Scenario, found: Mapping[str, float]) -> Scenario:
+    """Return the scenario of a record with the boundaries, starts and powers that a fit found.
+
+    Parameters
+    ----------
+    scenario : Scenario     As the log gives it.
+    found : dict            Name in the wiring -> value: of a boundary its temperature, or what is added where it varies in time [K], of
+                            ``initial.<node>`` a temperature [K], of ``scale.<load>`` a factor on its power. Other names are ignored.
+    """
+    boundaries = {
+        b: Constant(found[b]) if isinstance(s, Constant) else s.raised(found[b]) for b, s in scenario.boundaries.items() if b in found
+    }
+    loads = {p: s.scaled(found[f"scale.{p}"]) for p, s in scenario.loads.items() if f"scale.{p}" in found}
+    initial = {name.removeprefix("initial."): t for name, t in found.items() if name.startswith("initial.")}
+    return scenario.with_(boundaries=boundaries, loads=loads, initial=initial)
+
+
+def signal_of(record: Record, name: str, zero: float, held: bool) -> Signal:
+    """Return a channel of a record as a signal of a run, whose time counts from `zero` [s]."""
+    table, samples = record.table(name), record.channel(name).samples
+    times = np.asarray(table.times) - zero
+    if times.size == 1:
+        return Constant(float(table.values[0]))
+    return conducted(TableSignal(times, np.asarray(table.values), held and samples != "average"), {"samples": samples}, record.name)
+
+
+@dataclass(frozen=True)
+class Seat:
+    """A sensor that was attached to a model.
+
+    Parameters
+    ----------
+    node : str      The node on which it sits.
+    tip : str       The node that it reads: its own, or that on which it sits.
+    lag : str       Path of its lag; empty where it has no tip of its own.
+    """
+
+    node: str
+    tip: str
+    lag: str = ""
+
+
+def gain_of(sensor: str) -> str:
+    """Return the name of the error of a sensor's scale among the unknowns."""
+    return f"scale of {sensor}"
+
+
+def lag_of(sensor: str) -> str:
+    """Return the name of a sensor's lag among the unknowns."""
+    return f"lag of {sensor}"
+
+
+def sensor_model(part: SensorPart) -> Model:
+    """Return the sensor as a model of the bench: its tip behind its lag, and its leads; every element is `test_only`.
+
+    It needs `seat`, the node on which it sits, and `far`, where its leads end; `tip` is what it reads.
+    """
+    lags = bool(part.lag or part.capacitance)
+    foot = "tip" if part.capacitance else "seat"  # without a heat capacity nothing says how well the tip is tied to its node
+    deck: dict[str, object] = {"title": "sensor", "needs": ["seat", *(["far"] if part.lead_conductance else [])]}
+    conductors: dict[str, object] = {}
+    if lags:
+        deck |= {
+            "offers": ["tip"],
+            "parameters": {
+                name: f"{float(value)!r} [{unit}]" for (name, value), unit in zip(part.worth.items(), ("s", "J/K"), strict=True)
+            },
+            "nodes": {"tip": {"capacitance": "capacitance", "test_only": True}},
+        }
+        conductors["contact"] = {"kind": "conduction", "between": ["seat", "tip"], "resistance": "lag/capacitance", "test_only": True}
+    if part.lead_conductance:
+        lead = f"{float(part.lead_conductance)!r} [W/K]"
+        conductors["lead"] = {"kind": "conduction", "between": [foot, "far"], "conductance": lead, "test_only": True}
+    return model_from_dict(deck | {"conductors": conductors})
+
+
+def attached(model: Model, record: Record) -> tuple[Model, dict[str, Seat]]:
+    """Return the model with the sensors of a record on it, and channel -> where it sits; the same model where no sensor touches it.
+
+    Raises
+    ------
+    RecordError   When the leads of a sensor end at no node of the model.
+    """
+    names: Names | None = None
+    seats: dict[str, Seat] = {}
+    for channel in record.channels.values():
+        if channel.part is None or not channel.part.touches or channel.role not in ("auto", "node"):
+            continue
+        names = names or Names(model)
+        node = names.find(channel.target or channel.name, f"{record.name}, {channel.name}")
+        if node not in names.nodes:
+            continue  # refused where the channel is bound
+        if model.runner is not None:
+            raise RecordError(
+                "its sensor has a lag, a heat capacity or leads, which cannot be added to the equations of an FMU. Leave them out, or give "
+                "it an accuracy that includes them.",
+                f"{record.name}, {channel.name}",
+            )
+        seats[channel.name] = _seat(channel, node)
+        model = _with_sensor(model, names, channel, node, f"{record.name}, {channel.name}")
+    return model, seats
+
+
+def at_their_seats(record: Record) -> Record:
+    """Return a record whose sensors read their nodes themselves, as they do once nothing changes: no lag, no heat capacity; leads stay."""
+    parts = {c: c.part for c in record.channels.values() if c.part is not None}
+    made = [replace(c, part=replace(part, lag=0.0, lag_accuracy=0.0, capacitance=0.0)) for c, part in parts.items()]
+    return record.with_channels(*made) if made else record
+
+
+OF_A_SENSOR = "sensor_"
+"""How the name of a submodel begins that stands for a sensor and its leads."""
+
+
+def _named(channel: Channel) -> str:
+    return f"{OF_A_SENSOR}{re.sub(r'[^0-9A-Za-z_]', '_', channel.name)}"
+
+
+def of_a_sensor(path: str) -> bool:
+    """Whether a path lies in the submodel of a sensor, which belongs to its record and not to the model."""
+    return any(p.startswith(OF_A_SENSOR) for p in path.split("."))
+
+
+def _seat(channel: Channel, node: str) -> Seat:
+    assert channel.part is not None
+    if not (channel.part.lag or channel.part.capacitance):
+        return Seat(node, node)
+    return Seat(node, f"{_named(channel)}.tip", f"{_named(channel)}.lag")
+
+
+def _with_sensor(model: Model, names: Names, channel: Channel, node: str, where: str) -> Model:
+    part = channel.part
+    assert part is not None
+    binding = {"seat": node}
+    if part.lead_conductance:
+        try:
+            binding["far"] = names.find(part.lead_to, f"{where}, lead.to")
+        except NameNotFoundError as error:
+            raise RecordError(f"its leads end at '{part.lead_to}', which the model does not have. {error.message}", where) from None
+    inner = dict(model.submodels)
+    for path in binding.values():
+        head, _, rest = path.partition(".")
+        if rest and head in inner and rest not in inner[head].model.offers:
+            inner[head] = replace(inner[head], model=replace(inner[head].model, offers=(*inner[head].model.offers, rest)))
+    own = sensor_model(part)
+    return replace(model, submodels={**inner, _named(channel): Submodel(own, binding, own.identity())})
+
+
+def as_found(record: Record, values: Mapping[str, FittedValue], bias: Mapping[str, float]) -> Record:
+    """Return a record whose sensors have the scales and lags that a fit found, its readings corrected by the scales.
+
+    Parameters
+    ----------
+    record : Record     A log that the fit has not seen.
+    values : dict       Name -> FittedValue, those of `gain_of` and `lag_of` among them.
+    bias : dict         Sensor -> constant error. [K]
+    """
+    made = []
+    for channel in record.channels.values():
+        part, readings = channel.part, channel.values
+        if part is None:
+            continue
+        if (scale := values.get(gain_of(channel.name))) is not None:
+            true = (readings - bias.get(channel.name, 0.0) + scale.value * part.gain_about) / (1.0 + scale.value)
+            readings = readings - scale.value * (true - part.gain_about)
+        lag = values.get(lag_of(channel.name))
+        known = replace(part, gain_accuracy=0.0, lag_accuracy=0.0, lag=part.lag if lag is None else lag.value)
+        made.append(replace(channel, values=readings, part=known))
+    return record.with_channels(*made) if made else record
+
+
+MEASURED = "measured"
+"""`start = "measured"`: observed nodes start at their own readings, all others at the mean of these."""
+UNSAID_NOISE = 0.1
+"""Noise of a sensor where nobody said it, for what is worth a remark. [K]"""
+REST = 4.0
+"""Standard deviations of a difference of two readings up to which they count as one temperature: a log then begins at rest."""
+STEPS = 20
+"""Newton steps for the balance; only radiation and laws that change with temperature need more than one."""
+
+
+@dataclass(frozen=True)
+class HiddenStart:
+    """Start of a node that no sensor observes, in a log that does not begin at rest.
+
+    Parameters
+    ----------
+    mean : float            Temperature at which it stores no heat, its neighbours at their first readings, no power on. [K]
+    sd : float              Half the range of the measured neighbours and the boundaries. [K]
+    neighbours : tuple      Nodes with a sensor that it exchanges heat with, directly or through other nodes without one.
+    """
+
+    mean: float
+    sd: float
+    neighbours: tuple[str, ...]
+
+
+def first_reading(record: Record, name: str, window: float = 0.0) -> float:
+    """Return the median of a channel's valid samples within `window` of its first one. [SI]
+
+    Raises
+    ------
+    RecordError   When it has no valid sample.
+    """
+    channel = record.channel(name)
+    times = record.times[channel.valid]
+    if times.size == 0:
+        raise RecordError(f"channel '{name}' has no valid sample. Leave it out, or check why all its samples are masked.", record.name)
+    return float(np.median(channel.values[channel.valid][times <= times[0] + window]))
+
+
+def starts_of(
+    record: Record, base: Scenario, network: Network, first: Mapping[str, float], window: float
+) -> tuple[Any, dict[str, Any], dict[str, str], tuple[str, ...]]:
+    """Return start, initial temperatures, nodes that start at a channel's first reading, and nodes that start at their own."""
+    initial: dict[str, Any] = {}
+    readings: dict[str, str] = {}
+
+    def lay(node: str, value: Any) -> None:
+        if isinstance(value, str) and value in record.channels:
+            readings[node] = value
+            initial[node] = first_reading(record, value, window)
+        else:
+            initial[node] = value
+
+    for raw, value in base.initial.items():
+        lay(network.find(raw), value)
+    if isinstance(base.start, str) and base.start in record.channels:
+        for node in network.nodes:
+            if node not in initial and _massive(network, node):
+                lay(node, base.start)
+        return first_reading(record, base.start, window), initial, readings, ()
+    if base.start not in ("", MEASURED):
+        return base.start, initial, readings, ()
+    loose = tuple(n for n in first if n not in initial and _massive(network, n) and _can_start(network, n))
+    initial |= {n: first[n] for n in loose}
+    mean = float(np.mean(list(first.values())))
+    return (mean if base.start == MEASURED or len(network.boundaries) != 1 else ""), initial, readings, loose
+
+
+def _can_start(network: Network, node: str) -> bool:
+    """Whether the start of a node can be set; of somebody else's program it may follow from others."""
+    runner = network.flat.names.model.runner
+    return runner is None or node in runner.starts
+
+
+def _massive(network: Network, node: str) -> bool:
+    return any(n.path == node and n.fields for n in network.flat.nodes)
+
+
+def hidden_starts(
+    scenario: Scenario, network: Network, first: Mapping[str, float], channels: Mapping[str, Channel], skipped: Sequence[str]
+) -> dict[str, HiddenStart]:
+    """Return the starts of nodes without a sensor that nobody gave; none where the log begins at rest.
+
+    Parameters
+    ----------
+    scenario : Scenario     Of the record; its `start` is empty.
+    network : Network       The model, sensors on it.
+    first : dict            Observed node -> its first reading. [K]
+    channels : dict         Observed node, or logged boundary, -> its channel.
+    skipped : sequence      Nodes that follow others, as the tips of sensors do.
+
+    Notes
+    -----
+    Net heat q(T) of the nodes without a reading is brought to zero by Newton's method, ``dT = -(dq/dT)^-1 q``, with every other
+    temperature fixed and all powers off. What was on before the log began is not known: the standard deviation stands for it.
+    """
+    hidden = [n for n in network.nodes if n not in first and n not in scenario.initial and n not in skipped and _massive(network, n)]
+    around = {b: float(np.ravel(s.at(np.zeros(1)))[0]) for b, s in scenario.boundaries.items() if b in network.boundaries}
+    if not hidden or _at_rest({**around, **first}, channels):
+        return {}
+    whole = [*first.values(), *around.values()]
+    if network.stores:  # their levels are no temperatures: the readings alone say where they may begin
+        return {n: HiddenStart(float(np.mean(list(first.values()))), 0.5 * float(np.ptp(whole)), tuple(first)) for n in hidden}
+    engine = _unpowered(network, replace(scenario, start=float(np.mean(list(first.values())))))
+    assembled = engine.wiring.assemble(gradients=False)
+    nodes = list(assembled.reduced.nodes)
+    loose = [k for k, n in enumerate(nodes) if n not in first and n not in scenario.initial]
+    held = [k for k, n in enumerate(nodes) if n in first]
+    temperatures, jacobian = _balanced(engine, loose)
+    out = {}
+    for group in _groups(jacobian, loose):
+        beside = [k for k in held if np.any(jacobian[np.ix_(group, [k])]) or np.any(jacobian[np.ix_([k], group)])]
+        anchors = [*(first[nodes[k]] for k in beside), *around.values()]
+        anchors = anchors if np.ptp(anchors) > 0.0 else whole
+        for k in (k for k in group if nodes[k] in hidden):
+            mean = float(np.clip(temperatures[k], min(anchors), max(anchors)))
+            out[nodes[k]] = HiddenStart(mean, 0.5 * float(np.ptp(anchors)), tuple(nodes[j] for j in beside))
+    return {n: out[n] for n in hidden if n in out}
+
+
+def _at_rest(temperatures: Mapping[str, float], channels: Mapping[str, Channel]) -> bool:
+    """Whether first readings and boundaries agree within what is said of their noise and accuracy."""
+
+    def sd(name: str) -> float:
+        channel = channels.get(name)
+        if channel is None:
+            return 0.0
+        return float(np.hypot(UNSAID_NOISE if channel.noise is None else channel.noise, channel.accuracy or 0.0))
+
+    return all(abs(temperatures[a] - temperatures[b]) <= REST * np.hypot(sd(a), sd(b)) for a, b in combinations(temperatures, 2))
+
+
+def _unpowered(network: Network, scenario: Scenario) -> Engine:
+    """Return the run of a scenario with inputs as they begin and every power off; as they are where a load takes no power but its own."""
+    scenario = scenario.mapped(lambda s: Constant(float(np.ravel(s.at(np.zeros(1)))[0])))
+    off = {load.path: Constant(0.0) for load in network.flat.loads}
+    try:
+        return Engine(Wiring(network, replace(scenario, loads=off, commands={}, gains={})))
+    except ThermidError:
+        return Engine(Wiring(network, scenario))
+
+
+def _balanced(engine: Engine, loose: Sequence[int]) -> tuple[Array, Array]:
+    """Return temperatures (nodes,) [K] at which the loose nodes store no heat, and the Jacobian (nodes, nodes) of the net heat. [W/K]"""
+    assembled = engine.wiring.assemble(gradients=False)
+    temperatures = np.array(assembled.initial)
+    low, high = 0.5 * float(temperatures.min()), 2.0 * float(temperatures.max())
+    jacobian = np.zeros((temperatures.size,) * 2)
+    for _ in range(STEPS):
+        heat, jacobian, _ = engine.rhs(assembled, temperatures, 0.0)
+        step = np.linalg.lstsq(jacobian[np.ix_(loose, loose)], -heat[loose], rcond=None)[0]
+        temperatures[loose] = np.clip(temperatures[loose] + step, low, high)
+        if np.abs(step).max(initial=0.0) < 1e-3:
+            break
+    return temperatures, jacobian
+
+
+def _groups(jacobian: Array, loose: Sequence[int]) -> list[list[int]]:
+    """Return the loose nodes in groups that exchange heat among themselves."""
+    linked = (jacobian != 0.0) | (jacobian.T != 0.0)
+    left, out = np.zeros(jacobian.shape[0], dtype=bool), []
+    left[list(loose)] = True
+    for first in loose:
+        if not left[first]:
+            continue
+        left[first] = False
+        group = [first]
+        for k in group:  # grows as it is walked
+            beside = np.flatnonzero(linked[k] & left)
+            left[beside] = False
+            group += beside.tolist()
+        out.append(group)
+    return out
+
+
+SCALE = "scale."
+"""Before the path of a load: the factor on its power."""
+
+
+@dataclass(frozen=True, eq=False)
+class Observation:
+    """One measured temperature.
+
+    Parameters
+    ----------
+    sensor : str                Name of the channel.
+    node : str                  Canonical path of the node that it observes.
+    seat : str                  That of the node on which its sensor sits: the same, unless the sensor lags or has a heat capacity.
+    index : array (samples,)    Which output times have a valid sample.
+    measured : array (samples,) [K]
+    noise : float or None       Standard deviation of one sample. [K]
+    accuracy : float or None    Standard deviation of its constant error. [K]
+    weight : float              Below 1 where a model error, not the noise, sets how far a reading can be trusted. [-]
+    effective_share : float     Independent samples that a sample is worth: below 1 where the noise is said to be correlated. [-]
+    part : SensorPart or None   What else its sensor does.
+    lag : str                   Path of the sensor's lag in the wiring; empty for none.
+    step : float                Of the sensor, as stated or as its readings show it; zero for none. [K]
+    blur : float or None        Stated noise of a reading before it is rounded. [K]
+    """
+
+    sensor: str
+    node: str
+    index: NDArray[np.int64]
+    measured: Array
+    noise: float | None
+    accuracy: float | None
+    weight: float
+    effective_share: float
+    part: SensorPart | None
+    seat: str
+    lag: str
+    step: float = 0.0
+    blur: float | None = None
+
+    def sigma(self, assumed: Mapping[str, float]) -> float:
+        """Return the standard deviation that weighs the residuals: the noise, or what is assumed of the sensor, over the weight. [K]
+
+        Noise that is said to be correlated counts as so much larger that the samples say of anything slow what they can say.
+        """
+        return (self.noise or assumed[self.sensor]) / self.weight / float(np.sqrt(self.effective_share))
+
+    @property
+    def effective_samples(self) -> float:
+        """Independent samples that its samples are worth by what is said of its noise."""
+        return self.index.size * self.effective_share
+
+
+@dataclass(frozen=True)
+class InputNoise:
+    """Noise of the samples of a logged boundary or power.
+
+    Parameters
+    ----------
+    white : float       Standard deviation of one sample. [K, W]
+    step : float        To which samples are rounded; zero for none. [K, W]
+    stated : bool       Whether somebody said the white part; else it is found from the samples.
+    """
+
+    white: float
+    step: float
+    stated: bool
+
+    @property
+    def any(self) -> bool:
+        """Whether there is any."""
+        return self.white > 0.0 or self.step > 0.0
+
+
+OFFSET, RATE = "clock.offset", "clock.rate"
+"""Names in the wiring of what says where a second clock stands."""
+
+
+@dataclass(frozen=True)
+class Ticks:
+    """What follows a second clock in an experiment.
+
+    Parameters
+    ----------
+    clock : SecondClock             Where its offset and rate are looked for.
+    driven : tuple of (str, str)    Table of the scenario and path of every signal that was logged on it.
+    zero : float                    Time on the record's own clock at which the experiment begins. [s]
+    at : (offset, rate)             Those at which the scenario holds these signals. [s, -]
+    sampled : tuple of str          Paths of powers and commands that were sampled, not logged when they changed; their changes stand in the
+                                    middle of the interval in which they happened.
+    """
+
+    clock: SecondClock
+    driven: tuple[tuple[str, str], ...]
+    zero: float
+    at: tuple[float, float]
+    sampled: tuple[str, ...] = ()
+
+    def moved(self, experiment: Experiment, at: tuple[float, float]) -> Experiment:
+        """Return an experiment with these signals at another offset and rate."""
+        tables = {name: dict(getattr(experiment.scenario, name)) for name in {name for name, _ in self.driven}}
+        for name, path in self.driven:
+            tables[name][path] = self._moved(tables[name][path], at)
+        return replace(experiment, scenario=experiment.scenario.with_(**tables), ticks=replace(self, at=at))
+
+    def _moved(self, signal: Signal, at: tuple[float, float]) -> Signal:
+        if not isinstance(signal, TableSignal):
+            return signal
+
+        def law(times: Array) -> Array:
+            own = (times + self.zero - self.at[0]) / self.at[1]
+            # to the nanosecond, so that rounding does not part an instant from the start of the run or from a reading
+            return np.round(at[0] + at[1] * own - self.zero, 9)
+
+        return signal.retimed(law)
+
+    @property
+    def span(self) -> float:
+        """Longest time that the second clock shows while the first log lasts. [s]"""
+        return max(abs(t - self.at[0]) for t in self.clock.times) / self.at[1]
+
+
+@dataclass(frozen=True, eq=False)
+class Experiment:
+    """A record bound to a model.
+
+    Parameters
+    ----------
+    record : Record             The prepared log.
+    model : Model               Without the sensors of the log.
+    network : Network           The model compiled for it, sensors that lag, store or lead heat on it.
+    scenario : Scenario         What the log says was done; times count from its first sample.
+    times : array (times,)      Times at which any sensor has a valid sample, from the first sample of the record. [s]
+    observations : tuple        The measured temperatures.
+    shared : dict               Channel -> (name in the wiring, sd in its unit): constant errors of logged boundaries and powers.
+    readings : dict             Node or boundary -> channel whose first reading, less its constant error, stands for its temperature at the
+                                start (of a boundary: throughout).
+    loose : tuple of str        Observed nodes whose start nothing gives but their own readings.
+    hidden : dict               Node without a sensor -> its start, where nothing gives it and the log does not begin at rest.
+    tips : dict                 Tip of a sensor -> the node on which it sits, at whose temperature it starts.
+    ticks : Ticks or None       What was logged on a second clock that is known within a range only.
+    noisy : dict                Logged boundary, or scale of a logged power -> noise of its samples.
+    means : dict                The same -> standard deviation of an error that is one in all samples of this record. [K], [-]
+    memo : Memo                 Benches, by what is free in them and where the second clock stands.
+    """
+
+    record: Record
+    model: Model
+    network: Network
+    scenario: Scenario
+    times: Array
+    observations: tuple[Observation, ...]
+    shared: Mapping[str, tuple[str, float]] = field(default_factory=dict)
+    readings: Mapping[str, str] = field(default_factory=dict)
+    loose: tuple[str, ...] = ()
+    tips: Mapping[str, str] = field(default_factory=dict)
+    ticks: Ticks | None = None
+    noisy: Mapping[str, InputNoise] = field(default_factory=dict)
+    means: Mapping[str, float] = field(default_factory=dict)
+    hidden: Mapping[str, HiddenStart] = field(default_factory=dict)
+    memo: Memo = field(init=False, default_factory=Memo, compare=False, repr=False)
+
+    @property
+    def bare(self) -> Scenario:
+        """The scenario as it holds for the model without its sensors."""
+        return self._without_tips(self.scenario)
+
+    def _without_tips(self, scenario: Scenario) -> Scenario:
+        return replace(scenario, initial={n: t for n, t in scenario.initial.items() if n not in self.tips})
+
+    def as_fitted(self, model: Model, found: Mapping[str, float], sensors: bool = True) -> tuple[Model, Scenario]:
+        """Return a model and the scenario of this record as a fit ran them.
+
+        Parameters
+        ----------
+        model : Model       Without the sensors of the log.
+        found : dict        Name in the wiring -> value, as in `corrected`, and the lags of sensors [s].
+        sensors : bool      Whether sensors that touch the hardware are on the model, with their lags.
+        """
+        scenario = corrected(self.scenario, found)
+        driven = [b for b in self.network.boundaries if b not in self.network.flat.names.boundaries]
+        if driven:
+            kept = {b: s for b, s in scenario.boundaries.items() if b not in driven}
+            scenario = replace(scenario, boundaries=kept, prescribed={b: scenario.boundaries[b] for b in driven})
+        if not sensors:
+            return model, self._without_tips(scenario)
+        lags = {o.lag: f"{found[o.lag]!r} [s]" for o in self.observations if o.lag in found}
+        return attached(model, self.record)[0].with_values(lags, "found by the fit"), scenario
+
+
+def role_and_target(record: Record, channel: Channel, network: Network) -> tuple[str, str]:
+    """Return role and canonical target of a channel."""
+    target = channel.target or channel.name
+    where = f"{record.name}, {channel.name}"
+    canonical = network.flat.names.model.canonical(target)
+    loads = [load.path for load in network.flat.loads]
+    if channel.role in ("load", "command") or (channel.role == "auto" and canonical in loads):
+        refuse_unknown([canonical], loads, where, f"no load '{target}' in {network.title}.", RecordError)
+        if channel.role == "auto" and channel.quantity != "power":
+            # without a unit a column is read as degrees Celsius, and 4 W would become 277
+            raise RecordError(
+                f"'{target}' is a load of {network.title}, but the channel holds a {channel.quantity}. "
+                f"Bind it with load = '{target}', or give its unit.",
+                where,
+            )
+        return ("command" if channel.role == "command" else "load"), canonical
+    path = network.find(target, where)
+    if channel.role == "prescribed" and path in network.flat.names.boundaries:
+        raise RecordError(
+            f"'{target}' is a boundary of {network.title}, so its temperature is given. Bind the channel with boundary = '{target}'.", where
+        )
+    role = "boundary" if path in network.boundaries else "node"
+    if channel.role not in ("auto", role, "prescribed"):
+        raise RecordError(f"'{target}' is a {role} of {network.title}, not a {channel.role}.", where)
+    if channel.quantity != "temperature":
+        raise RecordError(
+            f"'{target}' is a {role} of {network.title}, but the channel holds a {channel.quantity}. Bind it to a load.", where
+        )
+    return role, path
+
+
+def bind(
+    model: Model,
+    record: Record,
+    scenario: Scenario | None = None,
+    window: float = 0.0,
+    weights: Mapping[str, float] | None = None,
+    errors: Mapping[str, float] | None = None,
+) -> Experiment:
+    """Return a record bound to a model.
+
+    Parameters
+    ----------
+    model : Model           The model.
+    record : Record         The log; its channels are bound to nodes, boundaries, loads or commands by their role and target.
+    scenario : Scenario     What the log does not say: unlogged boundaries, the start. Where a temperature is the name of a channel, its
+                            first reading stands there; ``start = "measured"`` starts every observed node at its first reading.
+    window : float          First readings are medians over this time. [s]
+    weights : dict          Sensor -> weight of its residuals, 1 where none is given.
+    errors : dict           Channel -> constant error of a logged boundary (added to it [K]) or power (a factor); where it is given, even
+                            empty, none is looked for.
+
+    Raises
+    ------
+    RecordError   When a channel is bound to nothing, or no channel observes a node.
+    """
+    base = on_the_clock_of(record, scenario or Scenario(record.name))
+    prescribed = [c.target or c.name for c in record.channels.values() if c.role == "prescribed"]
+    whole, seats = attached(model, record)
+    network = compile_network(whole, media=base.media(), prescribed=(*base.prescribed, *prescribed))
+    second = record.second
+    zero, last = (float(record.times[0]), float(record.times[-1])) if second is None else second.times
+    given = {network.find(k): v for k, v in base.boundaries.items()}
+    inputs = Inputs(given, dict(base.loads), dict(base.commands), dict(base.gains))
+    observed: list[tuple[Channel, str]] = []
+    driven: dict[str, str] = {}
+    noisy: dict[str, InputNoise] = {}
+    means: dict[str, float] = {}
+    for channel in record.channels.values():
+        role, path = role_and_target(record, channel, network)
+        if role == "node":
+            _timed(channel, record)
+            observed.append((channel, path))
+        else:
+            _bare(channel, role, record)
+            driven[channel.name] = path
+            if role != "command" and not channel.gain and (noise := _input_noise(channel)).any:
+                noisy[path if role == "boundary" else SCALE + path] = noise
+            if role != "command" and not channel.gain and channel.common and errors is None:
+                means |= _of_mean(channel, role, path, signal_of(record, channel.name, zero, held=role != "boundary"))
+            inputs.take(channel, role, path, signal_of(record, channel.name, zero, held=role != "boundary"), errors)
+    if not observed:
+        raise RecordError(
+            f"no channel observes a node of {network.title}, so no reading can be compared. Bind one with node = '...'.", record.name
+        )
+    grid = np.flatnonzero(np.any([c.valid for c, _ in observed], axis=0))
+    times = record.times[grid] - zero
+    observations = tuple(
+        _observation(c, seats.get(c.name, Seat(path, path)), grid, times, (weights or {}).get(c.name, 1.0)) for c, path in observed
+    )
+    first = _first_readings(record, observations, window)
+    start, initial, readings, loose = starts_of(record, _as_it_starts(model, base, first), network, first, window)
+    tips = {o.node: o.seat for o in observations if o.node != o.seat}
+    initial |= {tip: initial[seat] for tip, seat in tips.items() if seat in initial and tip not in initial}
+    duration = last - zero
+    ticks = None if second is None else _ticks(record, second, zero, driven, inputs)
+    made = replace(
+        base,
+        title=record.name,
+        boundaries=inputs.boundaries,
+        loads=inputs.loads,
+        commands=inputs.commands,
+        gains=inputs.gains,
+        start=start,
+        initial=initial,
+        duration=duration,
+    )
+    hidden = _hidden_starts(made, network, first, record, driven, observations, tips) if base.start == "" else {}
+    if hidden:
+        made = replace(made, initial={**made.initial, **{n: h.mean for n, h in hidden.items()}})
+    return Experiment(record, model, network, made, times, observations, inputs.shared, readings, loose, tips, ticks, noisy, means, hidden)
+
+
+def _as_it_starts(model: Model, base: Scenario, first: Mapping[str, float]) -> Scenario:
+    """Return a scenario in which nodes without a reading begin as the program does that runs the model, where nobody gives their start."""
+    if model.runner is None or base.start != "":
+        return base
+    return replace(base, initial={**{n: t for n, t in model.runner.starts.items() if n not in first}, **base.initial})
+
+
+def _first_readings(record: Record, observations: Sequence[Observation], window: float) -> dict[str, float]:
+    """Return observed node -> its first reading, the mean of those of its sensors. [K]"""
+    several: dict[str, list[float]] = {}
+    for o in observations:
+        several.setdefault(o.seat, []).append(first_reading(record, o.sensor, window))
+    return {seat: float(np.mean(readings)) for seat, readings in several.items()}
+
+
+def _hidden_starts(
+    made: Scenario,
+    network: Network,
+    first: Mapping[str, float],
+    record: Record,
+    driven: Mapping[str, str],
+    observations: Sequence[Observation],
+    tips: Mapping[str, str],
+) -> dict[str, HiddenStart]:
+    """Return the starts of nodes without a sensor, from the channels of the record by the places that they read or drive."""
+    if network.flat.names.model.runner is not None:
+        return {}
+    by_place = {path: record.channels[name] for name, path in driven.items()} | {o.seat: record.channels[o.sensor] for o in observations}
+    return hidden_starts(made, network, first, by_place, tuple(tips))
+
+
+def _ticks(record: Record, second: SecondClock, zero: float, driven: Mapping[str, str], inputs: Inputs) -> Ticks:
+    """Return which inputs follow the clock that the fit has yet to find."""
+    tables = (("boundaries", inputs.boundaries), ("loads", inputs.loads), ("commands", inputs.commands))
+    followed = tuple((name, p) for c, p in driven.items() if c in second.channels for name, held in tables if p in held)
+    sampled = []
+    for channel, path in driven.items():
+        given = record.channels[channel]
+        for _, held in tables if channel in second.channels and given.held and not given.prompt else ():
+            if path in held and isinstance(held[path], TableSignal) and held[path].held:
+                held[path] = held[path].changed_within()
+                sampled.append(path)
+    return Ticks(second, followed, zero, second.at, tuple(sampled))
+
+
+def _timed(channel: Channel, record: Record) -> None:
+    """Refuse temperatures that are compared, but on a clock that the fit has yet to find."""
+    if record.second is not None and channel.name in record.second.channels:
+        raise RecordError(
+            "its readings are compared with the model, but its clock is not known yet. The log with the compared temperatures must "
+            "give the time. Join the logs the other way round; if both have such temperatures, call td.inference.align first.",
+            f"{record.name}, {channel.name}",
+        )
+
+
+def _bare(channel: Channel, role: str, record: Record) -> None:
+    """Refuse what only a sensor on a node can be said to do."""
+    part = channel.part
+    if part is not None and (part.touches or part.gain_accuracy or part.correlation_time):
+        what = "a lag, a heat capacity, leads, an error of its scale or a correlation of its noise"
+        raise RecordError(
+            f"its sensor has {what}, but its readings are the input of a {role}, where these cannot be modelled. Give it an accuracy "
+            "that includes them instead.",
+            f"{record.name}, {channel.name}",
+        )
+
+
+def _observation(channel: Channel, seat: Seat, grid: NDArray[np.int64], times: Array, weight: float) -> Observation:
+    index = np.flatnonzero(channel.valid[grid])
+    part, share = channel.part, 1.0
+    if part is not None and part.correlation_time and index.size > 1:
+        # of noise with correlations exp(-|t| / time), n samples say of a mean what n tanh(step / 2 time) independent ones do
+        share = float(np.tanh(0.5 * np.median(np.diff(times[index])) / part.correlation_time))
+    return Observation(
+        channel.name,
+        seat.tip,
+        index,
+        channel.values[grid[index]],
+        _noise(channel),
+        channel.accuracy,
+        weight,
+        share,
+        part,
+        seat.node,
+        seat.lag,
+        step_of(channel),
+        channel.noise,
+    )
+
+
+def _noise(channel: Channel) -> float | None:
+    """Return the standard deviation of one sample: noise, and rounding to steps of the sensor, a step over the root of 12. [K]
+
+    Steps that nobody stated count where the stated noise is too small to hold them.
+    """
+    if channel.noise is None:
+        return None
+    rounding = step_of(channel) / np.sqrt(12.0)
+    return float(np.hypot(channel.noise, rounding)) if channel.resolution is not None or rounding > channel.noise else channel.noise
+
+
+def _of_mean(channel: Channel, role: str, path: str, signal: Signal) -> dict[str, float]:
+    """Return the name in the wiring of a mean boundary [K] or power [-] -> standard deviation of its error; none of a power that is off."""
+    assert channel.common is not None
+    if role == "boundary":
+        return {path: channel.common}
+    power = power_while_on(signal)
+    return {SCALE + path: channel.common / power} if power > 0 else {}
+
+
+def _input_noise(channel: Channel) -> InputNoise:
+    """Return the noise of a logged boundary or power; see `found_noise` for one that nobody stated.
+
+    A power has steps where they are stated; a boundary that never changes is one that was set.
+    """
+    moves = channel.quantity == "temperature" and float(np.ptp(channel.values[channel.valid])) > 0.0
+    step = step_of(channel) if moves or channel.resolution is not None else 0.0
+    if channel.noise is not None:
+        return InputNoise(channel.noise, step, True)
+    return InputNoise(found_noise(channel), step, False)

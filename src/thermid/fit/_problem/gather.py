@@ -1,0 +1,326 @@
+"""From a request to the residuals over its unknowns: parameters, local values, constant errors, and where each of them acts."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Collection, Mapping, Sequence
+from dataclasses import dataclass, replace
+
+from thermid.base.errors import IdentificationError, RecordError, nearest, refuse_unknown
+from thermid.base.units import TEMPERATURE, require
+from thermid.fit._problem.experiment import OFFSET, RATE, SCALE, Experiment, bind, first_reading, gain_of, lag_of
+from thermid.fit._problem.request import Request, known_before
+from thermid.fit._problem.residuals import Influence, Prior, Problem, Unknown, parameter_unknown
+from thermid.measure.sensors import SensorPart
+from thermid.model.laws import Constant, TableSignal
+from thermid.physics.finishes import finish
+from thermid.values.spreads import read_spread
+
+MANY = 10
+"""Nodes without a sensor in a record up to which each has a start of its own; of more, those with the same neighbours move together."""
+
+
+def build_problem(request: Request) -> Problem:
+    """Return the residuals of a request.
+
+    Raises
+    ------
+    RecordError             Without records, or with two of one name.
+    IdentificationError     When a prior, a weight or a reading names nothing.
+    """
+    where = request.name or request.model.title
+    if not request.records:
+        raise RecordError("a calibration needs at least one record.", where)
+    names = [r.name for r in request.records]
+    twice = sorted({n for n in names if names.count(n) > 1})
+    if twice:
+        raise RecordError(f"two records are named '{twice[0]}'.", where)
+    for name in (n for n in request.scenarios if n not in (*names, "*")):
+        raise RecordError(f"a scenario is given for '{name}', which is not a record of this fit.{nearest(name, names)}", where)
+    experiments = tuple(
+        bind(request.model, r, request.scenario(r), request.window, request.weights, request.held_errors) for r in request.records
+    )
+    _check_weights(request, experiments, where)
+    return problem_of(request, experiments)
+
+
+def problem_of(request: Request, experiments: Sequence[Experiment], opened: Sequence[Sequence[str]] = ()) -> Problem:
+    """Return the residuals of a request whose records are bound to its model already.
+
+    `opened` are fixed values that become unknowns too, each as the paths where it acts; the first one names it.
+    """
+    unknowns = [
+        *_parameters(request, experiments),
+        *(_parameter(group, experiments) for group in opened),
+        *_locals(request, experiments),
+        *clock_unknowns(experiments),
+        *_nuisances(request, experiments),
+    ]
+    starts = [_starts(request, e) for e in experiments]
+    unknowns = _reaching(unknowns, starts, request.held_bias)
+    settled = tuple(_settled(request, e, s) for e, s in zip(experiments, starts, strict=True))
+    below = known_before(request, unknowns)
+    coupled = ((below.at, below.mean, below.root),) if below.at.size else ()
+    noise = {o.sensor: 1.0 for e in experiments for o in e.observations}
+    return Problem(settled, tuple(unknowns), noise, request.options, dict(request.held_bias), coupled)
+
+
+def _check_weights(request: Request, experiments: Sequence[Experiment], where: str) -> None:
+    sensors = {o.sensor for e in experiments for o in e.observations}
+    for sensor, weight in request.weights.items():
+        refuse_unknown([sensor], sensors, where, "a weight is given for '{}', which is not a sensor of this fit.", IdentificationError)
+        if not (math.isfinite(weight) and weight > 0):
+            raise IdentificationError(f"the weight of '{sensor}' must be above zero. To leave a sensor out, ignore it.", where)
+
+
+def _parameters(request: Request, experiments: Sequence[Experiment]) -> list[Unknown]:
+    """Return the freed parameters, those that come from a stage below with their covariance among them."""
+    flat = experiments[0].network.flat
+    wanted = [*request.free, *(q for p in request.prior for q in request.store.states[p].acts)]
+    priors = {flat.parameters.freeable(k, request.model.canonical): v for k, v in request.priors.items()}
+    finishes = {flat.parameters.literal_behind(path): finish(named) for path, named in flat.finishes.items()}
+    shared = request.shared
+    unknowns: dict[str, Unknown] = {}
+    taken: set[str] = set()
+    for raw in wanted:
+        path = flat.parameters.freeable(raw, request.model.canonical)
+        if path in taken:
+            continue
+        group = tuple(p for p in shared.get(path, (path,)) if flat.parameters.table[p].parameter.is_literal)
+        taken |= set(group)
+        unknown = _parameter(group, experiments)
+        if path in priors:
+            unknown = replace(unknown, prior=prior_of(unknown, priors.pop(path)))
+        elif path in finishes:
+            unknown = replace(unknown, prior=prior_of(unknown, ("", f"{100.0 * finishes[path].log_sd!r} [%]")))
+        unknowns[path] = unknown
+    for path in priors:
+        raise IdentificationError(f"a prior is given for '{path}', which is not free.{nearest(path, unknowns)}", request.name)
+    return list(unknowns.values())
+
+
+def _parameter(group: Sequence[str], experiments: Sequence[Experiment]) -> Unknown:
+    """Return the unknown that the value of one or several paths is; the first path names it."""
+    path, *also = group
+    parameters = experiments[0].network.flat.parameters
+    targets = [Influence(i, p) for i in range(len(experiments)) for p in group]
+    value = parameters.evaluate({}, [path])[path]
+    unknown = parameter_unknown(path, parameters.table[path].parameter, parameters.dimension(path), value, targets, None)
+    return replace(unknown, also=tuple(also))
+
+
+def prior_of(unknown: Unknown, texts: tuple[str, str] | Mapping[str, str]) -> Prior:
+    """Return a prior in the fitted form of an unknown: mean (empty: the start) and deviation as texts, or what `read_spread` takes."""
+    where = f"priors.{unknown.name}"
+    slot = TEMPERATURE if unknown.unit in ("degC", "degF") else unknown.unit
+    given = texts if isinstance(texts, Mapping) else ({"mean": texts[0]} if texts[0] else {}) | {"sd": texts[1]}
+    law = read_spread(given, slot, unknown.start, where)
+    if law.variance <= 0 or (unknown.log and law.mean <= 0):
+        raise IdentificationError("a prior needs a standard deviation above zero, and a mean above zero for a positive quantity.", where)
+    sd = math.sqrt(law.variance)
+    return Prior(math.log(law.mean), sd / law.mean) if unknown.log else Prior(law.mean, sd)
+
+
+def _locals(request: Request, experiments: Sequence[Experiment]) -> list[Unknown]:
+    """Return one unknown per record and local name, and one per node that starts at its own reading."""
+    out = []
+    for i, experiment in enumerate(experiments):
+        named = set()
+        for raw, spec in request.locals_of(experiment.record).items():
+            name = wired(experiment, raw)
+            if isinstance(experiment.scenario.boundaries.get(name), TableSignal):
+                raise IdentificationError(
+                    f"'{raw}' follows a channel of {experiment.record.name}, so it has no local value. "
+                    "Ignore the channel, or give it an accuracy.",
+                    f"local.{raw}",
+                )
+            named.add(name)
+            start = request.local_start(experiment.record, raw)
+            prior = Prior(start, spec.sd) if math.isfinite(spec.sd) else None
+            targets = (Influence(i, name), *(Influence(i, tip) for tip in _tips(experiment, name)))
+            out.append(Unknown(f"{experiment.record.name}: {name}", "local", targets, start, prior=prior, unit="degC"))
+        for node in experiment.loose if request.fit_start else ():
+            name, start = f"initial.{node}", float(experiment.scenario.initial[node])
+            if name not in named:
+                targets = (Influence(i, name), *(Influence(i, tip) for tip in _tips(experiment, name)))
+                out.append(Unknown(f"{experiment.record.name}: {name}", "local", targets, start, unit="degC"))
+        out += _hidden(i, experiment, named) if request.fit_start else []
+        out += [_mean(i, experiment, name, sd) for name, sd in experiment.means.items() if name not in named]
+    return out
+
+
+def _mean(i: int, experiment: Experiment, name: str, sd: float) -> Unknown:
+    """Return the error of the mean of a boundary [K] or power (relative) in one record."""
+    instrument = any(target == name for target, _ in experiment.shared.values())
+    power = name.startswith(SCALE)
+    target = Influence(i, name, 1.0 if power and not instrument else 0.0, 1.0)
+    label = f"{experiment.record.name}: error of the mean of {name.removeprefix(SCALE)}"
+    return Unknown(label, "local", (target,), 0.0, prior=Prior(0.0, sd), unit="1" if power else "K")
+
+
+def _hidden(i: int, experiment: Experiment, named: Collection[str]) -> list[Unknown]:
+    """Return one unknown per node without a sensor, about the balance of its neighbours; of many, one per group of neighbours.
+
+    The starts of a group are ``mean + z sd`` with one standard normal z.
+    """
+    starts = {n: h for n, h in experiment.hidden.items() if f"initial.{n}" not in named}
+    record = experiment.record.name
+    if len(starts) <= MANY:
+        return [
+            Unknown(f"{record}: initial.{n}", "local", (Influence(i, f"initial.{n}"),), h.mean, prior=Prior(h.mean, h.sd), unit="degC")
+            for n, h in starts.items()
+        ]
+    groups: dict[tuple[str, ...], list[str]] = {}
+    for n, h in starts.items():
+        groups.setdefault(h.neighbours, []).append(n)
+    return [
+        Unknown(
+            f"{record}: initial.{nodes[0]} and {len(nodes) - 1} more, in standard deviations",
+            "local",
+            tuple(Influence(i, f"initial.{n}", starts[n].mean, starts[n].sd) for n in nodes),
+            0.0,
+            prior=Prior(0.0, 1.0),
+        )
+        for nodes in groups.values()
+    ]
+
+
+def _tips(experiment: Experiment, name: str) -> list[str]:
+    """Return the starts of the sensors that sit on the node of a start."""
+    return [f"initial.{tip}" for tip, seat in experiment.tips.items() if name == f"initial.{seat}"]
+
+
+def wired(experiment: Experiment, raw: str) -> str:
+    """Return the name in the wiring of a boundary or of ``initial.<node>``."""
+    head, _, node = raw.partition(".")
+    return f"initial.{experiment.network.find(node)}" if head == "initial" and node else experiment.network.find(raw)
+
+
+def _nuisances(request: Request, experiments: Sequence[Experiment]) -> list[Unknown]:
+    """Return the constant errors of sensors, and those of logged boundaries and powers, one per instrument.
+
+    A meter's accuracy is in watts and its error is looked for as a factor, so the record with the largest power says its uncertainty.
+    """
+    if request.held_errors is not None:
+        return []
+    sensors: dict[str, float] = {}
+    shared: dict[str, tuple[float, list[Influence]]] = {}
+    for i, experiment in enumerate(experiments):
+        sensors |= {o.sensor: o.accuracy for o in experiment.observations if o.accuracy and o.sensor not in request.held_bias}
+        for sensor, (target, sd) in experiment.shared.items():
+            known, targets = shared.get(sensor, (math.inf, []))
+            shared[sensor] = (min(sd, known), [*targets, Influence(i, target)])
+    out = []
+    for sensor, sd in sensors.items():
+        out.append(Unknown(f"sensor {sensor}", "sensor", (), 0.0, prior=Prior(0.0, sd), unit="K"))
+    for sensor, (sd, targets) in shared.items():
+        start = 1.0 if targets[0].name.startswith("scale.") else 0.0
+        out.append(Unknown(f"{sensor} error", "shared", tuple(targets), start, prior=Prior(start, sd), unit="1" if start else "K"))
+    return out + instruments(experiments)
+
+
+@dataclass(frozen=True)
+class _Start:
+    """A temperature that stands on a first reading: its value before corrections, its sensor, what is added, where its scale turns."""
+
+    reading: float
+    sensor: str
+    offset: str
+    shift: float
+    about: float = 0.0
+
+
+def _starts(request: Request, experiment: Experiment) -> dict[str, _Start]:
+    """Return name in the wiring -> the first reading that stands there."""
+    found: dict[str, tuple[str, str]] = {f"initial.{node}": (sensor, "") for node, sensor in experiment.readings.items()}
+    if not request.fit_start:
+        own = {o.seat: o.sensor for o in experiment.observations}
+        found |= {f"initial.{node}": (own[node], "") for node in experiment.loose}
+    found |= {wired(experiment, raw): (r.channel, r.offset) for raw, r in request.readings.items()}
+    found |= {tip: found[name] for name in tuple(found) for tip in _tips(experiment, name)}
+    for raw in request.locals_of(experiment.record):
+        for name in (wired(experiment, raw), *_tips(experiment, wired(experiment, raw))):
+            found.pop(name, None)
+    out = {}
+    parameters = experiment.network.flat.parameters
+    for name, (sensor, offset) in found.items():
+        shift, path = 0.0, ""
+        if offset:
+            path = parameters.freeable(offset, request.model.canonical)
+            require(parameters.dimension(path), "K", parameters.table[path].parameter.unit)
+            shift = float(parameters.evaluate({})[path])
+        part = experiment.record.channels[sensor].part
+        about = part.gain_about if part is not None else 0.0
+        out[name] = _Start(first_reading(experiment.record, sensor, request.window), sensor, path, shift, about)
+    return out
+
+
+def _reaching(unknowns: Sequence[Unknown], starts: Sequence[Mapping[str, _Start]], held: Mapping[str, float]) -> list[Unknown]:
+    """Return the unknowns, each acting also on the temperatures that stand on its sensor's first reading, or that it is added to.
+
+    The value is reading - constant error + offset; what is not looked for stands in the first target's constant.
+    """
+    sensors = {u.name.removeprefix("sensor "): k for k, u in enumerate(unknowns) if u.kind == "sensor"}
+    parameters = {u.name: k for k, u in enumerate(unknowns) if u.kind == "parameter"}
+    scales = {u.name: k for k, u in enumerate(unknowns) if u.kind == "instrument" and not u.log}
+    more: dict[int, list[Influence]] = {}
+    for i, named in enumerate(starts):
+        for name, s in named.items():
+            scale = scales.get(gain_of(s.sensor))
+            acts = ((sensors.get(s.sensor), -1.0), (parameters.get(s.offset), 1.0), (scale, s.about - s.reading))
+            acting = [(k, factor) for k, factor in acts if k is not None]
+            constant = s.reading - (0.0 if s.sensor in sensors else held.get(s.sensor, 0.0)) + (0.0 if s.offset in parameters else s.shift)
+            for k, factor in acting:
+                more.setdefault(k, []).append(Influence(i, name, constant, factor))
+                constant = 0.0
+    return [replace(u, targets=(*u.targets, *more.get(k, ()))) for k, u in enumerate(unknowns)]
+
+
+def _settled(request: Request, experiment: Experiment, starts: Mapping[str, _Start]) -> Experiment:
+    """Return the experiment with every temperature that stands on a reading corrected by what is known."""
+    boundaries, initial = {}, {}
+    for name, start in starts.items():
+        value = start.reading - request.held_bias.get(start.sensor, 0.0) + start.shift
+        if name.startswith("initial."):
+            initial[name.removeprefix("initial.")] = value
+        else:
+            boundaries[name] = Constant(value)
+    return replace(experiment, scenario=experiment.scenario.with_(boundaries=boundaries, initial=initial))
+
+
+def instruments(experiments: Sequence[Experiment]) -> list[Unknown]:
+    """Return one unknown per scale and per lag that is not known exactly, acting in every record that its sensor reads.
+
+    Parameters
+    ----------
+    experiments : sequence  The records, bound to the model.
+    """
+    found: dict[str, tuple[SensorPart, list[Influence]]] = {}
+    for i, experiment in enumerate(experiments):
+        for o in experiment.observations:
+            if o.part is not None and o.part.gain_accuracy:
+                found.setdefault(gain_of(o.sensor), (o.part, []))[1].append(Influence(i, f"reading.{o.sensor}"))
+            if o.part is not None and o.part.lag_accuracy and o.lag:
+                found.setdefault(lag_of(o.sensor), (o.part, []))[1].append(Influence(i, o.lag))
+    out = []
+    for name, (part, targets) in found.items():
+        scale = targets[0].name.startswith("reading.")
+        mean, sd = (0.0, part.gain_accuracy) if scale else (part.lag, part.lag_accuracy)
+        prior = Prior(mean, sd) if scale else Prior(math.log(mean), sd / mean)
+        out.append(Unknown(name, "instrument", tuple(targets), mean, log=not scale, prior=prior, unit="1" if scale else "s"))
+    return out
+
+
+def clock_unknowns(experiments: Sequence[Experiment]) -> list[Unknown]:
+    """Return offset and rate of every second clock that is known within a range only."""
+    out = []
+    for i, e in enumerate(experiments):
+        if e.ticks is not None:
+            c = e.ticks.clock
+            for name, target, (low, high), at, unit in (
+                (c.offset_is, OFFSET, c.offset, c.at[0], "s"),
+                ("clock rate", RATE, c.rate, c.at[1], "1"),
+            ):
+                if low < high:
+                    out.append(Unknown(f"{e.record.name}: {name}", "local", (Influence(i, target),), at, low=low, high=high, unit=unit))
+    return out

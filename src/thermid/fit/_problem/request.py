@@ -1,0 +1,484 @@
+"""The request of a fit: model, records, free parameters, priors, what stages below found, and the key of all that its result depends on."""
+
+from __future__ import annotations
+
+import hashlib
+import json
+import math
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import dataclass, field, fields, is_dataclass, replace
+from fnmatch import fnmatchcase
+from importlib.metadata import version
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from thermid.base.errors import IdentificationError, NameNotFoundError, ThermidError, nearest, refuse_unknown
+from thermid.base.linear_algebra import RANK_TOLERANCE, Array, inverse_square_root
+from thermid.base.units import TEMPERATURE, from_si, unit
+from thermid.fit._problem.experiment import first_reading
+from thermid.fit._problem.residuals import Unknown
+from thermid.measure.records import Channel, Record
+from thermid.model.identity import definition_of, identity_of, local_identities
+from thermid.model.laws import Constant, literal
+from thermid.model.tree import Model, ParameterSet
+from thermid.simulation.scenarios import Scenario
+from thermid.simulation.solver import Options
+from thermid.values.spreads import read_spread
+from thermid.values.store import Source, State, Store
+
+FITTING = Options(tolerance=1e-4, relative=1e-6, input_tolerance=1e-3)
+"""A fit needs no more than a fraction of the noise of a sensor."""
+
+
+@dataclass(frozen=True)
+class LocalSpec:
+    """A value that each record has for itself.
+
+    Parameters
+    ----------
+    start : str     A temperature, or the name of a channel whose first reading stands for it.
+    sd : float      Standard deviation of its prior about the start; infinite for none. [K]
+    """
+
+    start: str
+    sd: float = math.inf
+
+    @classmethod
+    def read(cls, given: Any, where: str) -> LocalSpec:
+        """Return it from a text or a table with `start` and `sd`."""
+        table = given if isinstance(given, Mapping) else {"start": given}
+        refuse_unknown(table, ("start", "sd"), where, "give a local value start and sd, not {}.", IdentificationError)
+        if "start" not in table:
+            raise IdentificationError("a local value needs a start.", where)
+        sd = literal(table["sd"], "K", where) if "sd" in table else math.inf
+        if not sd > 0:
+            raise IdentificationError(f"the standard deviation {table['sd']} of a local value must be above zero.", where)
+        return cls(str(table["start"]), sd)
+
+
+@dataclass(frozen=True)
+class Reading:
+    """A temperature taken from a channel's first reading, less the sensor's constant error.
+
+    Parameters
+    ----------
+    channel : str   The channel.
+    offset : str    A parameter of the model [K] that is added; empty for none.
+    """
+
+    channel: str
+    offset: str = ""
+
+    @classmethod
+    def read(cls, given: Any, where: str) -> Reading:
+        """Return it from the name of a channel or a table with `channel` and `offset`."""
+        table = given if isinstance(given, Mapping) else {"channel": given}
+        unknown = set(table) - {"channel", "offset"}
+        if unknown or "channel" not in table:
+            raise IdentificationError("give a reading a channel, and an offset if needed.", where)
+        return cls(str(table["channel"]), str(table.get("offset", "")))
+
+
+@dataclass(frozen=True, eq=False)
+class Request:
+    """Everything that a fit is asked.
+
+    Parameters
+    ----------
+    model : Model
+    records : tuple of Record
+    free : tuple of str             Parameter paths.
+    scenarios : dict                Record name -> Scenario, for what the logs do not say; key ``*`` for all others.
+    local : dict                    Boundary or ``initial.<node>`` -> LocalSpec.
+    record_local : dict             Record name -> the same, in place of `local` where both name it.
+    priors : dict                   Parameter path -> (mean, sd) as texts; an empty mean is the start, an sd in % is relative.
+    store : Store                   What stages below know of the model's values; the model has them laid over it.
+    prior : tuple of str            Those of its values that are free here too, with their covariance as prior.
+    held_bias : dict                Sensor -> constant error that is not looked for. [K]
+    held_errors : dict              Channel -> constant error of a logged boundary (added to it [K]) or power (a factor); where it is given,
+                                    even empty, no constant error of any instrument is looked for.
+    weights : dict                  Sensor -> weight of its residuals, 1 where none is given.
+    effective : bool                Whether readings count as many as residuals that wander are worth, which leaves priors their width.
+    untie : bool                    Whether all instances get values of their own; `Model.cut` does it for some.
+    loss : str                      linear, soft_l1, huber or cauchy.
+    loss_scale : float              Residual, in units of the noise, from which a robust loss bends.
+    search : str                    auto, local, multistart, differential evolution or cma; see `searched`.
+    window : float                  First readings are medians over this time. [s]
+    name : str                      Name of the stage.
+    readings : dict                 Boundary or ``initial.<node>`` -> Reading that stands there.
+    seen : dict                     Checksum -> who used it, in the stages below.
+    remarks : tuple of str          What a reader of the result must know before the fit has begun.
+    fit_start : bool                Whether observed nodes' initial temperatures are looked for; else their first readings stand.
+    options : Options               The integrator's.
+    hand : Store or None            Values tuned by hand; nothing is fitted then.
+    key : str                       Hash of everything that the result depends on; empty where nobody asked for it.
+    adequate : float                Standard deviation that the autocorrelated part of residuals may have; 0 for the usual limits. [K]
+    accepted : bool                 Whether the campaign accepts the stage as it is, whatever its standing.
+    doubts : bool                   Whether errors of values count what the structure may lack, whatever its residuals.
+    """
+
+    model: Model
+    records: tuple[Record, ...]
+    free: tuple[str, ...] = ()
+    scenarios: Mapping[str, Scenario] = field(default_factory=dict)
+    local: Mapping[str, LocalSpec] = field(default_factory=dict)
+    record_local: Mapping[str, Mapping[str, LocalSpec]] = field(default_factory=dict)
+    priors: Mapping[str, tuple[str, str]] = field(default_factory=dict)
+    store: Store = field(default_factory=Store)
+    prior: tuple[str, ...] = ()
+    held_bias: Mapping[str, float] = field(default_factory=dict)
+    held_errors: Mapping[str, float] | None = None
+    weights: Mapping[str, float] = field(default_factory=dict)
+    effective: bool = False
+    untie: bool = False
+    loss: str = "linear"
+    loss_scale: float = 1.0
+    search: str = "auto"
+    window: float = 0.0
+    name: str = ""
+    readings: Mapping[str, Reading] = field(default_factory=dict)
+    seen: Mapping[str, str] = field(default_factory=dict)
+    remarks: tuple[str, ...] = ()
+    fit_start: bool = True
+    options: Options = FITTING
+    hand: Store | None = None
+    key: str = ""
+    adequate: float = 0.0
+    accepted: bool = False
+    doubts: bool = False
+
+    @property
+    def shared(self) -> Mapping[str, tuple[str, ...]]:
+        """Path -> every path of the model that has its value, its own first, of those that share one in this fit."""
+        if self.untie:
+            return {}
+        known = local_identities(self.model)
+        return {p: (p, *(q for q in one.paths if q != p)) for p, one in known.items() if len(one.paths) > 1}
+
+    def locals_of(self, record: Record) -> dict[str, LocalSpec]:
+        """Return the local values of a record; those of its own win over the stage's."""
+        return {**self.local, **self.record_local.get(record.name, {})}
+
+    def scenario(self, record: Record) -> Scenario:
+        """Return the scenario of a record, with a place for every local boundary."""
+        base = self.scenarios.get(record.name, self.scenarios.get("*", Scenario(record.name)))
+        local = self.locals_of(record)
+        boundaries = {n: Constant(self.local_start(record, n)) for n in local if not n.startswith("initial.")}
+        readings = {n: r.channel for n, r in self.readings.items() if n not in local}
+        boundaries |= {n: Constant(first_reading(record, c, self.window)) for n, c in readings.items() if not n.startswith("initial.")}
+        initial = {n.removeprefix("initial."): c for n, c in readings.items() if n.startswith("initial.")}
+        return base.with_(boundaries=boundaries, initial=initial)
+
+    def local_start(self, record: Record, name: str) -> float:
+        """Return the start of a local value for a record. [K]"""
+        text = self.locals_of(record)[name].start
+        if text in record.channels:
+            return first_reading(record, text, self.window)
+        try:
+            return literal(text, TEMPERATURE)
+        except ThermidError as error:
+            hint = nearest(text, record.channels)
+            raise IdentificationError(
+                f"'{text}' is neither a temperature nor a channel of {record.name}.{hint} ({error.message})", f"local.{name}"
+            ) from None
+
+
+EFFECTIVE = "effective"
+"""In place of weights: readings count as many as residuals that wander are worth."""
+
+
+def weighing(weights: Mapping[str, float] | str, where: str) -> dict[str, Any]:
+    """Return the fields of a request that say how much readings weigh.
+
+    Raises
+    ------
+    IdentificationError   When weights are neither numbers by sensor nor "effective".
+    """
+    if weights == EFFECTIVE:
+        return {"effective": True}
+    if isinstance(weights, str):
+        raise IdentificationError(f"weights are numbers by sensor, or '{EFFECTIVE}', not '{weights}'.", f"{where}.weights")
+    return {"weights": weights}
+
+
+RANGE = "range"
+"""In place of a prior: what the range of the data sheet says."""
+MIDPOINTS = 2000
+"""Of the shares that moments of a logarithm are taken over."""
+
+
+def is_glob(name: str) -> bool:
+    """Return whether a name stands for all that match it."""
+    return any(mark in name for mark in "*?[")
+
+
+def matching(pattern: str, paths: Iterable[str], where: str) -> list[str]:
+    """Return the paths that a glob matches; ``*`` passes dots, so ``pre.*.htc`` reaches ``pre.ele.skin.htc``.
+
+    Raises
+    ------
+    NameNotFoundError   When it matches nothing, with the nearest path.
+    """
+    known = list(paths)
+    hits = [p for p in known if fnmatchcase(p, pattern)]
+    if not hits:
+        bare = pattern.translate(str.maketrans("", "", "*?[]"))
+        raise NameNotFoundError(f"no parameter that can be fitted matches '{pattern}'.{nearest(bare, known)}", where)
+    return hits
+
+
+def freed(model: Model, free: Sequence[str], freeze: Sequence[str], where: str, handed: Iterable[str] = ()) -> tuple[list[str], set[str]]:
+    """Return what is free once names and globs are read and `freeze` is taken off, and every path that is frozen.
+
+    Parameters
+    ----------
+    model : Model           The stage's.
+    free, freeze : list     Names and globs. A name that is no parameter is left to the fit, which says what is near.
+    where : str             For messages.
+    handed : iterable       Paths that stages below free as priors.
+
+    Raises
+    ------
+    NameNotFoundError       When a glob matches no parameter that can be freed.
+    IdentificationError     When `freeze` takes nothing off.
+    """
+    free = [free] if isinstance(free, str) else free  # one name, and not its letters
+    if not isinstance(free, Iterable) or not all(isinstance(each, str) for each in free):
+        raise IdentificationError(f"what is to be fitted is a list of names, not {free!r}.", where)
+    if not freeze and not any(map(is_glob, free)):
+        return list(free), set()
+    values = ParameterSet(model)
+    literals = [p for p, entry in values.table.items() if entry.parameter.is_literal]
+    out: dict[str, None] = {}
+    for name in free:
+        out |= dict.fromkeys(matching(model.canonical(name), literals, where) if is_glob(name) else [name])
+    here = {_path(model, values, name): name for name in out}
+    frozen: set[str] = set()
+    candidates = {*here, *handed}
+    for name in freeze:
+        hits = set(matching(model.canonical(name), literals, where)) if is_glob(name) else {values.freeable(name, model.canonical)}
+        if not hits & candidates:
+            raise IdentificationError(
+                f"'{name}' is listed as frozen, but it is not free here, so it stays fixed anyway. Remove it from the list.", where
+            )
+        frozen |= hits
+    return [name for path, name in here.items() if path not in frozen], frozen
+
+
+def _path(model: Model, values: ParameterSet, name: str) -> str:
+    """Return the path that a fit frees for a name; a name that cannot be freed stays, the fit will say why."""
+    path = model.canonical(name)
+    return values.literal_behind(path) if path in values.table else name
+
+
+def mean_of(prior: Any) -> str:
+    """Return what a prior says of its mean as it is written, or an empty text where the start stands for it."""
+    if not isinstance(prior, Mapping):
+        return str(prior[0])
+    return str(prior.get("mean", prior.get("low", "")))
+
+
+def priors_of(model: Model, given: Mapping[str, tuple[str, str] | str], where: str) -> dict[str, tuple[str, str]]:
+    """Return path -> (mean, standard deviation) as texts, globs read and ranges turned into numbers.
+
+    A range min..max of a data sheet is a rectangular distribution: its standard deviation is its half width over the square root of 3
+    (JCGM 100:2008, 4.3.7). Quantities that are fitted by their logarithm have mean and standard deviation of its logarithm.
+
+    Raises
+    ------
+    NameNotFoundError       When a glob matches nothing.
+    IdentificationError     When a parameter has no range, or its range is not one of a data sheet.
+    """
+    for name, one in given.items():
+        if not isinstance(one, Mapping) and one != RANGE and not (isinstance(one, list | tuple) and len(one) == 2):
+            raise IdentificationError(
+                f"a prior is a pair (mean, standard deviation), a table such as {{'sd': '1 [K]'}}, or 'range', not {one!r}.",
+                f"{where}.priors.{name}",
+            )
+    if not any(is_glob(name) or one == RANGE for name, one in given.items()):
+        return {name: one for name, one in given.items() if not isinstance(one, str)}
+    values = ParameterSet(model)
+    literals = [p for p, entry in values.table.items() if entry.parameter.is_literal]
+    out: dict[str, tuple[str, str]] = {}
+    for name, one in given.items():
+        if not is_glob(name):
+            paths = [values.freeable(name, model.canonical)]
+        else:
+            paths = matching(model.canonical(name), literals, where)
+        for path in paths:
+            out[path] = one if not isinstance(one, str) else _range(values, path, f"{where}.priors.{name}")
+    return out
+
+
+def _range(values: ParameterSet, path: str, where: str) -> tuple[str, str]:
+    """Return mean and standard deviation of a parameter's range as texts."""
+    given = values.table[path].parameter
+    low, high = given.minimum, given.maximum
+    if given.source != "datasheet":
+        raise IdentificationError(
+            f"the range of '{path}' is not a prior: its source is {given.source or 'not stated'}, so min and max only bound the "
+            "search. If they are the tolerance of a data sheet, state source = 'datasheet'; otherwise give the prior a mean and sd.",
+            where,
+        )
+    if low is None or high is None or not low < high:
+        raise IdentificationError(f"'{path}' has no range: it needs both min and max. Give them, or a prior with mean and sd.", where)
+    of = unit(given.unit or "1")
+    law = read_spread(RANGE, of.text, float("nan"), where, bounds=(low, high))
+    mean, sd = law.mean, math.sqrt(law.variance)
+    if low > 0:  # as it will be fitted, by its logarithm: see `parameter_unknown`
+        logs = np.log(law.at((np.arange(MIDPOINTS) + 0.5) / MIDPOINTS))
+        mean = float(np.exp(logs.mean()))
+        sd = mean * float(logs.std())
+    shown = from_si(mean, of)
+    return f"{shown!r} [{of.text}]", f"{sd / float(of.factor)!r} [{'K' if float(of.offset) else of.text}]"
+
+
+def _channel_key(c: Channel) -> list[Any]:
+    """Return what a fit depends on of a channel beside its numbers in the file, whose hash is of them as they are written."""
+    known = [c.role, c.target, c.gain, c.unit, c.quantity, c.noise, c.accuracy, c.resolution, c.prompt, c.correction, c.samples]
+    return [*known, *([repr(c.part)] if c.part else [])]
+
+
+def _record_key(r: Record) -> list[Any]:
+    second = [repr(r.second)] if r.second else []
+    return [r.origin.sha256, list(r.steps), *second, {n: _channel_key(c) for n, c in r.channels.items()}]
+
+
+def ingredients_of(request: Request, below: list[str]) -> dict[str, str]:
+    """Return name -> hash of everything that a stage's result depends on.
+
+    What it inherits is a result of the stages below, whose keys say what that depends on: no value is an ingredient, for a fit that was
+    recalled computes them anew, with other last digits than the search that came upon it.
+
+    Parameters
+    ----------
+    request : Request   What the stage asks.
+    below : list        Keys of the stages that it inherits from.
+    """
+    records = {r.name: _record_key(r) for r in request.records}
+    scenario = [
+        request.scenarios,
+        repr(sorted(request.local.items())),
+        repr(sorted((n, sorted(t.items())) for n, t in request.record_local.items())),
+        repr(sorted(request.readings.items())),
+        request.window,
+    ]
+    how = [request.loss, request.loss_scale, request.search, repr(request.options), sorted(request.weights.items()), request.fit_start]
+    how += [EFFECTIVE] if request.effective else []
+    how += ["doubts"] if request.doubts else []
+    held = None if request.held_errors is None else sorted(request.held_errors.items())
+    priors = [repr(sorted(request.priors.items())), repr(sorted(request.held_bias.items())), repr(held)]
+    content = {
+        "deck": definition_of(request.model),
+        "records": records,
+        "scenario": scenario,
+        "free and fixed": [request.free, request.prior, [(p, s.hidden) for p, s in request.store.states.items()], how],
+        "priors": priors,
+        "cuts": [request.untie, request.model.cuts],
+        "values by hand": _by_hand(request),
+        "below": below,
+        "version": version("thermid"),
+    }
+    return {name: digest(x) for name, x in content.items()}
+
+
+def key_of(request: Request, below: list[str]) -> str:
+    """Return the hash of all ingredients of a stage's result."""
+    return digest(ingredients_of(request, below))
+
+
+def key_for(request: Request) -> str:
+    """Return the key of a request; of one made in Python, that of all it says, of values laid over its model, and of earlier fits."""
+    below = sorted({s.origin.key for s in request.store.states.values()})
+    return request.key or digest([key_of(request, below), identity_of(request.model)])
+
+
+def _by_hand(request: Request) -> list[str]:
+    if request.hand is None:
+        return []
+    return [repr(list(request.hand.states.values())), repr(request.hand.root.tolist())]
+
+
+def in_full(value: Any) -> Any:
+    """Return what JSON cannot hold in a form that it can, every digit of every sample kept."""
+    if isinstance(value, np.ndarray):
+        return value.tolist()
+    if is_dataclass(value) and not isinstance(value, type):
+        return {f.name: getattr(value, f.name) for f in fields(value)}
+    return str(value)
+
+
+def digest(content: object) -> str:
+    """Return the hash of what JSON can hold, `in_full` helping."""
+    return hashlib.sha256(json.dumps(content, sort_keys=True, default=in_full).encode()).hexdigest()
+
+
+STIFF = (10.0 * RANK_TOLERANCE) ** 2
+"""Variance of a direction, beside the largest, below which values count as known exactly against one another: ten times what a rank could
+still tell from nothing."""
+
+
+@dataclass(frozen=True, eq=False)
+class KnownBefore:
+    """What stages below found of the unknowns of a fit.
+
+    Parameters
+    ----------
+    at : array (n,)             Positions of those among the unknowns that they know.
+    mean : array (n,)           Their values, in the fitted form of the unknowns.
+    rows : array (n, sources)   Their responses, in that form.
+    sources : tuple of Source   What they respond to.
+    """
+
+    at: NDArray[np.int64]
+    mean: Array
+    rows: Array
+    sources: tuple[Source, ...]
+
+    @property
+    def root(self) -> Array:
+        """A root R of their information, ``R'R = (rows rows')^-1``: the residual of the joint prior is ``R (fitted - mean)``."""
+        return inverse_square_root(self.rows @ self.rows.T, STIFF)
+
+
+def known_before(request: Request, unknowns: Sequence[Unknown]) -> KnownBefore:
+    """Return what the stages below found of the values that a fit may move, and of its instruments.
+
+    The accuracy of an instrument is part of what they found of it, so it counts once. Instances that a fit unties start from the same
+    value; each has its error for itself.
+    """
+    store = request.store
+    at, mean, sources = [], [], list(store.sources)
+    rows: list[Array] = []
+    taken: list[State] = []
+    moving = {q: store.states[p] for p in request.prior for q in store.states[p].acts}
+    for k, u in enumerate(unknowns):
+        state = _state_of(store, moving, u)
+        if state is None:
+            continue
+        row = store.rows([state.path])[0] * form(state, u)
+        if any(s.same(state) for s in taken):
+            sources += [replace(s, name=f"{s.name} at {u.name}") for s in store.sources]
+            rows = [np.concatenate([r, np.zeros(len(store.sources))]) for r in rows]
+            row = np.concatenate([np.zeros(len(sources) - len(store.sources)), row])
+        taken.append(state)
+        at.append(k)
+        mean.append(u.to_fitted(state.value))
+        rows.append(np.concatenate([row, np.zeros(len(sources) - row.size)]))
+    return KnownBefore(np.array(at, dtype=np.int64), np.array(mean), np.array(rows).reshape(len(at), len(sources)), tuple(sources))
+
+
+def form(state: State, unknown: Unknown) -> float:
+    """Return d unknown / d state, both in their fitted forms."""
+    return (state.value if state.log else 1.0) / (state.value if unknown.log else 1.0)
+
+
+def _state_of(store: Store, moving: Mapping[str, State], unknown: Unknown) -> State | None:
+    """Return what is known of an unknown below; None for nothing, or where the fit is not to rest on it."""
+    if unknown.kind == "parameter":
+        found = next((moving[n] for n in (unknown.name, *unknown.also) if n in moving), None)
+    else:
+        found = store.states.get(unknown.name)
+    return found if found is not None and found.known and store.rows([found.path]).any() else None

@@ -1,0 +1,719 @@
+"""What a fit looks for and what it compares: unknowns, and weighted residuals of all records with exact derivatives from the kernel."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass, field, replace
+from functools import reduce
+from typing import overload
+
+import numpy as np
+from numpy.typing import NDArray
+
+from thermid.base.dual import Dual, Number, gradient_of, value_of
+from thermid.base.errors import DeckError, SolverError
+from thermid.base.linear_algebra import Array
+from thermid.base.memo import Memo
+from thermid.base.units import Dimension, unit
+from thermid.fit._problem.experiment import OFFSET, RATE, Experiment, Observation
+from thermid.model.parameters import Parameter
+from thermid.simulation.solver import Engine, Options, Squares, Traces, Weighing, Wiring, kept_for
+
+POSITIVE = tuple(
+    unit(u).dimension for u in ("W", "W/K", "W/(m^2 K)", "W/(m K)", "m", "m^2", "kg", "kg/s", "J/K", "J/(kg K)", "K/W", "m^2 K/W")
+)
+"""Quantities that cannot be negative: they are fitted by their logarithm."""
+
+
+@dataclass(frozen=True)
+class Prior:
+    """A normal prior in the fitted form of an unknown (its logarithm where `log`)."""
+
+    mean: float
+    sd: float
+
+
+@dataclass(frozen=True)
+class Influence:
+    """Where an unknown acts: the value of `name` in the wiring of an experiment is ``offset + factor * unknown``."""
+
+    experiment: int
+    name: str
+    offset: float = 0.0
+    factor: float = 1.0
+
+
+@dataclass(frozen=True)
+class Unknown:
+    """One number that a fit looks for.
+
+    Parameters
+    ----------
+    name : str              As reported: a parameter's path, ``record: room``, ``sensor T1``.
+    kind : str              'parameter', 'local', 'sensor' or 'shared'.
+    targets : tuple         Where it acts.
+    start : float           [SI]
+    log : bool              Whether it is fitted by its logarithm.
+    low, high : float       Bounds. [SI]
+    prior : Prior or None   In the fitted form.
+    unit : str              For reports.
+    also : tuple of str     Paths of other instances that share the value.
+    """
+
+    name: str
+    kind: str
+    targets: tuple[Influence, ...]
+    start: float
+    log: bool = False
+    low: float = -math.inf
+    high: float = math.inf
+    prior: Prior | None = None
+    unit: str = "1"
+    also: tuple[str, ...] = ()
+
+    def to_fitted(self, value: float) -> float:
+        """Return the fitted form of a value.
+
+        Raises
+        ------
+        DeckError   When its logarithm is fitted, and it is not above zero.
+        """
+        if self.log and not value > 0.0:
+            raise DeckError(f"the value must be above zero, not {value:g}: its logarithm is fitted.", self.name)
+        return math.log(value) if self.log else value
+
+    def to_value(self, fitted: float) -> float:
+        """Return the value of a fitted form. [SI]"""
+        return math.exp(min(fitted, 700.0)) if self.log else fitted
+
+    def slope(self, fitted: float) -> float:
+        """Return d value / d fitted."""
+        return self.to_value(fitted) if self.log else 1.0
+
+    @property
+    def scale(self) -> float:
+        """A typical change of the fitted form, for the optimiser's steps."""
+        if self.log:
+            return 1.0
+        if self.prior is not None:
+            return self.prior.sd
+        width = self.high - self.low
+        return width / 4 if math.isfinite(width) else abs(self.start) or 0.1
+
+    def fitted_bounds(self) -> tuple[float, float]:
+        """Return the bounds in the fitted form."""
+        if not self.log:
+            return self.low, self.high
+        low = math.log(self.low) if self.low > 0 else -math.inf
+        return low, math.log(self.high) if math.isfinite(self.high) else math.inf
+
+
+def starting_point(unknowns: Sequence[Unknown]) -> Array:
+    """Return the starts (unknowns,) in the fitted form."""
+    return np.array([u.to_fitted(u.start) for u in unknowns])
+
+
+def parameter_unknown(
+    path: str, given: Parameter, dimension: Dimension, value: float, targets: Sequence[Influence], prior: Prior | None
+) -> Unknown:
+    """Return the unknown that a freed parameter is.
+
+    A value that cannot be negative is fitted by its logarithm, unless its minimum is zero, which a logarithm could not reach.
+
+    Raises
+    ------
+    DeckError   When the start lies outside its bounds.
+    """
+    low = -math.inf if given.minimum is None else given.minimum
+    high = math.inf if given.maximum is None else given.maximum
+    if not low <= value <= high:
+        raise DeckError(f"the start {value:g} of '{path}' lies outside its bounds {low:g} .. {high:g}.")
+    positive = low > 0 or (dimension in POSITIVE and low != 0.0)
+    text = given.unit or "1"
+    return Unknown(path, "parameter", tuple(targets), value, positive and value > 0, low, high, prior, text)
+
+
+WHITE = 0.9
+"""Share of the samples that residuals must be worth as independent ones to count as white."""
+
+
+def wanders(effective: float, samples: float) -> bool:
+    """Whether residuals are worth so many fewer independent samples than there are that they are not white."""
+    return effective < WHITE * samples
+
+
+@dataclass(frozen=True)
+class SensorStatistics:
+    """How a model meets one sensor.
+
+    Parameters
+    ----------
+    rmse, mean, largest : float     Of measured less predicted, the sensor's constant error taken off; largest by size. [K]
+    samples : int
+    bias : float                    The sensor's constant error as fitted or given. [K]
+    lag_one : float                 Autocorrelation of neighbouring residuals. [-]
+    effective_samples : float       Independent samples that would say as much; all of them where the residuals do not wander.
+    """
+
+    rmse: float
+    mean: float
+    largest: float
+    samples: int
+    bias: float
+    lag_one: float
+    effective_samples: float = 0.0
+
+    @property
+    def white(self) -> bool:
+        """Whether residuals are uncorrelated: neighbours at the 95 % level (1.96 / sqrt n), and none that wander over longer times."""
+        return bool(abs(self.lag_one) < 1.96 / np.sqrt(self.samples)) and not self.wanders
+
+    @property
+    def wanders(self) -> bool:
+        """Whether the residuals are worth fewer independent samples than there are."""
+        return wanders(self.effective_samples, self.samples)
+
+    def to_dict(self) -> dict[str, float]:
+        """Return it as JSON holds it."""
+        return {"rmse_K": self.rmse, "bias_K": self.bias, "mean_K": self.mean, "max_K": abs(self.largest), "n": self.samples}
+
+
+@dataclass(frozen=True)
+class Sums:
+    """Sums over the residuals of one sensor, in the order of the kernel.
+
+    Parameters
+    ----------
+    count, first, last : float      How many residuals, the first and the last of them. [K]
+    total, squares, lagged : float  Sum, sum of squares, and of products of neighbours, of what each exceeds the first by; a mean far from
+                                    zero then costs no digits. [K, K^2]
+    largest : float                 By size, with its sign. [K]
+    """
+
+    count: float
+    first: float
+    last: float
+    total: float
+    squares: float
+    lagged: float
+    largest: float
+
+    @classmethod
+    def of(cls, residuals: Array) -> Sums:
+        """Return the sums of residuals (samples,). [K]"""
+        more = residuals - residuals[0]
+        largest = float(residuals[np.abs(residuals).argmax()])
+        sums = float(more.sum()), float(more @ more), float(more[1:] @ more[:-1])
+        return cls(residuals.size, float(residuals[0]), float(residuals[-1]), *sums, largest)
+
+    def _about(self, zero: float) -> tuple[float, float, float]:
+        """Return total, squares and lagged of what each residual exceeds `zero` by."""
+        d, n = self.first - zero, self.count
+        ends = self.last - self.first  # the first exceeds itself by nothing
+        lagged = self.lagged + d * (2.0 * self.total - ends) + (n - 1) * d * d
+        return self.total + n * d, self.squares + 2.0 * d * self.total + n * d * d, lagged
+
+    def followed_by(self, other: Sums) -> Sums:
+        """Return the sums of these residuals with others after them."""
+        if not self.count or not other.count:
+            return self if self.count else other
+        total, squares, lagged = other._about(self.first)
+        join = (self.last - self.first) * (other.first - self.first)
+        largest = max(self.largest, other.largest, key=abs)
+        sums = self.total + total, self.squares + squares, self.lagged + join + lagged
+        return Sums(self.count + other.count, self.first, other.last, *sums, largest)
+
+    @property
+    def mean_square(self) -> float:
+        """The mean of the squared residuals. [K^2]"""
+        return max(self._about(0.0)[1], 0.0) / self.count
+
+    def statistics(self, bias: float, effective: float | None = None) -> SensorStatistics:
+        """Return what they say of a sensor with a constant error [K], worth `effective` samples; all of them where nothing is given."""
+        mean = self.first + self.total / self.count
+        _, power, lagged = self._about(mean)
+        lag = lagged / power if self.count > 2 and power > 0 else 0.0
+        count = int(self.count)
+        worth = float(count) if effective is None else effective
+        return SensorStatistics(float(np.sqrt(self.mean_square)), mean, self.largest, count, bias, lag, worth)
+
+
+def pooled(parts: list[Sums]) -> Sums:
+    """Return the sums of several stretches, one after the other."""
+    return reduce(Sums.followed_by, parts)
+
+
+def loss_of(squares: Array, loss: str, loss_scale: float) -> tuple[Array, Array]:
+    """Return the loss of squared residuals in units of the noise, as the kernel counts it, and its derivative. [-]"""
+    # c^2 rho(z) and rho'(z), z = (r/c)^2: soft L1 rho = 2 (sqrt(1 + z) - 1), Huber z or 2 sqrt(z) - 1, Cauchy ln(1 + z)
+    z = squares / loss_scale**2
+    if loss == "soft_l1":
+        return 2.0 * loss_scale**2 * (np.sqrt(1.0 + z) - 1.0), 1.0 / np.sqrt(1.0 + z)
+    if loss == "huber":
+        root = np.sqrt(np.maximum(z, 1.0))
+        return loss_scale**2 * np.where(z > 1.0, 2.0 * root - 1.0, z), 1.0 / root
+    if loss == "cauchy":
+        return loss_scale**2 * np.log1p(z), 1.0 / (1.0 + z)
+    return squares, np.ones_like(squares)
+
+
+@dataclass(frozen=True, eq=False)
+class SensorTrace:
+    """One sensor of one record at some values of the unknowns.
+
+    Parameters
+    ----------
+    record, sensor, node : str      Names.
+    times : array (samples,)        [s]
+    measured, predicted : array     Reading, and what the model with its sensor's constant error says. [K]
+    noise : float                   The weight's standard deviation. [K]
+    """
+
+    record: str
+    sensor: str
+    node: str
+    times: Array
+    measured: Array
+    predicted: Array
+    noise: float
+
+    @property
+    def residuals(self) -> Array:
+        """Measured less predicted (samples,). [K]"""
+        return self.measured - self.predicted
+
+    @property
+    def weighted(self) -> Array:
+        """Residuals in units of the noise (samples,). [-]"""
+        return self.residuals / self.noise
+
+
+@dataclass(frozen=True, eq=False)
+class Compressed:
+    """All residuals of the data at some values of the unknowns, in as few rows as hold the same information.
+
+    Parameters
+    ----------
+    rows : array (rows,)                Residuals; half their sum of squares is the cost, the loss included. [-]
+    slopes : array (rows, unknowns)     Their derivatives: ``slopes' slopes`` is J'J, ``slopes' rows`` J'r of all weighted residuals.
+    chi_square : float                  Sum of squares, each weighed as a robust loss weighs it. [-]
+    sums : tuple of (str, str, Sums)    Record, sensor, and the sums of its residuals.
+    meshes : tuple of array             When the integrator's steps ended, per record. [s]
+    """
+
+    rows: Array
+    slopes: Array
+    chi_square: float
+    sums: tuple[tuple[str, str, Sums], ...]
+    meshes: tuple[Array, ...]
+
+
+KEPT = 32
+"""Benches of one experiment that are kept: a search for a second clock asks for many."""
+
+
+@dataclass(frozen=True, eq=False)
+class Bench:
+    """An experiment wired to the kernel, with the names that are free in it."""
+
+    experiment: Experiment
+    free: tuple[str, ...]
+    wiring: Wiring
+    engine: Engine
+    memo: Memo = field(init=False, default_factory=Memo, compare=False, repr=False)
+
+    @classmethod
+    def of(cls, experiment: Experiment, free: Sequence[str], at: tuple[float, float] | None = None) -> Bench:
+        """Return the bench of an experiment, made once, with its second clock at an offset [s] and rate other than its own if asked."""
+
+        def made() -> Bench:
+            moved = experiment if at is None or experiment.ticks is None else experiment.ticks.moved(experiment, at)
+            wiring = Wiring(moved.network, moved.scenario, free)
+            return cls(moved, tuple(free), wiring, Engine(wiring))
+
+        return experiment.memo.made((tuple(free), at), made, KEPT)
+
+    def temperatures(
+        self, x: Array, gradients: bool, options: Options, times: Array | None = None, *, from_rest: bool = False
+    ) -> tuple[Array, Array]:
+        """Return observed temperatures (times, sensors) [K] and their derivatives (times, sensors, free), empty when not asked for.
+
+        `times` are the experiment's own where none are given [s]; `from_rest` holds the start while the free names change.
+        """
+        wanted = self.experiment.times if times is None else times
+        assembled = self.engine.started(self.wiring.assemble(x, gradients), gradients)
+        if from_rest:
+            assembled = replace(assembled, initial_gradient=np.zeros_like(assembled.initial_gradient))
+        nodes = tuple(o.node for o in self.experiment.observations)
+        kept = kept_for(assembled, nodes)
+        duration = max(self.experiment.scenario.seconds, float(self.experiment.times[-1]))
+        stepped = replace(options, method="integrator")  # as least squares are, so that traces and statistics agree
+        answer = self.engine.integrate(assembled, wanted, kept, duration, stepped, gradients and bool(self.free))
+        traces = Traces(self.wiring, assembled, wanted, kept, answer.temperatures, answer.sensitivities)
+        columns = np.column_stack([traces.temperature(n) for n in nodes])
+        derivatives = np.stack([traces.slope(n) for n in nodes], axis=1) if gradients else np.zeros((0, 0, 0))
+        for k, place, about in self.scales():
+            if gradients:
+                derivatives[:, k, :] *= 1.0 + x[place]
+                derivatives[:, k, place] += columns[:, k] - about
+            columns[:, k] += x[place] * (columns[:, k] - about)
+        return columns, derivatives
+
+    def scales(self) -> list[tuple[int, int, float]]:
+        """Return, of every sensor whose scale is looked for, its column, the place of its error in the free names, where it turns [K]."""
+        place = {name: n for n, name in enumerate(self.free)}
+        seen = enumerate(self.experiment.observations)
+        return [(k, place[f"reading.{o.sensor}"], o.part.gain_about) for k, o in seen if o.part and f"reading.{o.sensor}" in place]
+
+    def squares(self, x: Array, gradients: bool, options: Options, weighing: Weighing, mesh: Array | None) -> Squares:
+        """Return the least squares of all observations."""
+        assembled = self.engine.started(self.wiring.assemble(x, gradients), gradients)
+        seen, times = self.experiment.observations, self.experiment.times
+        recover = dict(assembled.reduced.recover)
+        parts = [_parts(o.node, recover) for o in seen]
+        size = len(self.free) if gradients else 0
+        scaled = [False] * len(seen)
+        for k, place, _ in self.scales():
+            one = Dual(1.0 + x[place], np.eye(size)[place]) if gradients else 1.0 + x[place]
+            parts[k], scaled[k] = {node: one * weight for node, weight in parts[k].items()}, True
+        readings = self.memo.made(
+            "readings",
+            lambda: self.engine.readings(times, [tuple(p) for p in parts], [o.index for o in seen], [o.measured for o in seen], scaled),
+        )
+        numbers = [number for p in parts for number in p.values()]
+        weights = np.array([value_of(n) for n in numbers]), np.array([gradient_of(n, size) for n in numbers]).reshape(len(numbers), size)
+        duration = max(self.experiment.scenario.seconds, float(times[-1]))
+        return self.engine.least_squares(assembled, readings, weights, weighing, duration, options, gradients, mesh)
+
+
+def _parts(node: str, recover: Mapping[str, Mapping[str, Number]]) -> dict[str, Number]:
+    """Return what an observed node is the sum of: itself, or the neighbours of a node that was eliminated, with their weights."""
+    if node not in recover:
+        return {node: 1.0}
+    out: dict[str, Number] = {}
+    for neighbour, weight in recover[node].items():
+        for name, share in _parts(neighbour, recover).items():
+            out[name] = out[name] + weight * share if name in out else weight * share
+    return out
+
+
+SHIFT = 0.3
+"""Shift over which differences are taken, in samples of the second log: smaller ones drown in the integrator's own error."""
+
+
+def clock_at(problem: Problem, i: int, fitted: Array) -> tuple[float, float]:
+    """Return offset and rate of the second clock of an experiment at some values of the unknowns."""
+    ticks = problem.experiments[i].ticks
+    assert ticks is not None
+    at = dict(zip((OFFSET, RATE), ticks.at, strict=True))
+    return tuple((at | {name: float(fitted[k]) for k, name in problem.ticking(i)}).values())  # type: ignore[return-value]
+
+
+def slopes_of_clock(problem: Problem, i: int, fitted: Array, times: Array | None = None) -> dict[int, Array]:
+    """Return position of an unknown -> derivatives (times, sensors) of the readings with respect to an offset or rate, by differences.
+
+    A switched power has no derivative with respect to its instant that a run could carry, so two runs are taken on either side.
+    """
+    ticks = problem.experiments[i].ticks
+    out: dict[int, Array] = {}
+    if ticks is None:
+        return out
+    shift = SHIFT * ticks.clock.step * ticks.at[1]
+    for k, name in problem.ticking(i):
+        step = shift if name == OFFSET else shift / max(ticks.span, ticks.clock.step)
+        sides = []
+        for side in (-step, step):
+            there = fitted.copy()
+            there[k] += side
+            x, _ = problem.inputs(i, there)
+            sides.append(problem.bench(i, there).temperatures(x, False, problem.options, times)[0])
+        out[k] = (sides[1] - sides[0]) / (2.0 * step)
+    return out
+
+
+def compressed_in_full(
+    problem: Problem, i: int, fitted: Array, loss: str, loss_scale: float
+) -> tuple[Array, Array, float, list[tuple[str, str, Sums]]]:
+    """Return what `Problem.compressed` takes of one experiment, from all of its residuals: rows, slopes, chi-square, sums."""
+    experiment = problem.experiments[i]
+    slopes = problem.slopes(i, fitted)  # first: a run with derivatives holds what the blocks need
+    blocks = problem.blocks_of(i, fitted)
+    full = np.concatenate([slopes[o.index, k, :] for k, o in enumerate(experiment.observations)])
+    return as_triangle(blocks, full, loss, loss_scale)
+
+
+def as_triangle(
+    blocks: Sequence[SensorTrace], full: Array, loss: str, loss_scale: float
+) -> tuple[Array, Array, float, list[tuple[str, str, Sums]]]:
+    """Return rows, slopes, chi-square and sums of weighted residuals, whose derivatives (samples, unknowns) are made into a triangle."""
+    z = np.concatenate([b.weighted for b in blocks])
+    size, weight = loss_of(z**2, loss, loss_scale)
+    root = np.sqrt(weight)
+    # sqrt(rho') r and sqrt(rho') J have the gradient J' rho' r; Q'r and R have the same normal equations; |r|^2 - |Q'r|^2 is kept
+    basis, triangle = np.linalg.qr(root[:, None] * full)
+    rotated = basis.T @ (root * z)
+    rest = float(size.sum() - rotated @ rotated)
+    rows = np.concatenate([rotated, np.sqrt(np.maximum([rest], 0.0))])
+    sums = [(b.record, b.sensor, Sums.of(b.residuals)) for b in blocks]
+    return rows, np.concatenate([triangle, np.zeros((1, triangle.shape[1]))]), float(weight @ z**2), sums
+
+
+FAILED = 1e4
+"""Residual that stands for a run that the integrator could not finish; the optimiser then turns back."""
+
+
+@dataclass(frozen=True, eq=False)
+class Problem:
+    """All records of a fit, as weighted residuals over the unknowns.
+
+    Parameters
+    ----------
+    experiments : tuple     The records, bound to the model.
+    unknowns : tuple        What is looked for.
+    noise : dict            Sensor -> standard deviation where a record states none. [K]
+    options : Options       The integrator's.
+    fixed_bias : dict       Sensor -> constant error that is not looked for. [K]
+    coupled : tuple         (positions of unknowns, mean, inverse square root of the covariance) of joint priors, in the fitted form.
+    memo : Memo             Its benches.
+    """
+
+    experiments: tuple[Experiment, ...]
+    unknowns: tuple[Unknown, ...]
+    noise: dict[str, float]
+    options: Options
+    fixed_bias: dict[str, float] = field(default_factory=dict)
+    coupled: tuple[tuple[NDArray[np.int64], Array, Array], ...] = ()
+    memo: Memo = field(init=False, default_factory=Memo, compare=False, repr=False)
+
+    def benches(self) -> tuple[Bench, ...]:
+        """Return one bench per experiment, made once."""
+        return self.memo.made("benches", lambda: tuple(Bench.of(e, self._names(i)) for i, e in enumerate(self.experiments)))
+
+    def bench(self, i: int, fitted: Array) -> Bench:
+        """Return the bench of an experiment with its second clock where the unknowns put it."""
+        experiment = self.experiments[i]
+        if experiment.ticks is None or (at := clock_at(self, i, fitted)) == experiment.ticks.at:
+            return self.benches()[i]
+        return Bench.of(experiment, self._names(i), at)
+
+    def ticking(self, i: int) -> list[tuple[int, str]]:
+        """Return position and name of the unknowns that are offset or rate of an experiment's second clock."""
+        return [(k, t.name) for k, u in enumerate(self.unknowns) for t in u.targets if t.experiment == i and t.name in (OFFSET, RATE)]
+
+    def _names(self, i: int) -> tuple[str, ...]:
+        return tuple(dict.fromkeys(target.name for _, target in self._acting(i)))
+
+    def _acting(self, i: int) -> list[tuple[int, Influence]]:
+        """Return position and target of every unknown that acts in an experiment; several may act on one name."""
+        there = [(k, target) for k, u in enumerate(self.unknowns) for target in u.targets if target.experiment == i]
+        return [(k, target) for k, target in there if target.name not in (OFFSET, RATE)]
+
+    def _bias(self, sensor: str, fitted: Array) -> tuple[float, int | None]:
+        """Return the constant error of a sensor and its position among the unknowns."""
+        for k, u in enumerate(self.unknowns):
+            if u.kind == "sensor" and u.name == f"sensor {sensor}":
+                return float(fitted[k]), k
+        return self.fixed_bias.get(sensor, 0.0), None
+
+    def inputs(self, i: int, fitted: Array) -> tuple[Array, Array]:
+        """Return the values of an experiment's free names and their slopes (names, unknowns) to the fitted form."""
+        place = {name: n for n, name in enumerate(self.benches()[i].free)}
+        values, slopes = np.zeros(len(place)), np.zeros((len(place), len(self.unknowns)))
+        for k, t in self._acting(i):
+            values[place[t.name]] += t.offset + t.factor * self.unknowns[k].to_value(float(fitted[k]))
+            slopes[place[t.name], k] += t.factor * self.unknowns[k].slope(float(fitted[k]))
+        return values, slopes
+
+    def blocks(self, fitted: Array) -> list[SensorTrace]:
+        """Return measured and predicted readings of every sensor of every record."""
+        return [block for i in range(len(self.experiments)) for block in self.blocks_of(i, fitted)]
+
+    def blocks_of(self, i: int, fitted: Array) -> list[SensorTrace]:
+        """Return measured and predicted readings of every sensor of a record."""
+        out, bench = [], self.bench(i, fitted)
+        x, _ = self.inputs(i, fitted)
+        columns, _ = bench.temperatures(x, False, self.options)
+        for k, o in enumerate(bench.experiment.observations):
+            bias, _ = self._bias(o.sensor, fitted)
+            predicted = columns[o.index, k] + bias
+            times = bench.experiment.times[o.index]
+            out.append(SensorTrace(bench.experiment.record.name, o.sensor, o.seat, times, o.measured, predicted, o.sigma(self.noise)))
+        return out
+
+    def compressed(self, fitted: Array, loss: str = "linear", loss_scale: float = 1.0, meshes: Sequence[Array] = ()) -> Compressed:
+        """Return the weighted residuals of all data with their derivatives, from one run of each record.
+
+        Each record gives a triangle with one row per free name and constant error, and one row for what no unknown can change. With the
+        `meshes` of another evaluation the steps are the same, and the difference of both is smooth.
+
+        Raises
+        ------
+        SolverError   When a record cannot be run.
+        """
+        rows: list[Array] = []
+        slopes: list[Array] = []
+        sums: list[tuple[str, str, Sums]] = []
+        taken: list[Array] = []
+        chi = 0.0
+        for i, bench in enumerate(self.benches()):
+            if bench.experiment.ticks is not None or bench.engine.runner is not None:
+                own, part, square, sizes = compressed_in_full(self, i, fitted, loss, loss_scale)
+                rows, slopes, chi, sums = [*rows, own], [*slopes, part], chi + square, [*sums, *sizes]
+                taken.append(np.zeros(0))
+                continue
+            x, chain = self.inputs(i, fitted)
+            seen = bench.experiment.observations
+            bias, columns, shifts = self._shifts(bench, x, chain, fitted)
+            sigma = np.array([o.sigma(self.noise) for o in seen])
+            weighing = Weighing(sigma, bias, columns, loss, loss_scale)
+            found = bench.squares(x, bool(self.unknowns), self.options, weighing, meshes[i] if meshes else None)
+            at = x.size
+            part = found.triangle[:, :at] @ chain + found.triangle[:, at:] @ shifts
+            rest = found.cost - float(found.rotated @ found.rotated)
+            rows += [found.rotated, np.sqrt(np.maximum([rest], 0.0))]
+            slopes += [part, np.zeros((1, part.shape[1]))]
+            chi += found.chi_square
+            taken.append(found.mesh)
+            sums += [(bench.experiment.record.name, o.sensor, Sums(*line)) for o, line in zip(seen, found.sums.tolist(), strict=True)]
+        return Compressed(np.concatenate(rows), np.concatenate(slopes), chi, tuple(sums), tuple(taken))
+
+    def _shifts(self, bench: Bench, x: Array, chain: Array, fitted: Array) -> tuple[Array, NDArray[np.int32], Array]:
+        """Return what is added to each sensor's temperatures [K], its column or -1, and the slopes (columns, unknowns) of the columns."""
+        biases = [self._bias(o.sensor, fitted) for o in bench.experiment.observations]
+        shift = np.array([b for b, _ in biases])
+        slopes = np.zeros((len(biases), len(self.unknowns)))
+        for k, (_, position) in enumerate(biases):
+            if position is not None:
+                slopes[k, position] = 1.0
+        for k, place, about in bench.scales():
+            shift[k] -= about * x[place]
+            slopes[k] -= about * chain[place]
+        used = np.flatnonzero(slopes.any(axis=1))
+        columns = np.full(len(biases), -1, dtype=np.int32)
+        columns[used] = np.arange(used.size)
+        return shift, columns, slopes[used]
+
+    def residuals(self, fitted: Array) -> Array:
+        """Return the weighted residuals of all data in full. [-]"""
+        try:
+            return np.concatenate([b.weighted for b in self.blocks(fitted)])
+        except SolverError:
+            return np.full(self.samples, FAILED)
+
+    @property
+    def clocked(self) -> bool:
+        """Whether a record has a second clock that is known within a range only."""
+        return any(e.ticks is not None for e in self.experiments)
+
+    @property
+    def samples(self) -> int:
+        """How many readings there are."""
+        return sum(o.index.size for e in self.experiments for o in e.observations)
+
+    @property
+    def effective_samples(self) -> float:
+        """Independent samples that they are worth by what is said of their noise."""
+        return sum(o.effective_samples for e in self.experiments for o in e.observations)
+
+    @property
+    def freedom(self) -> float:
+        """Independent samples less unknowns."""
+        return self.effective_samples - len(self.unknowns)
+
+    def square(self, found: Compressed) -> float:
+        """Return the sum of the squares of the residuals in units of the noise, whatever the loss."""
+        sigma = [o.sigma(self.noise) for o in self.observations()]
+        return sum(s.count * s.mean_square / size**2 for (_, _, s), size in zip(found.sums, sigma, strict=True))
+
+    def jacobian(self, fitted: Array) -> Array:
+        """Return d residuals / d fitted (samples, unknowns) in full; what a fit needs of it is in `compressed`."""
+        parts = []
+        for i, experiment in enumerate(self.experiments):
+            slopes = self.slopes(i, fitted)
+            parts += [slopes[o.index, k, :] for k, o in enumerate(experiment.observations)]
+        return np.concatenate(parts)
+
+    def slopes(self, i: int, fitted: Array, times: Array | None = None) -> Array:
+        """Return d weighted residuals / d fitted (times, sensors, unknowns) of an experiment, at its own times or at others [s]."""
+        bench = self.bench(i, fitted)
+        x, chain = self.inputs(i, fitted)
+        columns, derivatives = bench.temperatures(x, bool(x.size), self.options, times)
+        out = -(derivatives @ chain) if x.size else np.zeros((*columns.shape, len(self.unknowns)))
+        for at, own in slopes_of_clock(self, i, fitted, times).items():
+            out[:, :, at] -= own
+        for k, o in enumerate(bench.experiment.observations):
+            _, position = self._bias(o.sensor, fitted)
+            if position is not None:
+                out[:, k, position] -= 1.0
+            out[:, k, :] /= o.sigma(self.noise)
+        return np.asarray(out)
+
+    def prior_rows(self, fitted: Array) -> tuple[Array, Array]:
+        """Return the residuals of the priors and their derivatives."""
+        return prior_rows(self.unknowns, self.coupled, fitted)
+
+    def observations(self) -> list[Observation]:
+        """Return every observation of every experiment."""
+        return [o for e in self.experiments for o in e.observations]
+
+
+def prior_rows(
+    unknowns: Sequence[Unknown], coupled: Sequence[tuple[NDArray[np.int64], Array, Array]], fitted: Array
+) -> tuple[Array, Array]:
+    """Return the residuals of priors and their derivatives (residuals, unknowns). [-]
+
+    Parameters
+    ----------
+    coupled : sequence          Positions, means and the root of the information of what stages below found together.
+    fitted : array (unknowns,)  In the fitted form.
+    """
+    values, slopes = [], []
+    below = {int(k) for at, _, _ in coupled for k in at}
+    for k, u in enumerate(unknowns):
+        # what stages below found of an instrument holds its accuracy
+        if u.prior is not None and (u.kind == "parameter" or k not in below):
+            row = np.zeros(len(unknowns))
+            row[k] = 1.0 / u.prior.sd
+            values.append((float(fitted[k]) - u.prior.mean) / u.prior.sd)
+            slopes.append(row)
+    for at, mean, root in coupled:
+        rows = np.zeros((root.shape[0], len(unknowns)))
+        rows[:, at] = root
+        values += list(root @ (fitted[at] - mean))
+        slopes += list(rows)
+    return np.array(values), np.array(slopes).reshape(len(values), len(unknowns))
+
+
+class Predictions(Sequence[SensorTrace]):
+    """Blocks that are predicted when they are first looked at; what a fit needs of them it has in its sums.
+
+    Parameters
+    ----------
+    sums : sequence of (str, str, Sums)     Record, sensor, and the sums of its residuals.
+    problem : Problem                       Predicts the blocks, in the same order.
+    fitted : array (unknowns,)              Where.
+    """
+
+    def __init__(self, sums: Sequence[tuple[str, str, Sums]], problem: Problem, fitted: Array) -> None:
+        self.sums, self.problem, self.fitted = tuple(sums), problem, fitted
+        self.memo = Memo()
+
+    def _blocks(self) -> tuple[SensorTrace, ...]:
+        return self.memo.made("blocks", lambda: tuple(self.problem.blocks(self.fitted)))
+
+    @overload
+    def __getitem__(self, at: int) -> SensorTrace: ...
+    @overload
+    def __getitem__(self, at: slice) -> tuple[SensorTrace, ...]: ...
+    def __getitem__(self, at: int | slice) -> SensorTrace | tuple[SensorTrace, ...]:
+        """Return a block, or several."""
+        return self._blocks()[at]
+
+    def __iter__(self) -> Iterator[SensorTrace]:
+        """Yield the blocks."""
+        return iter(self._blocks())
+
+    def __len__(self) -> int:
+        """How many there are."""
+        return len(self.sums)

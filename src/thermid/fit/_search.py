@@ -1,0 +1,494 @@
+"""Beyond one descent: whether its end may be the wrong valley, what further starts cost, and the best of them.
+
+In: a `Problem`, a loss, a way of searching. Out: the best `Fit`, all evaluations counted, and in words what was looked at.
+Several starts, differential evolution and covariance matrix adaptation look at members run side by side; least squares always ends it.
+"""
+
+from __future__ import annotations
+
+import math
+import time
+import warnings
+from collections.abc import Callable
+from dataclasses import dataclass, field, replace
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from thermid.base.errors import IdentificationError, SolverError, ThermidWarning, refuse_unknown, spoken
+from thermid.base.extensions import optional
+from thermid.base.linear_algebra import NOTHING, Array, pseudo_inverse
+from thermid.base.units import counted
+from thermid.fit._minimisation import Fit, ended, minimise
+from thermid.fit._problem.residuals import Problem, Unknown, loss_of, starting_point
+from thermid.fit._uncertainty.noise import autocorrelation
+from thermid.simulation.runs import run_members
+
+Progress = Callable[[int, float], None]
+
+DECADE = math.log(10.0)
+SEARCHES = ("auto", "local", "multistart", "differential evolution", "cma")
+SCREENED, DESCENTS = 64, 5
+"""How many points of the box are looked at without derivatives, and from how many of the best of them least squares descends."""
+APART = 0.15
+"""Two starts lie apart when they differ by this part of the box in some parameter."""
+TWICE = 4.0
+"""Residuals of twice the stated noise, as a reduced chi-square, make one valley doubtful."""
+CHANCE, FEWEST = 0.01, 16
+"""Chance that noise alone makes a trace look as if it contradicted its noise, over all traces; shorter traces are not asked."""
+PROVED = 9.0
+"""Gain in chi-square, in independent samples, from which another valley is better than that of the given start: three standard errors."""
+GENERATIONS = 300
+BATCH = 16
+"""Members that run at once; the interrupt key acts between batches."""
+LONG, AFFORDABLE, QUICK = 30.0, 600.0, 10.0
+"""What a search may take before plain Python is warned of it; what descents may take that nobody asked for; and what a look at all points
+may take however short the descents are. [s]"""
+USUAL = 12
+"""Evaluations of a descent, as most need."""
+
+
+@dataclass(frozen=True, eq=False)
+class Population:
+    """The parameters of a problem over a box; all other unknowns (constant errors, temperatures of single records) stay at their start.
+
+    Parameters
+    ----------
+    problem : Problem
+    loss : str                  linear, soft_l1, huber or cauchy.
+    loss_scale : float          Residual, in units of the noise, from which the loss bends.
+    at : array (parameters,)    Positions of the parameters among the unknowns.
+    low, high : array           Corners of the box, in the fitted form.
+    """
+
+    problem: Problem
+    loss: str
+    loss_scale: float
+    at: NDArray[np.int64]
+    low: Array
+    high: Array
+
+    @classmethod
+    def of(cls, problem: Problem, loss: str, loss_scale: float) -> Population:
+        """Return the population of a problem."""
+        at = np.array([k for k, u in enumerate(problem.unknowns) if u.kind == "parameter"], dtype=np.int64)
+        corners = np.array([box_of(problem.unknowns[k]) for k in at]).reshape(-1, 2)
+        return cls(problem, loss, loss_scale, at, corners[:, 0], corners[:, 1])
+
+    @property
+    def start(self) -> Array:
+        """The start of all unknowns (unknowns,), in the fitted form."""
+        return starting_point(self.problem.unknowns)
+
+    def placed(self, shares: Array) -> Array:
+        """Return points of the unit cube (members, parameters) as values of all unknowns (members, unknowns), in the fitted form."""
+        out = np.tile(self.start, (shares.shape[0], 1))
+        out[:, self.at] = self.low + shares * (self.high - self.low)
+        return out
+
+    def share(self, fitted: Array) -> Array:
+        """Return where values of all unknowns lie in the unit cube (parameters,)."""
+        return np.asarray(np.clip((fitted[self.at] - self.low) / (self.high - self.low), 0.0, 1.0))
+
+    def costs(self, shares: Array) -> Array:
+        """Return half the weighted sum of squares (members,) at points of the unit cube, priors included; infinite where a run fails."""
+        points = self.placed(shares)
+        cost = np.array([float(r @ r) for r in (self.problem.prior_rows(p)[0] for p in points)])
+        for i, bench in enumerate(self.problem.benches()):
+            seen = bench.experiment.observations
+            inputs = np.array([self.problem.inputs(i, p)[0] for p in points])
+            draws = dict(zip(bench.free, inputs.T, strict=True))
+            nodes = list(dict.fromkeys(o.node for o in seen))
+            times, options = bench.experiment.times, self.problem.options
+            found = run_members(bench.engine, draws, times, options, nodes, None, 1, "auto", ())
+            for o in seen:
+                bias, _ = self.problem._bias(o.sensor, points[0])
+                residuals = (o.measured[:, None] - found.temperatures(o.node)[o.index] - bias) / o.sigma(self.problem.noise)
+                cost += loss_of(residuals**2, self.loss, self.loss_scale)[0].sum(axis=0)
+        return np.where(np.isfinite(cost), 0.5 * cost, np.inf)
+
+
+def box_of(unknown: Unknown) -> tuple[float, float]:
+    """Return where an unknown is looked for, in its fitted form.
+
+    Its bounds, cut at four standard deviations of its prior; where it has neither, a factor of ten either way of the start of a positive
+    quantity, and twice a typical change of any other.
+    """
+    low, high = unknown.fitted_bounds()
+    middle, reach = unknown.to_fitted(unknown.start), DECADE if unknown.log else 2.0 * unknown.scale
+    if unknown.prior is not None:
+        middle, reach = unknown.prior.mean, 4.0 * unknown.prior.sd
+        low, high = max(low, middle - reach), min(high, middle + reach)
+    low = low if math.isfinite(low) else min(middle - reach, high - reach)
+    return low, high if math.isfinite(high) else max(middle + reach, low + reach)
+
+
+def searched(problem: Problem, how: str, loss: str, loss_scale: float, progress: Progress | None = None, stoppable: bool = False) -> Fit:
+    """Return the best fit that a search finds, all of its evaluations counted.
+
+    Parameters
+    ----------
+    problem : Problem
+    how : str               ``local``: one descent from the start. ``multistart``: further descents from the best of 64 points of the box.
+                            ``auto``: these only where the first descent ends at a bound, unfinished, or with residuals of more than twice
+                            the stated noise; one further descent, from the other side of the start, where residuals contradict the stated
+                            noise at all. ``differential evolution`` and ``cma``: a population over the box, then one descent.
+    loss, loss_scale, progress    As in `minimise`. What further starts will cost is told before they are made: to ``progress.ahead(words,
+                            seconds)`` where there is one, else as a warning from `LONG` on.
+    stoppable : bool        Whether the interrupt key ends it with the best fit so far: `Fit.stopped`, not converged.
+
+    Raises
+    ------
+    IdentificationError     When there is no such search.
+    SolverError             When the model cannot be run at the start.
+    """
+    refuse_unknown([how], SEARCHES, "", "unknown search '{}'. Use one of {known}.", IdentificationError)
+    search = Search(Population.of(problem, loss, loss_scale), progress, stoppable)
+    if not search.population.at.size or how == "local":
+        return search.descent(None)
+    if how in ("differential evolution", "cma"):
+        return search.evolved(how)
+    first = search.descent(None)
+    if first.stopped:
+        return first
+    if how == "multistart":
+        return search.descents([first], "as asked", DESCENTS)
+    if why := doubts(problem, first):
+        return search.affordable(first, why)
+    why = contradictions(problem, first)
+    return search.confirmed(first, why) if why else first
+
+
+def doubts(problem: Problem, found: Fit) -> str:
+    """Return why one descent may have ended in the wrong valley, or an empty text."""
+    if not found.converged:
+        return "the first descent did not converge"
+    error = _errors(problem, found)
+    for k, u in enumerate(problem.unknowns):
+        near = max(1e-4 * u.scale, 0.02 * float(error[k]))
+        if u.kind == "parameter" and any(abs(found.fitted[k] - b) < near for b in u.fitted_bounds()):
+            return f"'{u.name}' ended at its bound"
+    stated = all(o.noise is not None for o in problem.observations())
+    times = _level(problem, found)
+    return f"the residuals are {np.sqrt(times):.2g} times the stated noise" if stated and times > TWICE else ""
+
+
+def contradictions(problem: Problem, found: Fit) -> str:
+    """Return which trace contradicts its stated noise at the end of a descent, or an empty text.
+
+    Where values are right and nothing is missing, the mean of a trace of n residuals, in units of the noise, lies within a few 1/sqrt(n) of
+    zero, and so does the product of neighbours. The sums of a descent hold both. A valley that is not the right one can meet readings
+    within 1.05 times their noise, but its traces lie beside zero by many of these.
+    """
+    at = dict(zip((e.record.name for e in problem.experiments), problem.experiments, strict=True))
+    worst, where, count = 0.0, "", 0
+    for record, sensor, sums in found.sums:
+        seen = next(o for o in at[record].observations if o.sensor == sensor)
+        if seen.noise is None:
+            return ""
+        if sums.count < FEWEST:
+            continue
+        said, sigma = sums.statistics(0.0), seen.sigma(problem.noise)
+        for size in (abs(said.mean) / sigma, abs(said.lag_one)):
+            count += 1
+            if size * math.sqrt(sums.count) > worst:
+                worst, where = size * math.sqrt(sums.count), f"'{sensor}' in {record}"
+    beyond = math.erfc(worst / math.sqrt(2.0)) * count
+    return f"residuals of {where} are not noise" if beyond < CHANCE else ""
+
+
+def preferred(population: Population, first: Fit, others: list[Fit]) -> Fit:
+    """Return the cheapest end that is proved to be better than that from the given start, else the latter.
+
+    Autocorrelated residuals at the cheaper end are worth fewer samples, see `autocorrelation`, and those above the noise less by its
+    square: a gain in chi-square, so weighed, of less than `PROVED` says nothing. Among values that fit as well those that the given start
+    leads to stand, and an end that did not converge does not replace one that did.
+    """
+    best = min((f for f in others if f.converged or not first.converged), key=lambda f: f.cost, default=first)
+    if best.cost >= first.cost:
+        return first
+    problem = population.problem
+    traces = autocorrelation(problem, best, population.loss, population.loss_scale).traces
+    share = sum(t.effective_samples for t in traces) / max(sum(t.samples for t in traces), 1)
+    return best if 2.0 * (first.cost - best.cost) * share > PROVED * max(1.0, _level(problem, best)) else first
+
+
+def _level(problem: Problem, found: Fit) -> float:
+    """Return the weighted sum of squares per degree of freedom. [-]"""
+    return found.chi_square / max(problem.freedom, 1.0)
+
+
+def _errors(problem: Problem, found: Fit) -> Array:
+    """Return the standard errors (unknowns,) in the fitted form, widened by residuals that exceed the noise."""
+    rows = np.concatenate([found.jacobian / np.sqrt(max(1.0, _level(problem, found))), found.priors])
+    return np.asarray(np.sqrt(np.diag(pseudo_inverse(rows, NOTHING))))
+
+
+@dataclass(frozen=True, eq=False)
+class Search:
+    """Descents of one problem from several starts, what they cost, and the best of them.
+
+    Parameters
+    ----------
+    population : Population
+    progress : callable         As in `minimise`; with a method ``ahead(words, seconds)`` it is told what follows.
+    stoppable : bool            Whether the interrupt key ends it with the best fit so far.
+    spent : list of float       What each descent took. [s]
+    """
+
+    population: Population
+    progress: Progress | None
+    stoppable: bool
+    spent: list[float] = field(default_factory=list)
+
+    def descent(self, start: Array | None) -> Fit:
+        """Return the end of one descent, and note what it took."""
+        p, begun = self.population, time.perf_counter()
+
+        def priced(count: int, rms: float) -> None:
+            if count == 1 and not self.spent:
+                one = time.perf_counter() - begun
+                self.tell(f"a descent of some {USUAL} evaluations", (USUAL - 1) * one, loud=False)
+            if self.progress is not None:
+                self.progress(count, rms)
+
+        end = minimise(p.problem, p.loss, p.loss_scale, start, priced, stoppable=self.stoppable)
+        self.spent.append(time.perf_counter() - begun)
+        return end
+
+    def tell(self, words: str, seconds: float, loud: bool = True) -> None:
+        """Say what follows and what it takes [s], before it begins."""
+        ahead = getattr(self.progress, "ahead", None)
+        if ahead is not None:
+            ahead(words, seconds)
+        elif loud and seconds > LONG:
+            text = f"a fit goes on with {words}, about {spoken(seconds)}. The interrupt key ends it with the best values so far."
+            warnings.warn(text, ThermidWarning, stacklevel=2)
+
+    def affordable(self, first: Fit, why: str) -> Fit:
+        """Return the best of as many descents as an automatic search makes; a first one that took long is said to stand alone."""
+        many, one = min(DESCENTS, int(AFFORDABLE / max(self.spent[0], 1e-9))), spoken(self.spent[0])
+        found = self.descents([first], why, many) if many else first
+        if many == DESCENTS or found.stopped:
+            return found
+        made = "no further one was" if not many else "one further was" if many == 1 else f"{many} further ones were"
+        words = f"{why}, so a descent may have ended in the wrong valley. One takes about {one}, so {made} made unasked. "
+        words += f"search = 'multistart' makes {DESCENTS}."
+        return replace(found, remarks=(*found.remarks, words))
+
+    def confirmed(self, first: Fit, why: str) -> Fit:
+        """Return the better of a descent and one from the other side of its start; the best of several where these two differ."""
+        if self.spent[0] > AFFORDABLE:
+            return self.affordable(first, why)
+        population = self.population
+        start, end = population.share(population.start), population.share(first.fitted)
+        way = end - start
+        if not way.any():
+            return first
+        opposite = np.clip(start - way * max(1.0, APART / float(np.abs(way).max())), 0.0, 1.0)
+        self.tell(f"a second descent from the other side of the start, because {why}", self.spent[0])
+        second = self.descent(population.placed(opposite[None, :])[0])
+        problem = population.problem
+        best = preferred(population, first, [second])
+        total = first.evaluations + second.evaluations
+        if second.stopped:
+            return _stopped(first, [first, second], total)
+        if _same(problem, first, second):
+            return replace(
+                first, evaluations=total, search=f"{why}: a second descent, from the other side of the start, ended at the same values"
+            )
+        if contradictions(problem, best):
+            return self.descents([first, second], why, DESCENTS - 1, proved=True)
+        words, remarks = _valleys(problem, best, [first, second], first)
+        return replace(best, evaluations=total, search=f"{why}: {words}", remarks=(*best.remarks, *remarks))
+
+    def descents(self, ends: list[Fit], why: str, many: int, proved: bool = False) -> Fit:
+        """Return the best of the descents so far and of so many more, from the best points of the box; see `preferred` for `proved`."""
+        population, first = self.population, ends[0]
+        count = sum(end.evaluations for end in ends)
+        try:
+            shares, costs = self._screened(why, many)
+        except KeyboardInterrupt:
+            if not self.stoppable:
+                raise
+            return _stopped(first, ends, count)
+        count += costs.size
+        ends, taken = [*ends], [population.share(population.start), *(population.share(end.fitted) for end in ends)]
+        wanted = len(ends) + many
+        for k in np.argsort(costs):
+            if len(ends) == wanted or not np.isfinite(costs[k]):
+                break
+            if min(np.abs(shares[k] - t).max() for t in taken) < APART:
+                continue
+            taken.append(shares[k])
+            try:
+                ends.append(self.descent(population.placed(shares[k : k + 1])[0]))
+            except SolverError:
+                continue
+            count += ends[-1].evaluations
+            if ends[-1].stopped:
+                return _stopped(first, ends, count)
+        best = preferred(population, first, ends) if proved else min(ends, key=lambda f: (round(f.cost, 6), f is not first))
+        words, remarks = _valleys(population.problem, best, ends, first)
+        words = f"multistart, {why}: {costs.size} points, {words}"
+        return replace(best, evaluations=count, search=words, remarks=(*best.remarks, *remarks))
+
+    def _screened(self, why: str, many: int) -> tuple[Array, Array]:
+        """Return points of the box (points, parameters), at most `SCREENED`, and their costs; no more than take as long as the descents."""
+        shares = _spread_out(self.population)
+        each, begun = float(np.mean(self.spent)), time.perf_counter()
+        costs = [self.population.costs(shares[:BATCH])]
+        one = (time.perf_counter() - begun) / BATCH
+        size = SCREENED
+        if one * size > max(QUICK, many * each):
+            size = max(1, int(many * each / one / BATCH)) * BATCH
+        self.tell(f"up to {counted(many, 'descent')} from the best of {size} points ({why})", one * (size - BATCH) + many * each)
+        costs += [self.population.costs(shares[at : at + BATCH]) for at in range(BATCH, size, BATCH)]
+        return shares[:size], np.concatenate(costs)
+
+    def evolved(self, how: str) -> Fit:
+        """Return the end of the descent from the best member of a population that evolved over the box."""
+        p, found = self.population, evolved(self.population, how, stoppable=self.stoppable)
+        at = p.placed(found.share[None, :])[0]
+        if found.stopped:
+            message = f"stopped by the user after {found.evaluations} members, at the best of them"
+            return replace(ended(p.problem, at, p.loss, p.loss_scale, found.evaluations, message, False), stopped=True)
+        end = self.descent(at)
+        words = f"{how}: {found.evaluations} members, cost {found.cost:.6g}; polished by {end.evaluations} evaluations to {end.cost:.6g}"
+        return replace(end, evaluations=end.evaluations + found.evaluations, search=words)
+
+
+def _stopped(first: Fit, ends: list[Fit], count: int) -> Fit:
+    """Return the best end so far of a search that the interrupt key ended."""
+    best = min(ends, key=lambda f: (round(f.cost, 6), f is not first))
+    whole = sum(not end.stopped for end in ends)
+    message = f"stopped by the user after {counted(whole, 'descent')}, at the best values so far"
+    return replace(best, evaluations=count, message=message, converged=False, stopped=True, search="")
+
+
+def _same(problem: Problem, a: Fit, b: Fit) -> bool:
+    """Whether two descents ended at the same values, within half a standard error of the better one."""
+    error = _errors(problem, min((a, b), key=lambda f: f.cost))
+    return bool((np.abs(a.fitted - b.fitted) <= 0.5 * np.where(error > 0.0, error, np.inf)).all())
+
+
+def _spread_out(population: Population) -> Array:
+    """Return points of the unit cube (SCREENED, parameters), spread evenly (Sobol, scrambled)."""
+    from scipy.stats import qmc
+
+    return np.asarray(qmc.Sobol(population.at.size, rng=np.random.default_rng(1)).random(SCREENED))
+
+
+def _valleys(problem: Problem, best: Fit, ends: list[Fit], first: Fit) -> tuple[str, tuple[str, ...]]:
+    """Return what the ends of all descents say: in words, and remarks on other values that fit as well."""
+    error = _errors(problem, best)
+    error = np.where(error > 0.0, error, np.inf)  # a value without an error, at a bound, does not separate ends
+    same = [bool((np.abs(f.fitted - best.fitted) <= 0.5 * error).all()) for f in ends]
+    words = f"{len(ends)} descents, {sum(same)} of which ended at the same values"
+    others = [f for f, s in zip(ends, same, strict=True) if not s]
+    if others:
+        least = min(f.cost for f in others) / best.cost
+        words += f"; the next best costs {least:.4g} times as much"
+        words += "" if least >= 1.0 else ", which is no proof that they are better, because the residuals are autocorrelated"
+    if first.cost > best.cost * (1 + 1e-6) and not same[ends.index(first)]:
+        words += f"; the descent from the given start ended at {first.cost / best.cost:.4g} times the best cost"
+    remarks = []
+    for other in (f for f in others if f.cost - best.cost < 2.0 * max(1.0, _level(problem, best))):
+        k = int(
+            np.argmax(
+                [
+                    abs(d) if u.kind == "parameter" else 0.0
+                    for u, d in zip(problem.unknowns, (other.fitted - best.fitted) / error, strict=True)
+                ]
+            )
+        )
+        u = problem.unknowns[k]
+        there, here = u.to_value(float(other.fitted[k])), u.to_value(float(best.fitted[k]))
+        remarks.append(
+            f"other values fit equally well: '{u.name}' could also be {there / here:.3g} times the reported value. Give it a prior or "
+            "tighter bounds."
+        )
+    return words, tuple(dict.fromkeys(remarks))
+
+
+@dataclass(frozen=True, eq=False)
+class Evolved:
+    """The end of a population: the best point of the unit cube (parameters,), its cost, how many members ran, whether it was stopped."""
+
+    share: Array
+    cost: float
+    evaluations: int
+    stopped: bool = False
+
+
+class _Members:
+    """Costs of members, counted, and the best of them."""
+
+    def __init__(self, population: Population) -> None:
+        self.population = population
+        self.best, self.cost, self.count = np.zeros(0), np.inf, 0
+
+    def __call__(self, shares: Array) -> Array:
+        """Return the costs of points of the unit cube (members, parameters), a very large one for members that could not be run."""
+        costs = self.population.costs(shares)
+        costs = np.where(np.isfinite(costs), costs, 1e30)
+        self.count += costs.size
+        k = int(costs.argmin())
+        if costs[k] < self.cost:
+            self.best, self.cost = shares[k].copy(), float(costs[k])
+        return costs
+
+
+def evolved(population: Population, how: str, stoppable: bool = False) -> Evolved:
+    """Return the best member of a population that evolved over the box.
+
+    Differential evolution: Storn and Price, J. Global Optim. 11 (1997) 341, in scipy. Covariance matrix adaptation: Hansen, arXiv
+    1604.00772, in the package cma. Where it is `stoppable`, the interrupt key ends it with the best member so far.
+    """
+    members = _Members(population)
+    try:
+        share, cost = (_differential if how == "differential evolution" else _adapted)(members)
+    except KeyboardInterrupt:
+        if not stoppable or not members.count:
+            raise
+        return Evolved(members.best, members.cost, members.count, stopped=True)
+    return Evolved(share, cost, members.count)
+
+
+def _differential(members: _Members) -> tuple[Array, float]:
+    from scipy.optimize import Bounds, differential_evolution
+
+    population = members.population
+
+    def costs(points: Array, /) -> Any:  # one cost per member, which the stubs of scipy do not know of
+        return members(np.atleast_2d(points.T))
+
+    found = differential_evolution(
+        costs,
+        Bounds(np.zeros(population.at.size), np.ones(population.at.size)),
+        vectorized=True,
+        updating="deferred",
+        polish=False,
+        init="sobol",
+        tol=1e-4,
+        atol=1e-3,
+        maxiter=GENERATIONS,
+        rng=np.random.default_rng(1),
+        x0=population.share(population.start),
+    )
+    return np.asarray(found.x), float(found.fun)
+
+
+def _adapted(members: _Members) -> tuple[Array, float]:
+    cma = optional("cma", "covariance matrix adaptation")
+    size = members.population.at.size
+    if size == 1:
+        raise IdentificationError("covariance matrix adaptation needs at least two parameters. Use search = 'multistart'.")
+    # from the middle of the box, wide, and more members than its rule asks for: else it stays in the valley that it starts in
+    options = {"bounds": [0.0, 1.0], "seed": 1, "verbose": -9, "tolfun": 1e-3, "maxiter": GENERATIONS, "popsize": max(16, 4 * size)}
+    strategy = cma.CMAEvolutionStrategy(np.full(size, 0.5), 0.5, options)
+    while not strategy.stop():
+        asked = strategy.ask()
+        strategy.tell(asked, members(np.array(asked)).tolist())
+    return np.asarray(strategy.result.xbest), float(strategy.result.fbest)

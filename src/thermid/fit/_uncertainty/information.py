@@ -1,0 +1,340 @@
+"""Information: what readings and priors hold about the unknowns of a fit, and the consider covariance of what it held fixed."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field, replace
+
+import numpy as np
+
+from thermid.base.errors import SolverError
+from thermid.base.linear_algebra import Array, Bools, covariance, finite, rank
+from thermid.fit._minimisation import Fit, ended
+from thermid.fit._problem.gather import build_problem, problem_of
+from thermid.fit._problem.request import Request, form, key_for, known_before
+from thermid.fit._problem.residuals import Problem, Unknown
+from thermid.model.tree import ParameterSet
+from thermid.simulation.solver import Options
+from thermid.values.fitted import rooted
+from thermid.values.store import Normal, Source, State
+
+EXACT = Options(tolerance=1e-9, relative=1e-10, input_tolerance=1e-3)
+"""Tight enough that a direction without information shows as such and not as the integrator's error.
+
+How closely a noisy input is followed does not matter for that, and following it to 1e-7 K can take the integrator millions of steps.
+"""
+
+
+@dataclass(frozen=True, eq=False)
+class Information:
+    """Rows of weighted derivatives in the fitted form of the unknowns: rows' rows is the information matrix.
+
+    Parameters
+    ----------
+    unknowns : tuple of Unknown
+    at : array (unknowns,)                  Values where the derivatives were taken, in the fitted form.
+    data : array (rows, unknowns)           Of the readings.
+    nuisance : array (rows, unknowns)       Of the priors of constant errors and of local values.
+    given : array (rows, unknowns)          Of the priors of parameters, those handed on from a stage below among them.
+    """
+
+    unknowns: tuple[Unknown, ...]
+    at: Array
+    data: Array
+    nuisance: Array
+    given: Array
+
+    @classmethod
+    def of(cls, problem: Problem, fitted: Array, spread: float = 1.0, exact: bool = True) -> Information:
+        """Return what a problem holds at some values; readings scatter `spread` times as much as their noise says."""
+        tight = replace(problem, options=EXACT) if exact else problem
+        rows = problem.prior_rows(fitted)[1]
+        kinds = [u.kind for u in problem.unknowns if u.prior is not None]
+        own = np.array([k == "parameter" for k in kinds] + [True] * (rows.shape[0] - len(kinds)), dtype=bool)
+        return cls(problem.unknowns, fitted, tight.compressed(fitted).slopes / spread, rows[~own], rows[own])
+
+    @property
+    def names(self) -> tuple[str, ...]:
+        """Names of the unknowns."""
+        return tuple(u.name for u in self.unknowns)
+
+    @property
+    def parameters(self) -> tuple[int, ...]:
+        """Positions of the parameters."""
+        return tuple(k for k, u in enumerate(self.unknowns) if u.kind == "parameter")
+
+    @property
+    def values(self) -> Array:
+        """Values (unknowns,). [SI]"""
+        return np.array([u.to_value(float(x)) for u, x in zip(self.unknowns, self.at, strict=True)])
+
+    @property
+    def slopes(self) -> Array:
+        """Derivatives (unknowns,) of the values with respect to their fitted form."""
+        return np.array([u.slope(float(x)) for u, x in zip(self.unknowns, self.at, strict=True)])
+
+    @property
+    def sizes(self) -> Array:
+        """What a relative change (unknowns,) is taken of, in the fitted form: 1 for a logarithm, the value or a typical change else."""
+        return np.array([1.0 if u.log else abs(float(x)) or u.scale for u, x in zip(self.unknowns, self.at, strict=True)])
+
+    @property
+    def rows(self) -> Array:
+        """All rows: readings and priors."""
+        return np.concatenate([self.data, self.nuisance, self.given])
+
+    @property
+    def alone(self) -> Array:
+        """Relative error (unknowns,) that each would have with all others known. [-]"""
+        length = np.linalg.norm(self.rows, axis=0)
+        out: Array = np.divide(1.0, length * self.sizes, out=np.full(length.size, np.inf), where=length > 0)
+        return out
+
+    def prior_row(self, k: int, relative: float) -> Array:
+        """Return the row (1, unknowns) of a prior on one unknown, its standard deviation relative to its value."""
+        row = np.zeros((1, len(self.unknowns)))
+        row[0, k] = 1.0 / (relative * self.sizes[k])
+        return row
+
+    def covariance(self, held: Sequence[int] = (), more: Array | None = None) -> Array:
+        """Return the covariance of the fitted form, some unknowns held, with more rows if given; infinite where nothing is known."""
+        rows = self.rows if more is None else np.concatenate([self.rows, more])
+        kept = [k for k in range(len(self.unknowns)) if k not in held]
+        out = np.zeros((len(self.unknowns),) * 2)
+        out[np.ix_(kept, kept)] = covariance(rows[:, kept])
+        return out
+
+    def errors(self, held: Sequence[int] = (), more: Array | None = None) -> Array:
+        """Return the relative standard error (unknowns,). [-]"""
+        relative: Array = np.sqrt(np.diag(self.covariance(held, more))) / self.sizes
+        return relative
+
+    def rank(self) -> int:
+        """How many independent facts about the parameters the readings hold, what constant errors may do taken off."""
+        rows = np.concatenate([self.data, self.nuisance])
+        others = [k for k in range(rows.shape[1]) if k not in self.parameters]
+        return rank(rows[:, list(self.parameters)], rows[:, others])
+
+
+def elsewhere(problem: Problem, info: Information, spread: float = 1.0) -> Information | None:
+    """Return the information at other values of the parameters, inside their bounds; None where the model cannot be run there.
+
+    What binds parameters by law binds them there too; an accident of the first values does not.
+    """
+    # no two shifts alike, or a sum would look like a product
+    shift = (0.1 + 0.2 * (0.618034 * np.arange(len(info.unknowns)) % 1.0)) * info.sizes
+    moved = info.at.copy()
+    for k in info.parameters:
+        low, high = info.unknowns[k].fitted_bounds()
+        room = high - info.at[k] > info.at[k] - low
+        step = min(shift[k], 0.5 * max(high - info.at[k], info.at[k] - low))
+        moved[k] += step if room else -step
+    try:
+        return Information.of(problem, moved, spread)
+    except SolverError:
+        return None
+
+
+@dataclass(frozen=True, eq=False)
+class Opened:
+    """The residuals of a fit with some of its fixed values among the unknowns.
+
+    Parameters
+    ----------
+    problem : Problem           Its unknowns are those of the fit, in their order, and then the opened ones.
+    fitted : array (unknowns,)  Where the fit ended, in the fitted form; what it took as fixed stands where it stood.
+    own : int                   How many unknowns the fit itself had.
+    """
+
+    problem: Problem
+    fitted: Array
+    own: int
+
+    @property
+    def names(self) -> tuple[str, ...]:
+        """Names of the opened values, in the order of their columns."""
+        return tuple(u.name for u in self.problem.unknowns[self.own :])
+
+
+def opened_at(
+    request: Request,
+    problem: Problem,
+    fitted: Array,
+    groups: Sequence[Sequence[str]],
+    *,
+    instruments: bool = False,
+    known: Mapping[str, float] | None = None,
+) -> Opened:
+    """Return the residuals of a fit with some of its fixed values opened, at the values at which it ended.
+
+    Parameters
+    ----------
+    request : Request       What the fit was asked.
+    problem : Problem       Its residuals, with the noise that was used.
+    fitted : array          Where it ended, in the fitted form.
+    groups : sequence       The fixed values, each as the paths where it acts; the first one names it. What is an unknown of the fit, or is
+                            derived from others in its model, is left out: see `Opened.names`. A path with another value does not act.
+    instruments : bool      Whether constant errors of instruments that the fit took as fixed are opened too.
+    known : dict            Name -> value [SI] of what is opened, where it is not the one in the model.
+    """
+    experiments = problem.experiments
+    if instruments:
+        request = replace(request, held_bias={}, held_errors=None)
+        experiments = build_problem(request).experiments
+    own = {u.name: k for k, u in enumerate(problem.unknowns)}
+    acting = {p for u in problem.unknowns if u.kind == "parameter" for p in (u.name, *u.also)}
+    parameters = experiments[0].network.flat.parameters
+    free = [[p for p in group if p not in acting] for group in groups]
+    chosen = [_alike(parameters, rest) for rest, group in zip(free, groups, strict=True) if rest[:1] == list(group[:1])]
+    wider = problem_of(request, experiments, [group for group in chosen if group])
+    of = {u.name: u for u in wider.unknowns}
+    unknowns = [*(of[name] for name in own), *(u for u in wider.unknowns if u.name not in own)]
+    more = [u.to_fitted((known or {}).get(u.name, u.start)) for u in unknowns[len(own) :]]
+    made = Problem(wider.experiments, tuple(unknowns), problem.noise, problem.options, wider.fixed_bias, problem.coupled)
+    return Opened(made, np.concatenate([fitted, more]), len(own))
+
+
+def _alike(parameters: ParameterSet, group: Sequence[str]) -> tuple[str, ...]:
+    """Return the paths of a group that hold its value here; none where its first one is derived from others, or is not there."""
+    table = parameters.table
+    here = [p for p in group if p in table and table[p].parameter.is_literal]
+    if here[:1] != list(group[:1]):
+        return ()
+    values = parameters.evaluate({}, here)
+    return tuple(p for p in here if math.isclose(values[p], values[here[0]], rel_tol=1e-9))
+
+
+def opened_jacobian(at: Opened, loss: str = "linear", loss_scale: float = 1.0) -> tuple[Array, Array]:
+    """Return the derivatives of the weighted residuals with respect to the fit's own unknowns and to the opened values.
+
+    Both have the same rows, in as few as hold the same information (`Fit.jacobian`); the weights of a robust loss are in them. With A and B
+    the two, an error dq of the opened values moves the fit by ``-C A'B dq``, C the covariance that its weights stand for.
+    """
+    jacobian = ended(at.problem, at.fitted, loss, loss_scale).jacobian
+    return jacobian[:, : at.own], jacobian[:, at.own :]
+
+
+STANDARD = Normal()
+
+
+@dataclass(frozen=True, eq=False)
+class Responses:
+    """What the errors of a fit come from.
+
+    Parameters
+    ----------
+    rows : array (unknowns, sources)    Responses to what was known before, in the fitted form.
+    sources : tuple of Source           What they respond to.
+    noise : array (unknowns, unknowns)  Covariance by the noise of the readings, and by what is known of single records.
+    unlimited : array (unknowns,)       Which unknowns the data say nothing of.
+    """
+
+    rows: Array
+    sources: tuple[Source, ...]
+    noise: Array
+    unlimited: Bools
+
+    @property
+    def total(self) -> Array:
+        """The covariance of the unknowns: the consider covariance of all that was fixed is part of it."""
+        out = self.rows @ self.rows.T + self.noise
+        out[self.unlimited, :] = out[:, self.unlimited] = 0.0
+        out[self.unlimited, self.unlimited] = np.inf
+        return np.asarray(out)
+
+    def of(self, kept: list[int], key: str, words: str) -> tuple[Array, tuple[Source, ...]]:
+        """Return the rows of some unknowns with columns for their noise, named by the key of the stage and a number."""
+        own, sources = rooted(self.noise[np.ix_(kept, kept)], key, words)
+        return np.concatenate([self.rows[kept], own], axis=1), (*self.sources, *sources)
+
+
+def responses(request: Request, problem: Problem, found: Fit, level: float, random: Array, weights: Array) -> Responses:
+    """Return what the errors of a fit come from.
+
+    With A and B the derivatives of the weighted residuals with respect to what was looked for and what was fixed, P the covariance of the
+    priors and ``C = (A'A / level + P^-1)^-1``, an error of the priors moves the result by ``C P^-1`` times itself, one of what was fixed
+    by ``-C A'B / level`` (consider covariance: Tapley, Schutz, Born, Statistical Orbit Determination, 2004, ch. 6).
+
+    Parameters
+    ----------
+    level : float       Variance of residuals that do not wander, in squares of the noise.
+    random : array      Covariance by the scatter of the residuals; see `covariances`.
+    weights : array     C.
+    """
+    unknowns = problem.unknowns
+    unlimited = ~np.isfinite(np.diag(weights))
+    gain, noise = finite(weights), finite(random)
+    before = known_before(request, unknowns)
+    table = _Table()
+    if before.at.size:
+        root = before.root
+        table.add(before.sources, gain[:, before.at] @ (root.T @ root) @ before.rows)
+    below = set(before.at.tolist())
+    for k, u in enumerate(unknowns):
+        if u.prior is None or (k in below and u.kind != "parameter"):
+            continue
+        own = gain[:, [k]] / u.prior.sd
+        if u.kind == "local":
+            noise = noise + own @ own.T
+        else:
+            table.add((_stated(request, u),), own)
+    held = _fixed(request, unknowns)
+    if held and unknowns:
+        _consider(table, request, problem, found, held, gain / level)
+    rows = np.array(list(table.columns.values())).reshape(len(table.columns), len(unknowns)).T
+    return Responses(rows, tuple(table.sources.values()), noise, unlimited)
+
+
+@dataclass
+class _Table:
+    """Columns of responses by the name of their source; what answers to one source twice is added."""
+
+    sources: dict[str, Source] = field(default_factory=dict)
+    columns: dict[str, Array] = field(default_factory=dict)
+
+    def add(self, sources: Sequence[Source], rows: Array) -> None:
+        """Add responses (unknowns, sources)."""
+        for source, column in zip(sources, rows.T, strict=True):
+            self.sources[source.name] = source
+            self.columns[source.name] = self.columns.get(source.name, 0.0) + column
+
+
+def _stated(request: Request, u: Unknown) -> Source:
+    """Return the source that the stated prior of an unknown is; that of an instrument is one and the same in every stage."""
+    if u.kind == "parameter":
+        words = f"prior of {u.name}, stated in {request.name or request.model.title}"
+        return Source(f"{key_for(request)[:16]}:prior of {u.name}", "stated", STANDARD, words)
+    return Source(f"accuracy: {u.name}", "instrument", STANDARD, f"stated accuracy, {u.name}")
+
+
+def covering(unknowns: tuple[Unknown, ...] | list[Unknown]) -> set[str]:
+    """Return every path and instrument that a fit looks for, instances that share a value among them."""
+    return {n for u in unknowns if u.kind != "local" for n in (u.name, *u.also)}
+
+
+def _fixed(request: Request, unknowns: tuple[Unknown, ...]) -> list[State]:
+    """Return what is known with an error and was not looked for."""
+    here, store = covering(unknowns), request.store
+    return [
+        s
+        for s in store.states.values()
+        if s.known and store.rows([s.path]).any() and (set(s.acts) - here if s.kind == "parameter" else s.path not in here)
+    ]
+
+
+def _consider(table: _Table, request: Request, problem: Problem, found: Fit, fixed: list[State], gain: Array) -> None:
+    """Add the responses to the errors of what was fixed; an instrument of which nothing is known counts with its accuracy."""
+    here = covering(problem.unknowns)
+    groups = {s.path: tuple(p for p in s.acts if p not in here) for s in fixed if s.kind == "parameter"}
+    named = {group[0]: request.store[path] for path, group in groups.items()} | {s.path: s for s in fixed if s.kind != "parameter"}
+    instruments = bool(request.held_bias) or request.held_errors is not None
+    opened = opened_at(request, problem, found.fitted, list(groups.values()), instruments=instruments)
+    own, other = opened_jacobian(opened, request.loss, request.loss_scale)
+    moves = -gain @ own.T @ other
+    for k, u in enumerate(opened.problem.unknowns[opened.own :]):
+        if u.name in named:
+            row = request.store.rows([named[u.name].path])[0] * form(named[u.name], u)
+            table.add(request.store.sources, np.outer(moves[:, k], row))
+        elif u.prior is not None:
+            table.add((_stated(request, u),), moves[:, [k]] * u.prior.sd)

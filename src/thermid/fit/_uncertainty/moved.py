@@ -1,0 +1,607 @@
+"""Values of stages below against the logs of a level: by how much they moved, value by value and part by part, and what would be found."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from thermid.base.errors import ScenarioError, SolverError
+from thermid.base.linear_algebra import RANK_TOLERANCE, Array, square_root, symmetric_inverse
+from thermid.base.units import counted, from_si, unit
+from thermid.fit._minimisation import Fit
+from thermid.fit._problem.request import Request, form, known_before
+from thermid.fit._problem.residuals import Problem, Unknown
+from thermid.fit._uncertainty.information import Opened, covering, opened_at
+from thermid.fit._uncertainty.noise import Weighed, binned, weighed
+from thermid.measure.amounts import digits, short, some
+from thermid.model.tree import Model
+from thermid.values.fitted import FittedValue, FittedValues
+from thermid.values.store import State
+
+ALPHA, POWER = 0.05, 0.9
+"""Chance of calling a value moved that did not, and of finding the shift that is stated as detectable."""
+SILENT = 1e-10
+"""Information, in parts of what the value was known with or of white noise, that counts as none."""
+
+
+@dataclass(frozen=True)
+class Shift:
+    """One value by the data alone, against what was known of it; in the fitted form.
+
+    Parameters
+    ----------
+    size : float            Value by the data alone less that known; NaN where the data say nothing of it.
+    error : float           Standard error of `size`.
+    chance : float          Of a shift at least so large either way when nothing moved, over all values tested (Holm).
+    detectable : float      Shift that is found with 90 % power.
+    """
+
+    size: float
+    error: float
+    chance: float
+    detectable: float
+
+
+@dataclass(frozen=True)
+class Together:
+    """Several values opened at once: chi-square, directions of which the data say anything, chance when nothing moved."""
+
+    chi_square: float
+    directions: int
+    chance: float
+
+
+@dataclass(frozen=True, eq=False)
+class Test:
+    """What data say of values that are known from elsewhere, everything else that is free marginalised.
+
+    Parameters
+    ----------
+    weights : array (models,)                       Probability of each noise model.
+    information : array (models, known, known)      Of the known values, by the data alone.
+    scores : array (models, known)                  Where they stand as known.
+    root : array (known, columns)                   A root of the covariance with which they are known, with as few columns as it has.
+    """
+
+    weights: Array
+    information: Array
+    scores: Array
+    root: Array
+
+    @classmethod
+    def of(cls, data: Weighed, priors: Array, pulls: Array, known: Sequence[int], root: Array) -> Test:
+        """Return the test of some of the unknowns of a fit.
+
+        Parameters
+        ----------
+        data : Weighed                          What the data say of all unknowns, where the known ones stand as they are known.
+        priors : array (unknowns, unknowns)     Information that there is beside the data, of the other unknowns.
+        pulls : array (unknowns,)               Its scores there.
+        known : sequence of int                 Positions of the known values among the unknowns.
+        root : array (known, sources)           Root of the covariance with which they are known.
+        """
+        at = list(known)
+        rest = [k for k in range(priors.shape[0]) if k not in set(at)]
+        whole, vector = data.information + priors, data.scores + pulls
+        size = np.sqrt(np.maximum(np.diagonal(whole, axis1=1, axis2=2).max(axis=0), 1e-300))[rest]
+        inner = whole[:, rest][:, :, rest] / np.outer(size, size) + 1e-12 * np.eye(len(rest))
+        across = whole[:, rest][:, :, at] / size[:, None]
+        solved = np.linalg.solve(inner, np.concatenate([across, (vector[:, rest] / size)[..., None]], axis=2))
+        turned = np.swapaxes(across, 1, 2)
+        # Schur complement: what is said of k with all r open is A_kk - A_kr A_rr^-1 A_rk, and of its score b_k - A_kr A_rr^-1 b_r
+        information = whole[:, at][:, :, at] - turned @ solved[..., :-1]
+        short = square_root(root @ root.T, drop=True)
+        return cls(data.weights, information, vector[:, at] - (turned @ solved[..., -1:])[..., 0], short)
+
+
+def _opened(a: Test, chosen: Sequence[int], loose: Sequence[int]) -> tuple[Array, Array, Array]:
+    """Return scores T, information I and covariance of T, of values opened together; those in `loose` are free besides.
+
+    The other values stand where they were known, with their covariance ``root root'``. The data alone put the opened values I^-1 T off.
+    What the values were known with adds ``I root root' I``, less what the errors of the others, through the data, have in common with it.
+    """
+    others = [k for k in range(len(a.root)) if k not in {*chosen, *loose}]
+    inside, sources = list(chosen), a.root.shape[1]
+    known_with = np.zeros_like(a.root)
+    known_with[others] = a.root[others]
+    columns = np.concatenate([known_with, np.eye(len(a.root))[:, list(loose)]], axis=1)
+    known = np.diag([1.0] * sources + [0.0] * len(loose))
+    # the others are root s, s standard normal: integrated out with the precision C'IC + 1; those in `loose` have none of their own
+    inner = columns.T @ a.information @ columns + known
+    inner = inner + 1e-12 * np.eye(len(known)) * np.trace(inner, axis1=1, axis2=2)[:, None, None]
+    across = columns.T @ a.information[:, :, inside]
+    pushed = (a.scores @ columns)[..., None]
+    solved = np.linalg.solve(inner, np.concatenate([across, pushed], axis=2))
+    turned = np.swapaxes(across, 1, 2)
+    information = a.information[:, inside][:, :, inside] - turned @ solved[..., :-1]
+    scores = a.scores[:, inside] - (turned @ solved[..., -1:])[..., 0]
+    own = a.root[inside]
+    common = information @ own @ solved[:, :sources, :-1]
+    spread = information + information @ own @ own.T @ information + common + np.swapaxes(common, 1, 2)
+    return scores, information, spread
+
+
+def _one(a: Test, k: int, loose: Sequence[int]) -> tuple[Array, Array]:
+    """Return the shift of one value and its standard error, by each noise model."""
+    scores, information, spread = _opened(a, [k], loose)
+    seen = information[:, 0, 0]
+    told = seen > SILENT * np.maximum(a.information[:, k, k], 1e-300)
+    safe = np.where(told, seen, 1.0)
+    return np.where(told, scores[:, 0] / safe, 0.0), np.where(told, np.sqrt(np.maximum(spread[:, 0, 0], 0.0)) / safe, np.inf)
+
+
+def _chance(weights: Array, sizes: Array, errors: Array) -> float:
+    """Return 2 min(P(d > 0), P(d < 0)) of a shift d that has a normal distribution by each noise model."""
+    from scipy.special import ndtr
+
+    above = float(weights @ ndtr(sizes / errors))
+    return min(1.0, 2.0 * min(above, 1.0 - above))
+
+
+def _quantile(weights: Array, errors: Array, chance: float) -> float:
+    """Return what a sum of centred normal distributions exceeds with a chance."""
+    from scipy.special import ndtr
+
+    if not np.isfinite(errors[weights > 0]).all():
+        return math.inf
+    low, high = 0.0, 40.0 * float(errors.max())
+    while low < (middle := 0.5 * (low + high)) < high:  # to the last bit
+        low, high = (middle, high) if float(weights @ ndtr(-middle / errors)) > chance else (low, middle)
+    return high
+
+
+def _found_with(weights: Array, errors: Array, tests: int) -> float:
+    """Return the shift that the first of so many tests finds with 90 % power."""
+    return _quantile(weights, errors, 0.5 * ALPHA / max(tests, 1)) + _quantile(weights, errors, 1.0 - POWER)
+
+
+def holm(chances: Sequence[float]) -> list[float]:
+    """Return chances corrected for how many there are (S. Holm, Scandinavian Journal of Statistics 6 (1979) 65)."""
+    out, worst = [math.nan] * len(chances), 0.0
+    order = sorted((k for k, p in enumerate(chances) if math.isfinite(p)), key=lambda k: chances[k])
+    for rank, k in enumerate(order):
+        worst = max(worst, min(1.0, (len(order) - rank) * chances[k]))
+        out[k] = worst
+    return out
+
+
+def shifts(a: Test, asked: Sequence[int]) -> list[Shift]:
+    """Return how far data move values that are known from elsewhere, one by one; `asked` are their positions in the test.
+
+    Each value is opened alone, and the other known values stand as known, with their covariance. Once a value has moved it is opened too,
+    and the rest is asked again: else what it did would be found in its neighbours.
+    """
+    left = list(asked)
+    count, moved = len(left), list[int]()
+    out: dict[int, Shift] = {}
+    while left:
+        found = {k: _one(a, k, moved) for k in left}
+        chances = {k: _chance(a.weights, *one) for k, one in found.items()}
+        corrected = dict(zip(left, holm(list(chances.values())), strict=True))
+        first = min(left, key=chances.__getitem__)
+        leave = [first] if corrected[first] < ALPHA else left
+        out |= {k: _shift(a.weights, *found[k], corrected[k], count) for k in leave}
+        moved, left = [*moved, first], [k for k in left if k not in leave]
+    return [out[k] for k in asked]
+
+
+def _shift(weights: Array, sizes: Array, errors: Array, chance: float, tests: int) -> Shift:
+    if not np.isfinite(errors[weights > 0]).all():
+        return Shift(math.nan, math.inf, math.nan, math.inf)
+    size = float(weights @ sizes)
+    wide = np.sqrt(errors**2 + (sizes - size) ** 2)
+    return Shift(size, float(np.sqrt(weights @ wide**2)), chance, _found_with(weights, wide, tests))
+
+
+def estimate(data: Weighed, priors: Array, pulls: Array, known: Sequence[int], root: Array, moved: Sequence[int]) -> Array:
+    """Return how far all unknowns are from where the data were taken, on average over the noise; values that `moved` are free."""
+    held = np.zeros((priors.shape[0], root.shape[1]))
+    kept = [k for k in range(len(known)) if k not in moved]
+    held[[known[k] for k in kept]] = root[kept]
+    free = [k for k in range(priors.shape[0]) if k not in set(known)] + [known[k] for k in moved]
+    columns = np.concatenate([held, np.eye(priors.shape[0])[:, free]], axis=1)
+    whole = np.einsum("m,mij->ij", data.weights, data.information) + priors
+    inner = columns.T @ whole @ columns + np.diag([1.0] * root.shape[1] + [0.0] * len(free))
+    return np.asarray(columns @ symmetric_inverse(inner) @ columns.T @ (data.weights @ data.scores + pulls))
+
+
+def normal_shifts(sizes: Array, errors: Array) -> list[Shift]:
+    """Return the same of shifts whose standard errors are known already."""
+    one = np.ones(1)
+    told = [math.isfinite(e) and e > 0 for e in errors]
+    chances = holm([_chance(one, np.array([d]), np.array([e])) if t else math.nan for d, e, t in zip(sizes, errors, told, strict=True)])
+    rows = zip(sizes, errors, chances, told, strict=True)
+    return [
+        Shift(float(d), float(e), p, _found_with(one, np.array([e]), len(told))) if t else Shift(math.nan, math.inf, math.nan, math.inf)
+        for d, e, p, t in rows
+    ]
+
+
+def together(a: Test, groups: Sequence[Sequence[int]], moved: Sequence[int] = ()) -> list[Together]:
+    """Return the same of groups of values opened at once; others that `moved` are free besides."""
+    return [_chi_square(a.weights, *_opened(a, group, [k for k in moved if k not in group])[::2]) for group in groups]
+
+
+def normal_together(sizes: Array, covariance: Array) -> Together:
+    """Return the same of shifts whose covariance is known already."""
+    return _chi_square(np.ones(1), sizes[None], covariance[None])
+
+
+def _chi_square(weights: Array, scores: Array, spread: Array) -> Together:
+    """Return the test of scores (models, values) that have these covariances by each noise model."""
+    from scipy.special import chdtrc, chdtri  # chi-squared; scipy.stats would take half a second to load
+
+    size = np.sqrt(np.maximum(np.diagonal(spread, axis1=1, axis2=2), 1e-300))
+    sizes, vectors = np.linalg.eigh(spread / size[:, :, None] / size[:, None, :])
+    kept = (sizes > RANK_TOLERANCE * sizes[:, -1:]) & (sizes > 0)
+    # T' V^+ T over the directions of V that count; chi-squared with as many degrees of freedom, averaged over the noise models
+    along = np.einsum("mgr,mg->mr", vectors, scores / size) ** 2
+    square = np.sum(np.where(kept, along / np.where(kept, sizes, 1.0), 0.0), axis=1)
+    directions = int(np.median(kept.sum(axis=1)))
+    chance = float(weights @ chdtrc(kept.sum(axis=1), square))
+    return Together(float(chdtri(directions, max(chance, 1e-300))), directions, chance)
+
+
+MOVED, NOT_REJECTED, UNDECIDED = "moved", "not rejected", "this log cannot decide"
+FINE = 0.1
+"""A value is called not rejected only where a shift by this part of it would be found."""
+STATED = 3.0
+"""And only where it lies within so many of the errors that were stated of it."""
+NONSENSE = 10.0
+"""Shift, in parts of the value, above which what the logs alone say is not worth printing."""
+
+
+@dataclass(frozen=True)
+class Move:
+    """One value of a stage below against what the logs of this level say alone.
+
+    Parameters
+    ----------
+    path : str              Its path in the model of the level above.
+    part : str              The part that it belongs to; empty for the model itself.
+    stage : str             The stage that found it below.
+    below, alone : float    As that stage found it, and by the logs of this level without its prior (of a joint fit: there). [SI]
+    here : float            As this level uses it: fitted, or `below` where it is fixed. [SI]
+    unit : str              For people.
+    deviations : float      The shift over its standard error, of the fitted form; NaN where the logs say nothing of it. [-]
+    chance : float          Of a shift of this size when nothing moved, corrected for the number of values tested. [-]
+    detectable : float      Shift that the test finds with 90 % power; infinite where the logs say nothing of it. [SI]
+    below_error : float     Standard error that it had there. [SI]
+    below_random : float    The random part of it, which sets the digits that are printed. [SI]
+    """
+
+    path: str
+    part: str
+    stage: str
+    below: float
+    alone: float
+    here: float
+    unit: str
+    deviations: float
+    chance: float
+    detectable: float
+    below_error: float = math.nan
+    below_random: float = math.nan
+
+    @property
+    def verdict(self) -> str:
+        """Moved, not rejected, or this log cannot decide."""
+        if self.chance < ALPHA and self.told:
+            return MOVED
+        near = abs(self.alone - self.below) <= STATED * self.below_error
+        return NOT_REJECTED if near and self.detectable_share <= FINE else UNDECIDED
+
+    @property
+    def detectable_share(self) -> float:
+        """The detectable shift in parts of the value as it is in its unit; infinite where that is zero. [-]"""
+        size = abs(from_si(self.below, self.unit)) * float(unit(self.unit).factor)
+        return self.detectable / size if size > 0 else math.inf
+
+    @property
+    def printed(self) -> str:
+        """The value below with the digits that its own stage prints."""
+        return digits(from_si(self.below, self.unit), self.below_random / float(unit(self.unit).factor))
+
+    @property
+    def power(self) -> str:
+        """Which shift would be found with 90 % power, in words."""
+        share = self.detectable_share
+        if share <= NONSENSE:
+            return f"a shift of {short(100 * share, 2)} % would be found with 90 % power"
+        if self.detectable_share == math.inf and math.isfinite(self.detectable):
+            amount = self.detectable / float(unit(self.unit).factor)
+            return f"a shift of {short(amount, 2)} {'K' if unit(self.unit).offset else self.unit} would be found with 90 % power"
+        return "this log does not determine the value"
+
+    def __str__(self) -> str:
+        """Return one line."""
+        if not self.told:
+            return f"{self.path}  {self.printed} {self.unit}: {self.verdict}; {self.power}"
+        low, high = from_si(self.below, self.unit), from_si(self.alone, self.unit)
+        change = 100 * (high / low - 1) if low else 0.0
+        share = (f" ({change:+.0f} %)" if abs(change) >= 10 else f" ({change:+.2g} %)") if low else ""
+        far = f"{abs(self.deviations):.1f} standard errors"
+        return f"{self.path}  {self.printed} -> {high:.4g} {self.unit}{share}: {self.verdict}, {far}; {self.power}"
+
+    @property
+    def told(self) -> bool:
+        """Whether the logs say anything of it that is worth a number."""
+        return math.isfinite(self.deviations) and self.detectable_share <= NONSENSE
+
+
+@dataclass(frozen=True)
+class MovedGroup:
+    """Several parameters together: a part, or all that was inherited.
+
+    Parameters
+    ----------
+    name : str              What they are.
+    paths : tuple of str    Their paths.
+    chi_square : float      Squared distance, in standard errors, all correlations included. [-]
+    directions : int        How many of their combinations this level says anything of.
+    chance : float          Of such a distance when nothing moved, corrected for the number of parts. [-]
+    fine : bool             Whether none of its values is rejected by a test that would find a shift of a tenth.
+    """
+
+    name: str
+    paths: tuple[str, ...]
+    chi_square: float
+    directions: int
+    chance: float
+    fine: bool = False
+
+    @property
+    def verdict(self) -> str:
+        """Moved, not rejected, or this log cannot decide."""
+        return MOVED if self.chance < ALPHA else NOT_REJECTED if self.fine else UNDECIDED
+
+    def __str__(self) -> str:
+        """Return one line."""
+        if not self.directions:
+            return f"{self.name}: {self.verdict}"
+        many = counted(self.directions, "direction")
+        return f"{self.name}: {self.verdict}, chi-square {short(self.chi_square, 3)} in {many} (chance {short(self.chance)})"
+
+
+@dataclass(frozen=True)
+class Moves:
+    """All that was inherited from stages below, tested against the logs of this level, value by value and part by part.
+
+    Parameters
+    ----------
+    values : tuple of Move
+    groups : tuple of MovedGroup
+    by : str                    What the values are compared with, for people.
+    """
+
+    values: tuple[Move, ...] = ()
+    groups: tuple[MovedGroup, ...] = ()
+    by: str = "the logs of this stage alone"
+
+    def __bool__(self) -> bool:
+        """Whether anything was inherited."""
+        return bool(self.values)
+
+    def __getitem__(self, path: str) -> Move:
+        """Return the move of a parameter."""
+        return next(m for m in self.values if m.path == path)
+
+    @property
+    def moved(self) -> tuple[str, ...]:
+        """Names of the parameters and groups that moved."""
+        return tuple(m.path for m in self.values if m.verdict == MOVED) + tuple(g.name for g in self.groups if g.verdict == MOVED)
+
+    def lines(self) -> Iterator[str]:
+        """Yield it as text, a line each."""
+        if self:
+            yield f"  values of the stages below -> by {self.by}:"
+            yield from (f"    {line}" for line in (*self.values, *self.groups))
+
+    def warnings(self) -> list[str]:
+        """Return a remark where values moved, or all of them together."""
+        far = [f"{m.path} ({m.deviations:+.1f} standard errors)" for m in self.values if m.verdict == MOVED]
+        far = far or [f"{some(g.paths, 'values')} together (chance {short(g.chance)})" for g in self.groups[-1:] if g.verdict == MOVED]
+        if not far:
+            return []
+        return [
+            f"significantly different from the stage below: {some(far, 'values')}. The parts behave differently in the assembly than "
+            "alone, or the stage below lacked physics. Check contacts, radiation and powers in the assembly."
+        ]
+
+
+FARTHEST = 1.5
+"""Logarithm of the factor by which a value changes at most before derivatives are taken again."""
+STRETCHES = 160
+"""Stretches of a trace, whose errors count what happens within minutes."""
+
+
+def part_of(model: Model, path: str) -> str:
+    """Return the path of the deepest submodel that a parameter belongs to; empty for the model itself."""
+    head, _, rest = path.partition(".")
+    if not rest or head not in model.submodels:
+        return ""
+    inner = part_of(model.submodels[head].model, rest)
+    return f"{head}.{inner}" if inner else head
+
+
+@dataclass(frozen=True, eq=False)
+class _Inherited:
+    """What stages below found of a fit's unknowns, those opened for the test among them.
+
+    Parameters
+    ----------
+    at : tuple of int               Their positions among the unknowns; instruments that were found with them too.
+    states : tuple of State         As their stages printed them; None for an instrument.
+    root : array (at, sources)      Root of their covariance, in the fitted form of the unknowns.
+    """
+
+    at: tuple[int, ...]
+    states: tuple[State | None, ...]
+    root: Array
+
+
+def _fixed(request: Request, problem: Problem) -> dict[tuple[str, ...], State]:
+    """Return what was inherited and is no unknown of a fit, by the paths where it acts; instances of one part have one value."""
+    here, shared = covering(problem.unknowns), request.shared
+    groups: dict[tuple[frozenset[str], float], tuple[State, list[str]]] = {}
+    for s in request.store.parameters.values():
+        acts = [p for p in s.acts if p not in here]
+        if s.known and acts and s.path not in request.prior:
+            one = frozenset(shared.get(acts[0], (acts[0],)))
+            groups.setdefault((one, s.value), (s, []))[1].extend(acts)
+    return {tuple(dict.fromkeys(acts)): s for s, acts in groups.values()}
+
+
+def _inherited(request: Request, opened: Opened, fixed: Mapping[tuple[str, ...], State]) -> _Inherited:
+    unknowns, store = opened.problem.unknowns, request.store
+    before = known_before(request, unknowns[: opened.own])
+    moving = {q: store.states[p] for p in request.prior for q in store.states[p].acts}
+    own = [unknowns[k] for k in before.at]
+    states = [next((moving[n] for n in (u.name, *u.also) if n in moving), None) if u.kind == "parameter" else None for u in own]
+    named = {group[0]: s for group, s in fixed.items()}
+    at, rows = [int(k) for k in before.at], list(before.rows)
+    for k, u in enumerate(unknowns[opened.own :], start=opened.own):
+        state = named[u.name]
+        row = store.rows([state.path])[0] * form(state, u)
+        at.append(k)
+        states.append(state)
+        rows.append(np.concatenate([row, np.zeros(before.rows.shape[1] - row.size)]))
+    return _Inherited(tuple(at), tuple(states), np.array(rows).reshape(len(at), before.rows.shape[1]))
+
+
+def moves_above(request: Request, problem: Problem, found: Fit, level: float = 1.0) -> Moves:
+    """Return what the logs of a fit say of the values that it inherited, fixed or as priors.
+
+    Each value is opened without its prior in one step of Gauss and Newton from the end of the fit, by generalised least squares: traces
+    are white noise plus an autocorrelated deviation, averaged over what their residuals allow (`weighed`). Unknowns of the fit that were
+    not inherited stay free; the other inherited values count with their errors. Where a value moved, the step is taken again from where
+    it led, since the model is not a straight line over so long a way. `level` is the variance of the noise of traces that are too short
+    to show it, in squares of what was stated.
+    """
+    fixed = _fixed(request, problem)
+    if not (fixed or request.prior):
+        return Moves()
+    opened = opened_at(request, problem, found.fitted, list(fixed))
+    known = _inherited(request, opened, fixed)
+    first, ahead = _tested(request, opened, known, opened.fitted, level)
+    if MOVED not in [m.verdict for m in first.values]:
+        return first
+    try:
+        return _tested(request, opened, known, ahead, level)[0]
+    except (ScenarioError, SolverError):
+        return first
+
+
+def _tested(request: Request, opened: Opened, known: _Inherited, at: Array, level: float) -> tuple[Moves, Array]:
+    """Return what the logs say with the derivatives at some values of all unknowns, and where these lead with the moved values free."""
+    unknowns = opened.problem.unknowns
+    start = opened.fitted.copy()
+    for k, state in zip(known.at, known.states, strict=True):
+        start[k] = unknowns[k].to_fitted(state.value if state is not None else request.store[unknowns[k].name].value)
+    pieces = binned(opened.problem, at, request.loss, request.loss_scale, STRETCHES)
+    here = [replace(b, mean=b.mean + b.slopes @ (start - at)) for b in pieces.values()]
+    priors, pulls = _beside(opened.problem, start, known.at)
+    data = weighed(here, priors, pulls, level)
+    test = Test.of(data, priors, pulls, known.at, known.root)
+    asked = {k: s for k, s in enumerate(known.states) if s is not None}
+    values = []
+    for (k, state), s in zip(asked.items(), shifts(test, list(asked)), strict=True):
+        u, there = unknowns[known.at[k]], known.at[k]
+        alone, used = u.to_value(start[there] + s.size), u.to_value(opened.fitted[there])
+        below = (state.value, request.store.error(state.path), state.random)
+        values.append(_move(u.name, part_of(request.model, u.name), state.origin.stage or state.origin.kind, below, alone, used, u, s))
+    rows = {m.path: k for m, k in zip(values, asked, strict=True)}
+    far = [rows[m.path] for m in values if m.verdict == MOVED]
+    groups = _groups(values, lambda several: together(test, [[rows[p] for p in g] for g in several], far))
+    step = estimate(data, priors, pulls, known.at, known.root, far)
+    low, high = (np.array(b) for b in zip(*(u.fitted_bounds() for u in unknowns), strict=True))
+    inside = np.array([FARTHEST if u.log else math.inf for u in unknowns])
+    return Moves(tuple(values), groups), np.clip(start + np.clip(step, -inside, inside), low, high)
+
+
+def _beside(problem: Problem, start: Array, known: Sequence[int]) -> tuple[Array, Array]:
+    """Return information and scores of the priors of unknowns that no stage below found."""
+    info, pulls = np.zeros((start.size, start.size)), np.zeros(start.size)
+    for k, u in enumerate(problem.unknowns):
+        if u.prior is not None and k not in known:
+            info[k, k] = u.prior.sd**-2
+            pulls[k] = (u.prior.mean - start[k]) * u.prior.sd**-2
+    return info, pulls
+
+
+def _move(
+    path: str, part: str, stage: str, below: tuple[float, float, float], alone: float, here: float, of: Unknown | FittedValue, s: Shift
+) -> Move:
+    """Return the move of a value; `below` is it with its error and random error; a detectable shift of a logarithm is one upward."""
+    value, error, random = below
+    detectable = (abs(value) * math.expm1(min(s.detectable, 50.0)) if of.log else s.detectable) if math.isfinite(s.size) else math.inf
+    far = s.size / s.error if s.error > 0 else math.nan
+    return Move(path, part, stage, value, alone, here, of.unit, far, s.chance, detectable, error, random)
+
+
+def moves_from(staged: Sequence[tuple[FittedValues, Mapping[str, str]]], found: FittedValues, place: Callable[[str], str]) -> Moves:
+    """Return how far a joint fit moved what the stages found.
+
+    Parameters
+    ----------
+    staged : sequence       Per stage its values, and path there -> path in the joint fit.
+    found : FittedValues    The joint fit's.
+    place : callable        Path in the joint fit -> the part that it belongs to.
+
+    The covariance of a shift is that of the stage less that of the joint fit, which holds the stage's data too (Hausman, as above). In
+    directions where the joint fit knows little more than the stage (which took other values for exact, or met smaller residuals) the
+    stage's own covariance is the measure.
+    """
+    order = list(found)
+    shift, spread = np.zeros(len(order)), np.zeros((len(order), len(order)))
+    pairs = [(stage, stage[path], q) for stage, names in staged for path, q in names.items()]
+    for stage, names in staged:
+        own = list(stage)
+        at, there = [own.index(p) for p in names], [order.index(q) for q in names.values()]
+        below = stage.covariance[np.ix_(at, at)]
+        spread[np.ix_(there, there)] = _less(below, found.covariance[np.ix_(there, there)])
+    for _, before, q in pairs:
+        here = found[q]
+        shift[order.index(q)] = math.log(here.value / before.value) if here.log else here.value - before.value
+    rows = [order.index(q) for *_, q in pairs]
+    values = []
+    for (stage, before, q), s in zip(pairs, normal_shifts(shift[rows], np.sqrt(np.diag(spread))[rows]), strict=True):
+        known, here = (before.value, before.error, before.error_random), found[q]
+        values.append(_move(q, place(q), stage.stage, known, here.value, here.value, here, s))
+
+    def asked(groups: Sequence[Sequence[str]]) -> list[Together]:
+        several = [[order.index(p) for p in g] for g in groups]
+        return [normal_together(shift[r], spread[np.ix_(r, r)]) for r in several]
+
+    return Moves(tuple(values), _groups(values, asked), "the joint fit")
+
+
+def _less(below: Array, here: Array) -> Array:
+    """Return one covariance less another, and the first alone in directions where less than a tenth would be left."""
+    root = np.linalg.cholesky(below)
+    half = np.linalg.solve(root, here)
+    # below = L L'; the eigenvalues of L^-1 here L^-T are the shares of the variance below that are left here
+    sizes, vectors = np.linalg.eigh(np.linalg.solve(root, half.T))
+    along = root @ vectors
+    return np.asarray((along * np.where(sizes < 0.9, 1.0 - sizes, 1.0)) @ along.T)
+
+
+def _groups(values: Sequence[Move], test: Callable[[Sequence[Sequence[str]]], list[Together]]) -> tuple[MovedGroup, ...]:
+    """Return one group per part with several values, and one of all; values of which the logs say nothing are left out of the tests."""
+    parts: dict[str, list[Move]] = {}
+    for m in values:
+        parts.setdefault(m.part, []).append(m)
+    several = {part: moves for part, moves in parts.items() if 1 < len(moves) < len(values)}
+    named = [(f"part '{part}'" if part else "the model's own", moves) for part, moves in several.items()]
+    every = [*named, *([("all together", list(values))] if len(values) > 1 else [])]
+    told = [[m.path for m in moves if math.isfinite(m.deviations)] for _, moves in every]
+    tests = iter(test([paths for paths in told if paths]))
+    found = [next(tests) if paths else Together(0.0, 0, math.nan) for paths in told]
+    chances = [*holm([t.chance for t in found[:-1]]), *(t.chance for t in found[-1:])]
+    return tuple(
+        MovedGroup(name, tuple(m.path for m in moves), t.chi_square, t.directions, p, all(m.verdict == NOT_REJECTED for m in moves))
+        for (name, moves), t, p in zip(every, found, chances, strict=True)
+    )

@@ -1,0 +1,892 @@
+"""Autocorrelated residuals and noisy inputs: how many independent samples a trace is worth, and what its readings then say.
+
+White noise plus an exponentially autocorrelated deviation, by restricted likelihood: one estimate for the errors of a fit
+(`autocorrelation`), and all that the residuals allow for tests of values known before (`weighed`).
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from dataclasses import dataclass, field, replace
+from functools import lru_cache
+
+import numpy as np
+
+from thermid.base.linear_algebra import Array, Indices, finite, square_root
+from thermid.fit._minimisation import Fit, covariances
+from thermid.fit._problem.experiment import SCALE, Experiment, InputNoise, Observation
+from thermid.fit._problem.residuals import Bench, Problem, SensorTrace, loss_of
+from thermid.measure.records import blur_of, shared_rounding, unrounded
+from thermid.model.laws import Constant, Signal, TableSignal
+from thermid.model.tree import FlatLoad
+
+BINS = 80
+"""A trace of more than twice as many samples is looked at in so many equal stretches of time; what ties neighbours within one together
+shows as a larger scatter of their means."""
+
+POINTS = 6
+"""Times within a stretch at which the answer to a signal is taken, at most: a mean is not the value in the middle."""
+
+FELT = 0.02
+"""Part of the variance of a reading from which rounding errors that neighbours share count."""
+
+
+@dataclass(frozen=True, eq=False)
+class Binned:
+    """A trace in stretches of time: means of the residuals, samples and derivatives in each, the variance inside them and its freedom.
+
+    `effective_share` is what a sample is worth by what is said of its noise. Rounding errors that samples share have the covariance
+    ``rounding rounding'`` of their sums over stretches (stretches, terms), `rounded` of it the variance of each sample by itself; both in
+    units of the noise; `path` (stretches,) is where the signal stands, in steps. `width` is how long a stretch is, zero where each holds
+    one sample. [s]
+    """
+
+    mean: Array
+    count: Array
+    times: Array
+    slopes: Array
+    within: float
+    inner: int
+    squares: float
+    effective_share: float = 1.0
+    rounding: Array = field(default_factory=lambda: np.zeros((0, 0)))
+    rounded: float = 0.0
+    path: Array = field(default_factory=lambda: np.zeros(0))
+    width: float = 0.0
+
+    @property
+    def sampled(self) -> Array:
+        """Times at which its samples lie, to a few a stretch (stretches, points). [s]"""
+        points = min(POINTS, max(round(float(np.median(self.count))), 1)) if self.width else 1
+        return np.asarray(self.times[:, None] + self.width * ((np.arange(points) + 0.5) / points - 0.5))
+
+    @property
+    def shares_rounding(self) -> bool:
+        """Whether readings are rounded so that neighbours share an error worth counting."""
+        return self.rounded > FELT and self.rounding.size > 0
+
+    def before(self, end: float) -> Binned:
+        """Return the stretches up to a time [s]."""
+        kept = self.times <= end
+        cut = {name: values[kept] for name in ("rounding", "path") if (values := getattr(self, name)).size}
+        return replace(self, mean=self.mean[kept], count=self.count[kept], times=self.times[kept], slopes=self.slopes[kept], **cut)
+
+
+def stretch_means(values: Array, place: Indices, size: int) -> Array:
+    """Return the means of samples over each of so many stretches, `place` saying in which one a sample lies; zero of an empty one."""
+    return np.asarray(np.bincount(place, values, minlength=size) / np.maximum(np.bincount(place, minlength=size), 1))
+
+
+def binned_trace(
+    z: Array,
+    weighed: Array,
+    place: Indices,
+    centres: Array,
+    slopes: Array,
+    effective_share: float,
+    rounding: tuple[Array, float, Array] | None = None,
+) -> Binned:
+    """Return a trace in the stretches that hold samples.
+
+    Parameters
+    ----------
+    z, weighed : array (samples,)           Residuals in units of the noise, and times the weight of a robust loss.
+    place : array (samples,)                Stretch of each sample.
+    centres : array (stretches,)            Times. [s]
+    slopes : array (stretches, unknowns)    Derivatives of the residuals.
+    rounding : (array, float, array)        See `rounding_of`; none where readings are not rounded.
+    """
+    count = np.bincount(place, minlength=centres.size).astype(float)
+    mean, full = stretch_means(weighed, place, centres.size), count > 0
+    inside, spare = weighed - mean[place], z.size - int(full.sum())
+    within = float(inside @ inside) / max(spare, 1)
+    bare = Binned(mean[full], count[full], centres[full], slopes[full], within, spare, float(weighed @ z), effective_share)
+    return bare if rounding is None else replace(bare, rounding=rounding[0][full], rounded=rounding[1], path=rounding[2][full])
+
+
+def rounding_of(block: SensorTrace, o: Observation, place: Indices, size: int) -> tuple[Array, float, Array] | None:
+    """Return what the rounding errors of a trace have in common over stretches, in units of the noise; None where it has no steps.
+
+    See `shared_rounding`; the third is where the signal stands in each stretch, in steps.
+    """
+    if not o.step:
+        return None
+    path = block.predicted
+    blur = o.blur if o.blur is not None else blur_of(path, block.measured, o.step)
+    columns, own = shared_rounding(path, o.step, blur, place, size)
+    return columns / block.noise, own / block.noise**2, stretch_means((path - path[0]) / o.step, place, size)
+
+
+def binned(
+    problem: Problem, fitted: Array, loss: str = "linear", loss_scale: float = 1.0, bins: int = BINS
+) -> dict[tuple[str, str], Binned]:
+    """Return (record, sensor) -> its residuals in so many stretches of time at most; a trace of up to 160 samples as it is."""
+    out: dict[tuple[str, str], Binned] = {}
+    blocks = iter(problem.blocks(fitted))
+    for i, experiment in enumerate(problem.experiments):
+        times = experiment.times
+        own, count = times.size <= 2 * BINS, min(bins, times.size // 2)
+        edges = times if own else np.linspace(times[0], times[-1], count + 1)[:-1]
+        centres = times if own else edges + 0.5 * (times[-1] - times[0]) / count
+        slopes = problem.slopes(i, fitted, centres)
+        for k, o in enumerate(experiment.observations):
+            block = next(blocks)
+            z = block.weighted
+            weighed = z if loss == "linear" else loss_of(z**2, loss, loss_scale)[1] * z
+            place = np.searchsorted(edges, times[o.index], side="right") - 1
+            rounding = rounding_of(block, o, place, centres.size)
+            trace = binned_trace(z, weighed, place, centres, slopes[:, k, :], o.effective_share, rounding)
+            out[block.record, o.sensor] = trace if own else replace(trace, width=float(times[-1] - times[0]) / count)
+    return out
+
+
+LOST = 0.5
+"""How fast the covariance of rounding errors ends along a predicted signal. [1/step]"""
+
+STRETCHES = 4 * BINS
+"""A logged signal is looked at in so many stretches of time at most, in which its noise averages out as in independent samples: in several
+for each stretch of the readings, or what it does within one would look like wandering."""
+
+
+def answers_to_inputs(problem: Problem, fitted: Array, pieces: Mapping[tuple[str, str], Binned]) -> dict[tuple[str, str], Array]:
+    """Return (record, sensor) -> what a standard deviation of each independent cause does to its residuals (stretches, causes).
+
+    Noise n_k of sample k of a signal moves the predicted readings by h_k n_k, all of one cause. The h of a stretch of samples is the
+    difference of two answers of the readings to a step of the signal, one begun where the stretch begins and one where it ends; the answer
+    to a step is taken from the sensitivity to a constant shift of the signal, with the start held: one run for all stretches, exact where
+    coefficients do not change. The shift of a power is a further load of zero size. The causes of the sensors of one record are the same.
+
+    Parameters
+    ----------
+    problem : Problem
+    fitted : array (unknowns,)    The end of the fit, in the fitted form.
+    pieces : dict                 (record, sensor) -> its derivatives in stretches of time, see `autocorrelation`.
+
+    Raises
+    ------
+    SolverError   When a record cannot be run.
+    """
+    out: dict[tuple[str, str], Array] = {}
+    for i, experiment in enumerate(problem.experiments):
+        noisy = {p: sd for p, sd in experiment.noisy.items() if isinstance(_signal(experiment, p), TableSignal)}
+        if not problem.unknowns or not (noisy or (experiment.ticks is not None and experiment.ticks.sampled)):
+            continue
+        keys = [(experiment.record.name, o.sensor) for o in experiment.observations]
+        causes: dict[tuple[str, str], list[Array]] = {key: [] for key in keys}
+        for change in _instants(problem, i, fitted):
+            for k, (key, o) in enumerate(zip(keys, experiment.observations, strict=True)):
+                at = pieces[key].sampled
+                moved = change(at.ravel())[:, k].reshape(at.shape).mean(axis=1, keepdims=True)
+                causes[key].append(moved / o.sigma(problem.noise))
+        for path, signal, answers in (
+            _answers(problem, i, fitted, list(noisy), [pieces[key].sampled.ravel() for key in keys]) if noisy else ()
+        ):
+            begin, end = float(experiment.times[0]), float(experiment.times[-1])
+            within = (signal.instants >= begin) & (signal.instants <= end)
+            times = signal.instants[within]
+            if times.size < 2:
+                continue
+            edges = np.maximum(_borders(times, signal.hold), begin)
+            place = np.clip(np.searchsorted(edges, times + 1e-9 * (end - begin), side="right") - 1, 0, edges.size - 2)
+            errors = _errors_of_means(noisy[path], times, np.asarray(signal.levels)[within], place, edges.size - 1)
+            for key, o, step in zip(keys, experiment.observations, answers, strict=True):
+                at = pieces[key].sampled
+                after = step(at[None] - edges[:, None, None]).mean(axis=2)
+                causes[key].append((after[:-1] - after[1:]).T @ errors / o.sigma(problem.noise))
+        out |= {key: np.concatenate(several, axis=1) for key, several in causes.items() if several}
+    return out
+
+
+def _borders(times: Array, held: bool) -> Array:
+    """Return the borders of stretches of a signal's samples (stretches + 1,): those that hold begin there, others lie amid them. [s]"""
+    before, after = times[1] - times[0], times[-1] - times[-2]
+    middles = np.concatenate([[times[0] - 0.5 * before], 0.5 * (times[1:] + times[:-1]), [times[-1] + 0.5 * after]])
+    each = np.append(times, times[-1] + after) if held else middles
+    if times.size <= STRETCHES:
+        return np.asarray(each)
+    return np.asarray(each[np.unique(np.linspace(0, times.size, STRETCHES + 1).round().astype(int))])
+
+
+CHANGES = 20
+"""The largest changes of a sampled power whose instants are followed; what small ones do is small."""
+
+
+def _instants(problem: Problem, i: int, fitted: Array) -> Iterator[Callable[[Array], Array]]:
+    """Yield, of each large change of a sampled power on a second clock, what a standard deviation of its instant does to the readings.
+
+    Each yielded function takes times (times,) [s] and returns (times, sensors) [K]. A change lies anywhere between two samples: a standard
+    deviation is the interval over the root of 12.
+    """
+    bench = problem.bench(i, fitted)
+    experiment, values = bench.experiment, problem.inputs(i, fitted)[0]
+    if experiment.ticks is None:
+        return
+    width = experiment.ticks.clock.step * experiment.ticks.at[1]
+    for name, path in experiment.ticks.driven:
+        table = getattr(experiment.scenario, name)[path]
+        if path not in experiment.ticks.sampled or not isinstance(table, TableSignal):
+            continue
+        for k in table.largest_changes(CHANGES):
+
+            def answer(times: Array, k: int = k, name: str = name, path: str = path, table: TableSignal = table) -> Array:
+                sides = []
+                for side in (-0.2, 0.2):
+                    changed = {name: {**getattr(experiment.scenario, name), path: table.delayed(k, side * width)}}
+                    other = replace(experiment, scenario=experiment.scenario.with_(**changed))
+                    sides.append(Bench.of(other, bench.free).temperatures(values, False, problem.options, times)[0])
+                return np.asarray((sides[1] - sides[0]) / (0.4 * np.sqrt(12.0)))
+
+            yield answer
+
+
+def _errors_of_means(noise: InputNoise, times: Array, values: Array, place: Indices, size: int) -> Array:
+    """Return a root (stretches, causes) of the covariance of the errors of a signal's means over stretches. [K, W]"""
+    count = np.bincount(place, minlength=size)
+    full = np.flatnonzero(count)
+    white = np.zeros((size, full.size))
+    white[full, np.arange(full.size)] = noise.white / np.sqrt(count[full])
+    if not noise.step or noise.white >= noise.step:
+        return white
+    shared, _ = shared_rounding(unrounded(times, values), noise.step, noise.white, place, size)
+    return np.concatenate([white, shared / np.maximum(count, 1)[:, None]], axis=1)
+
+
+def score_of_inputs(pieces: Mapping[tuple[str, str], Binned], inputs: Mapping[tuple[str, str], Array]) -> Array:
+    """Return what the noise of logged boundaries and powers adds to the covariance of J'r (unknowns, unknowns).
+
+    A cause that moves the residuals by h moves J'r by J'h, summed over the sensors of its record: covariance ``sum (J'h) (J'h)'``.
+    """
+    size = next((b.slopes.shape[1] for b in pieces.values()), 0)
+    moved: dict[str, Array] = {}
+    for (record, sensor), causes in inputs.items():
+        b = pieces[record, sensor]
+        moved[record] = moved.get(record, 0.0) + (b.count[:, None] * b.slopes).T @ causes
+    return sum((m @ m.T for m in moved.values()), np.zeros((size, size)))
+
+
+def _signal(experiment: Experiment, path: str) -> Signal | None:
+    """Return the signal of a boundary, or of a power by the name of its scale."""
+    load = path.removeprefix(SCALE)
+    return experiment.scenario.loads.get(load) if load != path else experiment.scenario.boundaries.get(path)
+
+
+class _Step:
+    """The answer of a reading to a step of a boundary by 1 K or of a power by 1 W, at times since the step; zero before it. [K/K, K/W]"""
+
+    def __init__(self, times: Array, answer: Array) -> None:
+        self.times, self.answer = np.concatenate([[0.0], times]), np.concatenate([[0.0], answer])
+
+    def __call__(self, since: Array) -> Array:
+        return np.where(since > 0.0, np.interp(since, self.times, self.answer), 0.0)
+
+
+def _answers(
+    problem: Problem, i: int, fitted: Array, paths: Sequence[str], centres: Sequence[Array]
+) -> Iterator[tuple[str, TableSignal, list[_Step]]]:
+    """Yield every signal by its path with the answer of each sensor to a step of it."""
+    given = problem.bench(i, fitted)
+    values, _ = problem.inputs(i, fitted)
+    experiment, named = _shifted(given.experiment, paths)
+    more = [p for p in named if p not in given.free]
+    bench = Bench.of(experiment, (*given.free, *more)) if more else given
+    x = np.concatenate([values, np.zeros(len(more))])
+    times = np.unique(np.concatenate(centres))
+    _, slopes = bench.temperatures(x, True, problem.options, times, from_rest=True)
+    since = times - float(given.experiment.times[0])
+    late = since > 0.0
+    for path, name in zip(paths, named, strict=True):
+        signal = _signal(given.experiment, path)
+        assert isinstance(signal, TableSignal)
+        place = bench.free.index(name)
+        yield path, signal, [_Step(since[late], slopes[late, k, place]) for k in range(slopes.shape[1])]
+
+
+def _shifted(experiment: Experiment, paths: Sequence[str]) -> tuple[Experiment, list[str]]:
+    """Return an experiment with a load of 1 W beside every logged power among some signals, and what is free to shift each signal."""
+    network, scenario = experiment.network, experiment.scenario
+    nodes = {load.path: load.node for load in network.flat.loads}
+    beside = {p: f"noise {p.removeprefix(SCALE)}" for p in paths if p.startswith(SCALE)}
+    if not beside:
+        return experiment, list(paths)
+    loads = [FlatLoad(name, node := nodes[p.removeprefix(SCALE)], node, {}) for p, name in beside.items()]
+    flat = replace(network.flat, loads=(*network.flat.loads, *loads))
+    scenario = scenario.with_(loads=dict.fromkeys(beside.values(), Constant(1.0)))
+    made = replace(experiment, network=replace(network, flat=flat), scenario=scenario)
+    return made, [SCALE + beside[p] if p in beside else p for p in paths]
+
+
+TIMES = 7
+"""Correlation times that are tried, from one stretch to half the record."""
+SURE = 5.0
+"""Twice the logarithm of the likelihood ratio from which a trace is held to wander: a few white traces in a hundred would."""
+OWN = 0.5
+"""Share of what is known of a direction from which a trace is held to decide it alone."""
+PART, SEEN = 0.02, 1e-9
+"""Share from which a trace with noisy inputs has a part in a direction; singular value over the largest from which that is one at all."""
+EXPLAINED = 0.05
+"""Part of the squares of a trace's residuals from which what noise of inputs makes of it is separated by whitening."""
+ROUNDED = 2.0
+"""What wanders by no more than so many times the variance of rounding is rounding."""
+FEWEST = 12
+"""Stretches beyond the unknowns, below which nothing can be said."""
+
+
+@dataclass(frozen=True)
+class TraceNoise:
+    """The residuals of one sensor in one record, as an independent part and one that wanders.
+
+    Parameters
+    ----------
+    record, sensor : str
+    samples : int
+    white_variance : float      Variance of the independent part, in squares of the noise; 0 where nothing wanders. [-]
+    correlated_variance : float     Variance of the autocorrelated part, in squares of the noise. [-]
+    correlation_time : float    Its correlation time. [s]
+    effective_samples : float   Independent samples that would say as much about a mean. [-]
+    """
+
+    record: str
+    sensor: str
+    samples: int
+    white_variance: float
+    correlated_variance: float
+    correlation_time: float
+    effective_samples: float
+
+
+@dataclass(frozen=True, eq=False)
+class Autocorrelation:
+    """Autocorrelation of the residuals of a fit, trace by trace, and what it does to the errors.
+
+    Parameters
+    ----------
+    traces : tuple of TraceNoise                 One per record and sensor.
+    variance_factor : float                 Variance of the white traces, in squares of the noise, never below 1. [-]
+    score_excess : array (unknowns, unknowns)   What autocorrelation, and the noise of logged signals, adds to the covariance of J'r, over
+                                            `variance_factor` times J'J; zeros where there is none.
+    """
+
+    traces: tuple[TraceNoise, ...]
+    variance_factor: float
+    score_excess: Array
+
+    @property
+    def effective_samples(self) -> dict[tuple[str, str], float]:
+        """(record, sensor) -> effective samples."""
+        return {(t.record, t.sensor): t.effective_samples for t in self.traces}
+
+
+def autocorrelation(problem: Problem, found: Fit, loss: str = "linear", loss_scale: float = 1.0) -> Autocorrelation:
+    """Autocorrelation of the residuals of a fit by restricted likelihood, and what it adds to the covariance of J'r.
+
+    Each trace is split into equal stretches of time. The means of its residuals there are held to be the sum of what the unknowns can
+    change, independent errors, and a part with correlations ``exp(-|t1 - t2| / time)``; the variances and the time have the largest
+    restricted likelihood (Patterson and Thompson, Biometrika 58 (1971) 545), which does not take for quietness what the fit has removed:
+    along directions in which this trace alone decides, its residuals say nothing; where other records or priors decide they do.
+    Gaps need no care, since the times of the stretches are what they are. A trace that wanders no more than chance would adds nothing.
+    """
+    pieces = binned(problem, found.fitted, loss, loss_scale)
+    return autocorrelation_of_traces(pieces, found, problem.effective_samples, answers_to_inputs(problem, found.fitted, pieces))
+
+
+def autocorrelation_of_traces(
+    pieces: Mapping[tuple[str, str], Binned], found: Fit, effective_samples: float, inputs: Mapping[tuple[str, str], Array] | None = None
+) -> Autocorrelation:
+    """Return the same of traces in stretches of time.
+
+    Parameters
+    ----------
+    pieces : dict               (record, sensor) -> its residuals in stretches of time.
+    found : Fit
+    effective_samples : float   Of all traces, by what is said of their noise.
+    inputs : dict               What noise of logged signals does to each trace, see `answers_to_inputs`; none where nothing is given.
+    """
+    inputs = inputs or {}
+    weights = finite(covariances(found)[2])
+    # directions without information count as decided by each trace alone
+    known = square_root(weights)
+    # what a prior has decided already takes no freedom from the residuals: E(r'r) = n - tr(C J'J)
+    taken = float(np.trace(weights @ found.jacobian.T @ found.jacobian))
+    alike: dict[bytes, list[Array]] = {}  # sensors of one log share their stretches, and with them what is tried there
+    own = {key: _Calm.of(b, known, inputs.get(key)) for key, b in pieces.items()}
+    parts = {key: _parts(b, own[key], alike) for key, b in pieces.items()}
+    calm = [key for key, (white, _, _) in parts.items() if white == 0.0]
+    variance_factor = 1.0
+    if calm:
+        # of a trace with noisy inputs only what they do not explain
+        still = [key for key in calm if not (own[key].noisy and own[key].tells)]
+        squares, samples = (
+            sum(pieces[k].squares for k in still),
+            sum(float(pieces[k].count.sum()) * pieces[k].effective_share for k in still),
+        )
+        if len(still) == len(parts):
+            squares = found.chi_square
+        freedom = samples * (1.0 - taken / max(effective_samples, 1.0)) + sum(own[k].left.size for k in calm if k not in still)
+        squares += sum(float(own[k].left @ own[k].left) for k in calm if k not in still)
+        squares -= sum(float(pieces[k].count @ np.sum(inputs[k] ** 2, axis=1)) for k in still if k in inputs)
+        variance_factor = max(1.0, squares / max(freedom, 1.0))
+    traces = tuple(_trace_noise(key, pieces[key], *part) for key, part in parts.items())
+    return Autocorrelation(traces, variance_factor, score_excess(pieces, traces, variance_factor, inputs))
+
+
+def _trace_noise(key: tuple[str, str], b: Binned, white: float, correlated: float, time: float) -> TraceNoise:
+    """Return the noise of a trace, with the independent samples that it is worth."""
+    total = float(b.count.sum())
+    effective = total
+    if white > 0.0:
+        one = white if correlated > 0.0 else b.within
+        mean = float(b.count @ correlation(b.times, time) @ b.count) / total
+        effective = total * min((one + correlated) / (white + correlated * mean), 1.0)
+    if b.shares_rounding:
+        shared = float(np.sum(b.rounding.sum(axis=0) ** 2)) / total - b.rounded
+        effective = min(effective, total / max(1.0 + shared, 1.0))
+    return TraceNoise(*key, int(total), white, correlated, time, effective)
+
+
+def score_excess(
+    pieces: Mapping[tuple[str, str], Binned],
+    traces: Sequence[TraceNoise],
+    variance_factor: float,
+    inputs: Mapping[tuple[str, str], Array],
+) -> Array:
+    """Return what noise adds to the covariance of J'r over ``variance_factor J'J`` (unknowns, unknowns), the same for fits and plans.
+
+    Parameters
+    ----------
+    pieces : dict               (record, sensor) -> its derivatives in stretches of time, and its rounding errors.
+    traces : sequence           The white and the autocorrelated part of each.
+    variance_factor : float     Variance of the white traces, in squares of the noise.
+    inputs : dict               (record, sensor) -> what a standard deviation of each independent cause does to it (stretches, causes).
+    """
+    size = next((b.slopes.shape[1] for b in pieces.values()), 0)
+    out = np.zeros((size, size))
+    for t in traces:
+        b = pieces[t.record, t.sensor]
+        weighed = b.count[:, None] * b.slopes
+        if t.white_variance > 0.0:
+            added = t.correlated_variance * weighed.T @ correlation(b.times, t.correlation_time) @ weighed
+            if b.effective_share < 1.0:
+                # the weights stand for correlated noise already; what residuals wander beyond that is added
+                out += _not_below_zero((t.white_variance - variance_factor) * b.slopes.T @ weighed + added)
+            else:
+                out += max(t.white_variance - variance_factor, 0.0) * b.slopes.T @ weighed + added
+        if b.shares_rounding:
+            moved = b.slopes.T @ b.rounding
+            out += _not_below_zero(moved @ moved.T - b.rounded * b.slopes.T @ weighed)
+    return out + score_of_inputs(pieces, inputs)
+
+
+def covariance_of_means(
+    pieces: Mapping[tuple[str, str], Binned], traces: Sequence[TraceNoise], inputs: Mapping[tuple[str, str], Array]
+) -> Array:
+    """Return the covariance (stretches, stretches) of the means of several traces, one after the other, in squares of their noise.
+
+    The same noise as in `score_excess`, for who weighs readings by it: white and autocorrelated parts, rounding that neighbours share, and
+    what noise of logged signals does to all sensors of a record at once. Weights would make rounding errors of distant plateaus cancel, as
+    they do about the true signal; the predicted one is not it, so that their covariance ends over some steps.
+    """
+    size = sum(b.count.size for b in pieces.values())
+    out, begin = np.zeros((size, size)), 0
+    causes: dict[str, Array] = {}
+    for t in traces:
+        b, here = pieces[t.record, t.sensor], slice(begin, begin + pieces[t.record, t.sensor].count.size)
+        begin = here.stop
+        white = t.white_variance or 1.0
+        own = np.diag((white - min(b.rounded, 0.95 * white) * b.shares_rounding) / b.count)
+        own += t.correlated_variance * correlation(b.times, t.correlation_time)
+        if b.shares_rounding:
+            means = b.rounding / b.count[:, None]
+            own += means @ means.T * np.exp(-LOST * np.abs(b.path[:, None] - b.path))
+        out[here, here] = own
+        if (h := inputs.get((t.record, t.sensor))) is not None:
+            causes.setdefault(t.record, np.zeros((size, h.shape[1])))[here] = h
+    return sum((h @ h.T for h in causes.values()), out)
+
+
+def _not_below_zero(matrix: Array) -> Array:
+    """Return a symmetric matrix without its negative directions."""
+    sizes, vectors = np.linalg.eigh(0.5 * (matrix + matrix.T))
+    return np.asarray((vectors * np.maximum(sizes, 0.0)) @ vectors.T)
+
+
+def correlation(times: Array, time: float) -> Array:
+    """Exponential correlations (times, times) with a correlation time [s]."""
+    return np.asarray(np.exp(-np.abs(times[:, None] - times[None, :]) / time)) if time > 0 else np.eye(times.size)
+
+
+@dataclass(frozen=True, eq=False)
+class _Calm:
+    """A trace without what noise of logged inputs explains.
+
+    Parameters
+    ----------
+    weights : array (stretches, stretches)  That makes the means of stretches independent and of size 1.
+    decided, free : array (stretches, directions)   What this trace alone decides, and all that it does not.
+    left : array (directions,)              Its residuals in the latter.
+    noisy : bool                            Whether noise of inputs is a part of the residuals worth separating.
+    """
+
+    weights: Array
+    decided: Array
+    free: Array
+    left: Array
+    noisy: bool
+
+    @classmethod
+    def of(cls, b: Binned, known: Array, inputs: Array | None = None) -> _Calm:
+        """Return it, `known` a root (unknowns, unknowns) of the covariance of the unknowns."""
+        root = np.sqrt(b.count)
+        weights, plain = np.diag(root), None
+        if inputs is not None and inputs.size:
+            moved = root[:, None] * inputs
+            sizes, vectors = np.linalg.eigh(np.eye(root.size) + moved @ moved.T)
+            weights = (vectors / np.sqrt(np.maximum(sizes, 1.0))) @ vectors.T * root
+            if float(np.sum(moved**2)) > EXPLAINED * b.squares:
+                plain = root[:, None] * b.slopes @ known
+        decided, free = _beside(weights @ b.slopes @ known, plain)
+        return cls(weights, decided, free, free.T @ (weights @ b.mean), plain is not None)
+
+    @property
+    def tells(self) -> bool:
+        """Whether enough is left to tell what the noise is."""
+        return self.left.size >= FEWEST and float(self.left @ self.left) > 0.0
+
+
+def _parts(b: Binned, trace: _Calm, alike: dict[bytes, list[Array]]) -> tuple[float, float, float]:
+    """Return the variances of the white and the autocorrelated part of a trace, and the time of the latter; zeros where it is white.
+
+    `alike` keeps the correlations that were tried on some stretches, for the next trace on the same ones. What noise of logged inputs
+    explains, and what rounding to steps does, is no wandering.
+    """
+    if not trace.tells:
+        return 0.0, 0.0, 0.0
+    calmed, decided, free, y = trace.weights, trace.decided, trace.free, trace.left
+    spare = y.size
+    calm = float(y @ y) / spare
+    spacing, span = float(np.median(np.diff(b.times))), float(b.times[-1] - b.times[0])
+    times = np.geomspace(spacing, max(0.5 * span, 2.0 * spacing), TIMES)
+    key = b.times.tobytes()
+    if key not in alike:
+        alike[key] = [correlation(b.times, time) for time in times]
+    likes = [calmed @ like @ calmed.T for like in alike[key]]
+    lean = _leaning(likes, decided, free @ y, calm)
+    tried: dict[int, tuple[float, float, float]] = {}
+    at = int(lean.argmax())
+    while lean[at] > 1.0:  # uphill from the time towards which they lean most, by more than a standard deviation of chance
+        near = [k for k in (at - 1, at, at + 1) if 0 <= k < times.size and lean[k] > 1.0]
+        tried |= {k: _likeliest(free.T @ likes[k] @ free, y, calm) for k in near if k not in tried}
+        best = max(near, key=lambda k: tried[k][0])
+        if best == at:
+            break
+        at = best
+    gain, white, correlated = tried.get(at, (0.0, 0.0, 0.0))
+    time = float(times[at])
+    if gain <= SURE:
+        white, correlated, time = calm, 0.0, 0.0
+    # a filter, or steps of the sensor, tie neighbours within a stretch together: the means of stretches then scatter more than they should
+    if b.shares_rounding and correlated <= ROUNDED * b.rounded:
+        return 0.0, 0.0, 0.0
+    quick = b.inner > spare and white > b.within * (1.0 + 3.0 * np.sqrt(2.0 / spare + 2.0 / b.inner))
+    return (white, correlated, time) if correlated > 0 or quick else (0.0, 0.0, 0.0)
+
+
+def _likeliest(within: Array, y: Array, calm: float) -> tuple[float, float, float]:
+    """Return twice the gain in log-likelihood of a wandering part with some correlations, and the variances of both parts."""
+    sizes, vectors = np.linalg.eigh(within)
+    sizes, parts = np.maximum(sizes, 0.0), (vectors.T @ y) ** 2
+    ratios = np.geomspace(0.01 / sizes[-1], 1e4 / sizes.mean(), 60)
+    # in the eigenbasis y_i^2 has the expectation w (1 + ratio size_i); the w of the largest likelihood is the mean of y_i^2 / (1 + ...)
+    variances = 1.0 + ratios[:, None] * sizes
+    white = (parts / variances).mean(axis=1)
+    # 2 ln L1 / L0 = n ln calm - n ln w - sum ln(1 + ratio size_i)
+    gain = y.size * np.log(calm) - y.size * np.log(white) - np.log(variances).sum(axis=1)
+    k = int(gain.argmax())
+    return float(gain[k]), float(white[k]), float(ratios[k] * white[k])
+
+
+def _leaning(likes: Sequence[Array], decided: Array, residuals: Array, calm: float) -> Array:
+    """Return by how many standard deviations of chance residuals lean towards each of some correlations (score test for no wandering).
+
+    `decided` (stretches, directions) is what the trace alone decides; correlations count beside it, and `residuals` have none of it.
+    """
+    out = np.zeros(len(likes))
+    spare = decided.shape[0] - decided.shape[1]
+    for k, like in enumerate(likes):
+        across = like @ decided
+        inside = decided.T @ across
+        # Rao's score test (Proc. Camb. Phil. Soc. 44 (1948) 50) of a variance component L, P = 1 - D D' the residual space: r'L r / s^2 has
+        # the mean tr(P L) and, s^2 estimated from the same r, the variance 2 (tr(P L P L) - tr(P L)^2 / n) where it is none;
+        # tr(P L P L) = |L|^2 - 2 |L D|^2 + |D'L D|^2
+        mean = (float(np.trace(like)) - float(np.trace(inside))) / spare
+        square = float(np.sum(like**2)) - 2.0 * float(np.sum(across**2)) + float(np.sum(inside**2))
+        spread = 2.0 * (square - spare * mean**2)
+        excess = float(residuals @ like @ residuals) / calm - spare * mean
+        out[k] = excess / np.sqrt(spread) if spread > 0 else np.inf * np.sign(excess)
+    return out
+
+
+def _beside(slopes: Array, plain: Array | None = None) -> tuple[Array, Array]:
+    """Return orthonormal bases (stretches, directions) of what a trace alone decides, and of all that it does not.
+
+    With `slopes` in units of standard errors of the whole fit, a singular value is the root of the trace's share in a direction. Where they
+    are calmed by noise of inputs, `plain` are those by which the fit weighed: what it removed is then no share of the calmed residuals, as
+    the noise of an input moves all traces at once, so that every direction that the trace has a part in is left out.
+    """
+    if not slopes.size:
+        return np.zeros((slopes.shape[0], 0)), np.eye(slopes.shape[0])
+    if plain is not None:
+        _, s, turned = np.linalg.svd(plain, full_matrices=False)
+        slopes = slopes @ turned[s**2 > PART].T
+        if not slopes.shape[1]:
+            return np.zeros((slopes.shape[0], 0)), np.eye(slopes.shape[0])
+    basis, s, _ = np.linalg.svd(slopes, full_matrices=True)
+    count = int((s**2 > OWN).sum()) if plain is None else int((s > SEEN * s[0]).sum())
+    return np.asarray(basis[:, :count]), np.asarray(basis[:, count:])
+
+
+GRID_TIMES, RATIOS, SIZES = 9, 16, 7
+"""Nodes of the grid: correlation times, ratios of the variances of both parts, variances of the white part."""
+LARGEST, SMALLEST = 1e4, 0.05
+"""Ratios of the variance of the autocorrelated part to that of the white part of the mean of a stretch."""
+FLAT = 1e-9
+"""Information, in parts of what white noise would give, that stands for none."""
+DRAWS = 128
+"""Noise models that are drawn where there are several traces."""
+NEGLIGIBLE, UNLIKELY, SMALL = 1e-3, 1e-5, 0.03
+"""Chance of a noise model, and of a node given the trace alone, beside the likeliest, and shift of readings in units of their white noise,
+below which they do not count."""
+
+
+@dataclass(frozen=True, eq=False)
+class Weighed:
+    """What the data say of the unknowns under noise models that their residuals allow.
+
+    Parameters
+    ----------
+    weights : array (models,)                           Probability of each noise model.
+    information : array (models, unknowns, unknowns)    X' V^-1 X, X the derivatives of the readings and V the covariance of their noise.
+    scores : array (models, unknowns)                   X' V^-1 z, z the residuals.
+    """
+
+    weights: Array
+    information: Array
+    scores: Array
+
+
+@dataclass(frozen=True, eq=False)
+class _TraceBasis:
+    """A trace in the bases in which its covariance is diagonal, one basis per correlation time.
+
+    `shrunk` (times, ratios, stretches) are the inverses of its variances, white noise alone being 1; `residuals` (times, stretches) and
+    `slopes` (times, stretches, acting) stand in these bases, divided by the white error of the mean of a stretch, with a column for each
+    unknown that acts on the trace at all; `acting` are their positions.
+    """
+
+    shrunk: Array
+    residuals: Array
+    slopes: Array
+    acting: Indices
+
+    @classmethod
+    def of(cls, b: Binned, scale: Array) -> _TraceBasis:
+        root = np.sqrt(b.count)
+        sizes, vectors = _bases(b.times.tobytes(), b.count.tobytes())
+        turned = np.swapaxes(vectors, 1, 2)
+        shrunk = 1.0 / (1.0 + np.geomspace(SMALLEST, LARGEST, RATIOS)[:, None] * sizes[:, None, :])
+        acting = np.flatnonzero(b.slopes.any(axis=0))
+        slopes = root[:, None] * -b.slopes[:, acting] * scale[acting]
+        return cls(shrunk, turned @ (root * b.mean), turned @ slopes, acting)
+
+
+@dataclass(frozen=True, eq=False)
+class _Grid:
+    """Probability (nodes, sizes) of the noise of a trace at some nodes (time and ratio in one), and the white variances there."""
+
+    nodes: Indices
+    chance: Array
+    variances: Array
+
+
+@lru_cache(maxsize=8)
+def _bases(given: bytes, counts: bytes) -> tuple[Array, Array]:
+    """Return eigenvalues (times, stretches) and eigenvectors of the correlations of a trace, for every correlation time.
+
+    `given` are the times of its stretches and `counts` their samples: sensors of one log share them, and so do logs of one kind.
+    """
+    times, count = np.frombuffer(given), np.frombuffer(counts)
+    spacing, span = float(np.median(np.diff(times))), float(times[-1] - times[0])
+    tried = np.geomspace(spacing, max(span, 2.0 * spacing), GRID_TIMES)
+    typical = float(np.median(count))
+    root = np.sqrt(count / typical)
+    ties = [correlation_of_means(times, max(round(typical), 1), spacing, time) for time in tried]
+    sizes, vectors = np.linalg.eigh(np.array([root[:, None] * tie * root for tie in ties]))
+    return np.maximum(sizes, 0.0), vectors
+
+
+def correlation_of_means(times: Array, samples: int, spacing: float, time: float) -> Array:
+    """Return the covariances (times, times) of means over stretches of what has the variance 1 and correlations ``exp(-t / time)``.
+
+    A stretch holds `samples` at equal distances, each x = spacing / samples / time of a correlation time. Means at different times have
+    the covariance ``exp(-t / time) (sinh(samples x / 2) / (samples sinh(x / 2)))^2``, and one mean the variance
+    ``(samples + 2 sum (samples - k) exp(-k x)) / samples^2``. Means are smoother than readings: taken for readings, they give errors a
+    tenth too small.
+    """
+    x = spacing / samples / time
+    k = np.arange(1, samples)
+    across = (np.sinh(0.5 * samples * x) / (samples * np.sinh(0.5 * x))) ** 2
+    out = np.asarray(across * correlation(times, time))
+    np.fill_diagonal(out, (samples + 2.0 * float((samples - k) @ np.exp(-k * x))) / samples**2)
+    return out
+
+
+def weighed(pieces: Sequence[Binned], priors: Array, pulls: Array, level: float = 1.0) -> Weighed:
+    """Return what traces say of the unknowns, averaged over what their noise may be.
+
+    Parameters
+    ----------
+    pieces : sequence of Binned             The traces in stretches of time, at any values of the unknowns.
+    priors : array (unknowns, unknowns)     Information that is known beside the data, of unknowns that are not tested.
+    pulls : array (unknowns,)               Its scores there.
+    level : float                           Variance of the noise of traces too short to show theirs, in squares of the noise stated.
+
+    Notes
+    -----
+    The means over stretches of a trace have the covariance ``s (1/count + ratio exp(-|t1 - t2| / time))``. The three numbers have the
+    restricted likelihood of Patterson and Thompson (Biometrika 58 (1971) 545) times a prior flat in their logarithms, with every unknown
+    open but for `priors`, so that a shift of a value is not taken for noise. One trace is averaged over its grid. Of several, each has its
+    distribution given the others at their likeliest, and noise models are drawn from these (Latin hypercube, always the same).
+    """
+    scale = _scales(pieces, priors)
+    long = [b for b in pieces if b.count.size >= FEWEST]
+    traces = [_TraceBasis.of(b, scale) for b in long]
+    known, start = priors * np.outer(scale, scale), pulls * scale
+    for b in (b for b in pieces if b.count.size < FEWEST):
+        turned = b.slopes * scale
+        known = known + turned.T @ (b.count[:, None] * turned) / level
+        start = start - turned.T @ (b.count * b.mean) / level
+    back = 1.0 / np.outer(scale, scale)
+    if not traces:
+        return Weighed(np.ones(1), (known * back - priors)[None], (start / scale - pulls)[None])
+    weights, information, scores = _averaged(traces, known, start)
+    return Weighed(weights, information * back - priors, scores / scale - pulls)
+
+
+def evidence(pieces: Sequence[Binned], priors: Array) -> float:
+    """Return the log-likelihood of traces, but for a constant that depends on their readings alone, with all unknowns integrated out.
+
+    White noise of each trace is as stated, or as large as it is inside its stretches; what wanders has one ratio to it and one time in
+    all traces, those that make the readings likeliest. Models of the same readings are compared with the same unknowns first, those of
+    `priors` zero flat, and more behind them.
+
+    Parameters
+    ----------
+    pieces : sequence of Binned             The traces in stretches of time, at any values of the unknowns.
+    priors : array (unknowns, unknowns)     Information that is known beside the data, about where the unknowns stand.
+    """
+    calm = [replace(b, mean=b.mean / s, slopes=b.slopes / s) for b in pieces for s in [max(1.0, b.within) ** 0.5] if b.count.size >= FEWEST]
+    scale = _scales(calm, priors)
+    traces = [_TraceBasis.of(b, scale) for b in calm]
+    known = priors * np.outer(scale, scale) + FLAT * np.eye(priors.shape[0])
+    begun, best = 0.5 * np.linalg.slogdet(known)[1], -np.inf
+    for node in range(GRID_TIMES * RATIOS):
+        at, ratio = divmod(node, RATIOS)
+        information, scores, alone = known.copy(), np.zeros(known.shape[0]), 0.0
+        for t in traces:
+            shrunk = t.shrunk[at, ratio]
+            taken = t.slopes[at].T * shrunk
+            _add(t, information, scores, taken @ t.slopes[at], taken @ t.residuals[at])
+            alone += 0.5 * float(np.log(shrunk).sum() - shrunk @ t.residuals[at] ** 2)
+        # integral of a normal likelihood over normal unknowns: |P|^(1/2) |A|^(-1/2) exp(b'A^-1 b / 2)
+        fitted = 0.5 * float(scores @ np.linalg.solve(information, scores)) - 0.5 * float(np.linalg.slogdet(information)[1])
+        best = max(best, alone + fitted)
+    return float(best + begun)
+
+
+def _scales(pieces: Sequence[Binned], priors: Array) -> Array:
+    """Return the standard error of every unknown alone, by white noise; of what nothing is said 1."""
+    square = np.diag(priors) + sum((b.count @ b.slopes**2 for b in pieces), np.zeros(priors.shape[0]))
+    return np.asarray(1.0 / np.sqrt(np.where(square > 0, square, 1.0)))
+
+
+def _averaged(traces: Sequence[_TraceBasis], known: Array, start: Array) -> tuple[Array, Array, Array]:
+    """Return weights, information and scores of noise models of several traces."""
+    grids = [_likely(t, known, start, np.arange(GRID_TIMES * RATIOS)) for t in traces]
+    if len(traces) == 1:
+        chance = grids[0].chance.ravel()
+        kept = np.flatnonzero(chance > NEGLIGIBLE * chance.max())
+        information, scores = np.repeat(known[None], kept.size, axis=0), np.repeat(start[None], kept.size, axis=0)
+        _add(traces[0], information, scores, *_sums(traces[0], grids[0], kept))
+        return chance[kept] / chance[kept].sum(), information, scores
+    whole, vector = known.copy(), start.copy()
+    likeliest = [_sums(t, g, np.array([g.chance.argmax()])) for t, g in zip(traces, grids, strict=True)]
+    for t, (m, v) in zip(traces, likeliest, strict=True):
+        _add(t, whole, vector, m[0], v[0])
+    for k, t in enumerate(traces):  # each is asked again given the others
+        m, v = likeliest[k]
+        _add(t, whole, vector, -m[0], -v[0])
+        most = grids[k].chance.sum(axis=1)
+        grids[k] = _likely(t, whole, vector, grids[k].nodes[most > UNLIKELY * most.max()])
+        m, v = _sums(t, grids[k], np.array([grids[k].chance.argmax()]))
+        _add(t, whole, vector, m[0], v[0])
+    rng = np.random.default_rng(17)
+    information, scores = np.repeat(known[None], DRAWS, axis=0), np.repeat(start[None], DRAWS, axis=0)
+    for t, g in zip(traces, grids, strict=True):
+        drawn = np.searchsorted(np.cumsum(g.chance.ravel()), (rng.permutation(DRAWS) + 0.5) / DRAWS)
+        kept, place = np.unique(np.minimum(drawn, g.chance.size - 1), return_inverse=True)
+        m, v = _sums(t, g, kept)
+        _add(t, information, scores, m[place], v[place])
+    return np.full(DRAWS, 1.0 / DRAWS), information, scores
+
+
+def _add(t: _TraceBasis, information: Array, scores: Array, more: Array, pushed: Array) -> None:
+    """Add what a trace says of the unknowns that act on it to information and scores of all of them, in place."""
+    information[..., t.acting[:, None], t.acting] += more
+    scores[..., t.acting] += pushed
+
+
+def _sums(t: _TraceBasis, grid: _Grid, flat: Indices) -> tuple[Array, Array]:
+    """Return X'V^-1 X and X'V^-1 z of what acts on a trace at some nodes and sizes of its grid, counted in one."""
+    of_node, of_size = np.divmod(flat, SIZES)
+    used, place = np.unique(of_node, return_inverse=True)
+    information, scores = [], []
+    for node in grid.nodes[used]:
+        at, ratio = divmod(int(node), RATIOS)
+        taken = t.slopes[at].T * t.shrunk[at, ratio]
+        information.append(taken @ t.slopes[at])
+        scores.append(taken @ t.residuals[at])
+    size = grid.variances[of_node, of_size]
+    return np.array(information)[place] / size[:, None, None], np.array(scores)[place] / size[:, None]
+
+
+def _likely(t: _TraceBasis, others: Array, vector: Array, nodes: Indices) -> _Grid:
+    """Return the probability of the noise of a trace at some nodes.
+
+    `others` and `vector` are information and scores of all that is known beside this trace: they say where the unknowns may stand.
+    """
+    sizes, vectors = np.linalg.eigh(others + FLAT * np.eye(others.shape[0]))
+    root = vectors / np.sqrt(np.maximum(sizes, FLAT))
+    middle, root = (root @ (root.T @ vector))[t.acting], root[t.acting]
+    _, s, turn = np.linalg.svd(t.slopes[0] @ root, full_matrices=False)
+    of_time, of_ratio = np.divmod(nodes, RATIOS)
+    shrunk = t.shrunk[of_time, of_ratio]
+    z = (t.residuals - t.slopes @ middle)[of_time]
+    f = (t.slopes @ (root @ turn[s > SMALL].T))[of_time]
+    taken = shrunk[..., None] * f
+    square = np.sum(shrunk * z**2, axis=1)
+    spread, axes = np.linalg.eigh(np.swapaxes(f, 1, 2) @ taken)
+    spread = np.maximum(spread, 0.0)
+    part = (np.swapaxes(axes, 1, 2) @ (np.swapaxes(taken, 1, 2) @ z[..., None]))[..., 0] ** 2
+    count = z.shape[1]
+    variance = square / count
+    for _ in range(6):  # the likeliest white variance of each node, by its own equation
+        free = count - np.sum(spread / (spread + variance[:, None]), axis=1)
+        left = square - np.sum(part / (spread + variance[:, None]), axis=1)
+        variance = np.maximum(left, 1e-12 * square + 1e-300) / free
+    width = np.sqrt(2.0 / max(float(free.mean()), 4.0))
+    grid = variance[:, None] * np.exp(width * np.linspace(-2.4, 2.4, SIZES))
+    beside = spread[:, None, :] + grid[..., None]
+    quadratic = (square[:, None] - np.sum(part[:, None, :] / beside, axis=-1)) / grid
+    volume = np.log(grid) * (count - spread.shape[1]) + np.log(beside).sum(axis=-1) - np.log(shrunk).sum(axis=1)[:, None]
+    twice = -(quadratic + volume)
+    chance = np.exp(0.5 * (twice - twice.max()))
+    return _Grid(nodes, chance / chance.sum(), grid)

@@ -1,0 +1,242 @@
+"""`energy_balance`: what goes in, what leaves and what is stored in a measured stretch, and the watts that are left."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from thermid.base.arguments import takes_objects
+from thermid.base.dual import value_of
+from thermid.base.errors import DeckError, RecordError
+from thermid.base.linear_algebra import Array
+from thermid.base.results import Result
+from thermid.fit.calibration import Calibration
+from thermid.fit.problem import at_their_seats, attached, bind, role_and_target
+from thermid.measure.amounts import short
+from thermid.measure.records import Record
+from thermid.measure.steadiness import SteadyPoint, SteadyValue
+from thermid.model.laws import Constant
+from thermid.model.tree import Model
+from thermid.physics.constants import ICE_POINT
+from thermid.simulation.network import refuse_controllers
+from thermid.simulation.runs import steady
+from thermid.simulation.scenarios import Scenario
+from thermid.simulation.solver import Engine, Wiring
+
+
+@dataclass(frozen=True, eq=False)
+class EnergyBalance(Result):
+    """Where the heat of a measured case goes, by the conductances of a model.
+
+    Parameters
+    ----------
+    title : str                     Model and stretch.
+    loads : dict                    Load -> power. [W]
+    boundaries : dict               Conductor -> heat that it takes to a boundary. [W]
+    stored : dict                   Measured node -> heat that it takes up. [W]
+    unexplained : dict              Measured node -> what is left of its balance (positive: more comes in than the model lets out), and its
+                                    standard error from temperatures, drift and power, and of a fit from its values. [W]
+    total, error : float            The same over the whole model. [W]
+    temperatures : dict             Node -> temperature, calculated where it was not measured. [K]
+    calculated : tuple of str       Nodes that were not measured.
+    """
+
+    title: str
+    loads: Mapping[str, float]
+    boundaries: Mapping[str, float]
+    stored: Mapping[str, float]
+    unexplained: Mapping[str, tuple[float, float]]
+    total: float
+    error: float
+    temperatures: Mapping[str, float]
+    calculated: tuple[str, ...]
+
+    @property
+    def closes(self) -> bool:
+        """Whether what is left lies within twice its error."""
+        return abs(self.total) <= 2.0 * self.error
+
+    def __str__(self) -> str:
+        """The balance as text."""
+        lines = [f"{self.title}: heat balance"]
+        lines += [f"  in      {name:<28} {watts:+9.4f} W" for name, watts in self.loads.items()]
+        lines += [f"  out     {name:<28} {-watts:+9.4f} W" for name, watts in self.boundaries.items()]
+        lines += [f"  stored  {name:<28} {-watts:+9.4f} W" for name, watts in self.stored.items()]
+        put_in = sum(self.loads.values())
+        share = f", {short(100 * abs(self.total / put_in))} % of the power" if put_in else ""
+        lines.append(f"  unexplained {self.total:+.4f} +- {short(self.error)} W{share}")
+        if not self.closes:
+            where = max(self.unexplained, key=lambda n: abs(self.unexplained[n][0]) / max(self.unexplained[n][1], 1e-12))
+            way = (
+                "leaves by a path that the model lacks (a mount, a lead, radiation), or the power is too high in the log"
+                if self.total > 0
+                else "comes from a source that the model lacks, or the conductances of the model are too large"
+            )
+            lines.append(f"  More than its error: heat {way}. Largest at '{where}'.")
+        if self.calculated:
+            lines.append(f"  not measured, calculated as settled: {', '.join(self.calculated)}")
+        return "\n".join(lines)
+
+
+@takes_objects
+def energy_balance(
+    model: Model | Calibration,
+    record: Record,
+    start: str | float = "start",
+    end: str | float = "end",
+    *,
+    scenario: Scenario | None = None,
+    limit: str | float = "1 [K/h]",
+) -> EnergyBalance:
+    """Heat balance of a measured stretch: loads, heat to the boundaries, storage, and what is left unexplained.
+
+    Parameters
+    ----------
+    model : Model or Calibration    Whose conductances and capacitances count; of a fit, those that it found.
+    record : Record                 The log.
+    start, end : str or float       The stretch, as in `Record.trim`.
+    scenario : Scenario             What the log does not say.
+    limit : str or float            Drift above which a temperature is not settled. [K/s]
+
+    Raises
+    ------
+    RecordError   When a channel is not settled, or bound to nothing.
+
+    Notes
+    -----
+    The errors of a fit's values count with their covariance, those that stages below found among them; of a model they count as exact.
+
+    For each measured node, power in, less heat to its neighbours at the measured temperatures, less capacitance times drift. Nodes that
+    were not measured are calculated from those that were.
+    """
+    of = model.fitted_model if isinstance(model, Calibration) else model
+    point = record.steady(start, end, limit=limit)
+    case = _Case(of, point, scenario)
+    values = _by_values(model, case, lambda moved: _Case(moved, point, scenario)) if isinstance(model, Calibration) else None
+    x = case.given
+    here = case.parts(x)
+    slopes = np.array([(case.parts(x + d).left - here.left) / d.sum() for d in np.diag(case.steps)])
+    causes = slopes * case.errors[:, None]
+    causes = causes if values is None else np.concatenate([causes, values])
+    errors = np.sqrt(np.sum(causes**2, axis=0))
+    total = float(np.linalg.norm(causes.sum(axis=1)))
+    unexplained = {n: (float(w), float(e)) for n, w, e in zip(case.nodes, here.left, errors, strict=True)}
+    title = f"{of.title}, {point.name}"
+    return EnergyBalance(title, here.loads, here.out, here.stored, unexplained, float(here.left.sum()), total, here.at, case.calculated)
+
+
+STEP = 1e-3
+"""Relative change over which the balance is differentiated by a value of a fit."""
+
+
+def _by_values(fit: Calibration, case: _Case, moved: Callable[[Model], _Case]) -> Array:
+    """Return what each source of the errors of a fit's values does to the balance of each node (sources, nodes). [W]"""
+    states = [s for s in fit.store.states.values() if s.kind == "parameter" and s.known]
+    here, out = case.parts(case.given).left, []
+    for s in states:
+        size = STEP * (abs(s.value) or 1.0)
+        there = moved(case.of.with_values({p: f"{s.value + size!r} [{s.unit}]" for p in s.acts}))
+        out.append((there.parts(case.given).left - here) / (STEP if s.log else size))
+    return fit.store.rows([s.path for s in states]).T @ np.array(out).reshape(len(states), here.size)
+
+
+@dataclass(frozen=True, eq=False)
+class _Parts:
+    left: Array
+    loads: dict[str, float]
+    out: dict[str, float]
+    stored: dict[str, float]
+    at: dict[str, float]
+
+
+def _together(values: list[float], errors: list[float]) -> tuple[float, float]:
+    """Return the mean of what several sensors of one node say, weighted by their errors, and its standard error, as wide as they differ."""
+    # weighted mean, its error widened by the root of chi^2 / (n - 1) where that is above 1 (Birge's ratio)
+    weights = np.maximum(np.array(errors), 1e-12) ** -2.0
+    mean, size = float(weights @ values / weights.sum()), float(weights.sum() ** -0.5)
+    apart = float(weights @ (np.array(values) - mean) ** 2) / max(len(values) - 1, 1)
+    return mean, size * max(1.0, apart**0.5)
+
+
+class _Case:
+    """A stretch bound to a model: its inputs as numbers that can be moved one by one, to see what each error does."""
+
+    def __init__(self, model: Model, point: SteadyPoint[Record], scenario: Scenario | None) -> None:
+        self.of = model
+        record = at_their_seats(point.record)
+        self.model = attached(model, record)[0]
+        experiment = bind(model, record, scenario)
+        network, self.base = experiment.network, experiment.scenario
+        self.prescribed: list[str] = []
+        self.slots: list[tuple[str, str]] = []
+        given, errors = list[float](), list[float]()
+        rates = list[tuple[str, float, float]]()
+        read: dict[tuple[str, str], list[SteadyValue]] = {}
+        for name, v in point.values.items():
+            role, path = role_and_target(point.source, point.source.channel(name), network)
+            if role != "command":
+                read.setdefault((role, path), []).append(v)
+        for (role, path), several in read.items():
+            self.slots.append((role, path))
+            value, error = _together([v.value for v in several], [float(np.hypot(v.error, v.accuracy or 0.0)) for v in several])
+            given.append(value)
+            errors.append(error)
+            if role == "node":
+                rates.append((path, *_together([v.rate for v in several], [v.rate_error for v in several])))
+        self.nodes = tuple(p for role, p in self.slots if role == "node" and network.numbers().capacitances.get(p) is not None)
+        if not self.nodes:
+            raise RecordError(
+                "no channel measures a node with a capacitance, so no balance is possible. Bind one with node = '...'.", point.name
+            )
+        for path, rate, error in rates:
+            if path in self.nodes:
+                self.slots.append(("rate", path))
+                given.append(rate)
+                errors.append(error)
+        self.given, self.errors = np.array(given), np.array(errors)
+        self.steps = np.array([1e-6 if role == "rate" else 1e-3 for role, _ in self.slots])
+        self.calculated = tuple(n for n in network.nodes if n not in self.nodes)
+        self.network = network
+
+    def parts(self, x: Array) -> _Parts:
+        """Return the balance at some values of the inputs."""
+        by = {slot: float(value) for slot, value in zip(self.slots, x, strict=True)}
+        boundaries = {p: Constant(v) for (role, p), v in by.items() if role == "boundary"}
+        loads = {p: Constant(v) for (role, p), v in by.items() if role == "load"}
+        given = self.base.with_(boundaries=boundaries, loads=loads)
+        measured = {n: by["node", n] for n in self.nodes}
+        at = dict(measured)
+        if self.calculated:
+            driven = replace(given, prescribed={n: Constant(v) for n, v in measured.items()}, initial={}, start=ICE_POINT + 20.0)
+            at |= {n: t for n, t in steady(self.model, driven).items() if n in self.calculated}
+        wiring = Wiring(self.network, replace(given, initial={}, start=ICE_POINT + 20.0))
+        engine, a, zero = Engine(wiring), wiring.assemble(), np.zeros(1)
+        at |= {b: float(wiring.boundary(b, zero, a.offsets)[0]) for b in self.network.boundaries}
+        what = "an energy balance at one instant"
+        refuse_controllers(self.network.flat.controls, self.network.controls, what)
+        if cools := [n for n, store in self.network.stores.items() if store.melt is not None]:
+            raise DeckError(
+                f"{what} cannot know whether '{cools[0]}', which supercools, has crystals. Simulate, and read the run's balance."
+            )
+        known = {n: np.array([t]) for n, t in at.items()}
+        flows = wiring.conductor_flows(a.numbers, known, zero, wiring.shares(a.numbers, known.__getitem__, zero))
+        columns = np.array([[*a.reduced.states(at), *(at[b] for b in self.network.boundaries)]], dtype=float)
+        powers = {name: float(p[0]) for name, p in engine.powers(a, columns, zero).items()}
+        rows = {row.name: row for row in a.numbers.conductors}
+        into = {row.name: row.node for row in a.numbers.loads}
+        stores = self.network.stores
+        share = {n: float(stores[n].share(at[n])) if n in stores else 1.0 for n in self.nodes}
+        capacity = {n: share[n] * value_of(a.numbers.capacitances[n] or 0.0) for n in self.nodes}
+        stored = {n: capacity[n] * by["rate", n] for n in self.nodes}
+        left = []
+        for n in self.nodes:
+            out = sum(float(f[0]) * ((rows[name].ends[0] == n) - (rows[name].ends[1] == n)) for name, f in flows.items())
+            left.append(sum(p for name, p in powers.items() if into[name] == n) - out - stored[n])
+        leaving = {}
+        for name, f in flows.items():
+            first, second = (end in self.network.boundaries for end in rows[name].ends)
+            if first != second:
+                leaving[name] = float(f[0]) * (1.0 if second else -1.0)
+        return _Parts(np.array(left), powers, leaving, stored, at)

@@ -1,0 +1,840 @@
+"""Catalogue of what may explain a misfit: faults, each one number of the model or one sensor, and elements that the model lacks."""
+
+from __future__ import annotations
+
+import itertools
+import math
+import re
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from dataclasses import dataclass, replace
+from typing import Any
+
+import numpy as np
+
+from thermid.base.dual import value_of
+from thermid.base.linear_algebra import Array
+from thermid.fit.calibration import Calibration
+from thermid.fit.discrepancy import SETTLING_PACES
+from thermid.fit.power import PowerCourse
+from thermid.fit.problem import MEASURED, Experiment, LocalSpec, Problem, Request, first_reading
+from thermid.measure.amounts import short
+from thermid.model.elements import Conductor, HeatLoad, Node
+from thermid.model.laws import Curve
+from thermid.model.parameters import parameter
+from thermid.model.tree import Model
+from thermid.simulation.network import Network, compile_network
+from thermid.simulation.scenarios import Scenario
+
+GROUPS = {
+    "boundary or reference": "the temperature of chamber or ambient, or an error common to all sensors: reference junction, logger",
+    "power": "the dissipated power, or its measurement",
+    "link": "a heat path that is missing, stronger or weaker than modelled",
+    "capacitance": "a mass or a specific heat",
+    "sensor": "one sensor: wrong, or detached",
+}
+"""Group of parameters -> what it stands for."""
+KELVIN, SHARE, LOOSE, MORE = 5.0, 0.4, 0.3, 0.5
+"""How large a fault is taken to be, as standard deviations: temperatures [K], powers and capacitances [-], the part of its reading that a
+loose sensor takes from its surroundings [-], and a link over what its ends have already [-]. Generous on purpose: what they decide is
+between groups of like evidence."""
+ADDED = "suspected_link_"
+Judge = Callable[[Any], tuple[str, bool]]
+"""Of a calibration, or of anything that has values with errors by path: what was found, in words, and whether it is possible."""
+SENSOR_LAG = (0.5, 600.0)
+"""Time constants of a sensor on or in a metal part, from a bare thermocouple to a probe in a pocket. [s]"""
+NATURAL = (0.2, 6.0)
+"""Coefficient c of h = c dT^(1/4) in air: 1.3 to 1.4 (1/L)^(1/4) for L of 2 cm to 1 m, halved and doubled for shape (McAdams, Heat
+Transmission, 3rd ed., chapter 7). [W/(m^2 K^1.25)]"""
+GROWTH = (0.0, 0.02)
+"""Growth of a loss with temperature, as a share per kelvin; copper alone has 0.0039. [1/K]"""
+ROOM = 293.15
+"""Temperature at which a power is taken to be the logged one where its node has no reading. [K]"""
+SETTLES = 0.5
+"""Most that a power may have more when it comes on, as a share of its step. [-]"""
+SLOWER = 10.0
+"""Samples that a power takes to settle, at least. [-]"""
+TIP = 0.1
+"""A node of this part of its neighbour's heat capacity is the sensor of it. [-]"""
+SMALL = 0.05
+"""Part of what a part loses already that a new way of its heat begins with. [-]"""
+MOST_PLACES = 6
+"""Places of a network that are looked at for changes: the observed ones first."""
+PACES = (0.03, 0.2, 1.0, 5.0)
+"""Time constants at which a new mass is tried, in parts of that of the part beside it. [-]"""
+
+
+@dataclass(frozen=True)
+class Fault:
+    """One thing that may be wrong.
+
+    Parameters
+    ----------
+    group : str         A key of `GROUPS`.
+    name : str          What it is.
+    free : str          What varies in a simulation; empty for what acts on readings alone.
+    size : float        Standard deviation of the fault that is thought possible, in its own unit.
+    one_sided : bool    Whether it can only be above zero.
+    unit : str          K, 1, W/K.
+    sensor : str        The sensor that it acts on, where it is one.
+    start : float       The value in the model; what varies is added to it. [SI]
+    """
+
+    group: str
+    name: str
+    free: str
+    size: float
+    one_sided: bool = False
+    unit: str = "1"
+    sensor: str = ""
+    start: float = 0.0
+
+    def words(self, amount: float) -> str:
+        """Return what a fault of a size means."""
+        if self.group == "sensor":
+            return (
+                f"{self.name} {amount:+.1f} K" if self.unit == "K" else (f"{self.name}: {100 * amount:.0f} % of its reading is the ambient")
+            )
+        if self.unit == "K":
+            return f"{self.name} {amount:+.1f} K"
+        return f"{self.name} {amount:+.3g} W/K" if self.unit == "W/K" else f"{self.name} {100 * amount:+.0f} %"
+
+
+def laid_open(model: Model) -> Model:
+    """Return a model of which every node may be linked from outside."""
+    parts = {name: replace(part, model=laid_open(part.model)) for name, part in model.submodels.items()}
+    own = [*model.nodes, *(f"{name}.{offered}" for name, part in parts.items() for offered in part.model.offers)]
+    return replace(model, submodels=parts, offers=tuple(dict.fromkeys([*model.offers, *own])))
+
+
+def faults_of(model: Model, sensors: Mapping[str, str]) -> tuple[Model, tuple[Fault, ...]]:
+    """Single faults of a model: a link more between any two masses, boundaries, powers, capacitances, sensors.
+
+    Parameters
+    ----------
+    model : Model       The model.
+    sensors : dict      Sensor -> its node.
+
+    Returns
+    -------
+    Model               With a link of no conductance between every two masses, so that each can be varied.
+    tuple of Fault
+    """
+    network = compile_network(model)
+    numbers = network.numbers()
+    held = {n: float(value_of(c)) for n, c in numbers.capacitances.items() if c is not None and value_of(c) > 0}
+    pairs = [p for p in itertools.combinations([*held, *network.boundaries], 2) if not set(p) <= set(network.boundaries)]
+    strength, joined = _strength(network), _joined(network, {*held, *network.boundaries})
+    links, out = {}, []
+    for k, (a, b) in enumerate(pairs):
+        name = f"{ADDED}{k}"
+        links[name] = Conductor("conduction", (a, b), {"conductance": parameter("0 [W/K]", name)})
+        size = MORE * min(strength.get(n, np.inf) for n in (a, b) if n in held)
+        known = frozenset((a, b)) in joined
+        text = f"link {a} - {b}" if known else f"missing link {a} - {b}"
+        out.append(Fault("link", text, f"{name}.conductance", size if np.isfinite(size) and size > 0 else 0.1, not known, "W/K"))
+    out.append(Fault("boundary or reference", "all sensors", "", KELVIN, unit="K"))
+    out += [Fault("boundary or reference", f"boundary {b}", b, KELVIN, unit="K") for b in network.boundaries]
+    out += [Fault("power", f"power of {load.path}", f"scale.{load.path}", SHARE, start=1.0) for load in network.flat.loads]
+    out += [Fault("capacitance", f"capacitance of {node}", path, SHARE, start=value) for node, path, value in _masses(network, held)]
+    out += [Fault("sensor", s, "", KELVIN, unit="K", sensor=s) for s in sensors]
+    out += [Fault("sensor", f"{s} loose", "", LOOSE, True, "1", s) for s in sensors]
+    grown = laid_open(model)
+    return replace(grown, conductors={**grown.conductors, **links}), tuple(out)
+
+
+def _strength(network: Network) -> dict[str, float]:
+    """Return node -> sum of the constant conductances that end at it. [W/K]"""
+    out: dict[str, float] = {}
+    for row in network.numbers().conductors:
+        size = abs(float(value_of(row.coefficients[0]))) if row.coefficients else 0.0
+        for n in row.ends:
+            out[n] = out.get(n, 0.0) + size
+    return {n: g for n, g in out.items() if np.isfinite(g) and g > 0}
+
+
+def _joined(network: Network, ends: set[str]) -> set[frozenset[str]]:
+    """Return the pairs of masses and boundaries that heat passes between directly or through nodes without mass."""
+    near: dict[str, set[str]] = {}
+    for row in network.numbers().conductors:
+        a, b = row.ends[0], row.ends[1]
+        near.setdefault(a, set()).add(b)
+        near.setdefault(b, set()).add(a)
+    out = set()
+    for begin in ends:
+        seen, todo = {begin}, [*near.get(begin, ())]
+        while todo:
+            n = todo.pop()
+            if n in seen:
+                continue
+            seen.add(n)
+            if n in ends:
+                out.add(frozenset((begin, n)))
+            else:
+                todo += near.get(n, ())
+    return out
+
+
+def _masses(network: Network, held: Mapping[str, float]) -> Iterator[tuple[str, str, float]]:
+    """Yield node, path and value of a number that this node's capacitance, and no other one's, is proportional to."""
+    table, values = network.flat.parameters, network.numbers().values
+    fields = {n.path: [p for p in n.fields.values() if p] for n in network.flat.nodes}
+    for node, own in held.items():
+        wanted = set(fields[node])
+        roots = [p for p in table.order if table.table[p].parameter.is_literal and wanted & set(table.downstream([p]))]
+        for path in roots:
+            value = float(value_of(values[path]))
+            after = network.numbers({path: 1.01 * value}).capacitances
+            moved = {n for n, c in held.items() if abs(float(value_of(after[n] or 0.0)) / c - 1.0) > 1e-9}
+            if moved == {node} and abs(float(value_of(after[node] or 0.0)) / own - 1.01) < 1e-9:
+                yield node, path, value
+                break
+
+
+@dataclass(frozen=True, eq=False)
+class MissingElement:
+    """One change of structure, laid over a model: an element that it lacks.
+
+    Parameters
+    ----------
+    name : str          What it is, in words.
+    request : Request   The fit with it.
+    judge : callable    Says what was found and whether it is possible.
+    make : callable     Lays it over another request of the same model, so that several are tried together.
+    nodes : int         Masses that it adds; that of a sensor that lags is one.
+    starts : tuple      Path -> value [SI] to begin a search from, one table for each start; empty for that of the request.
+    additive : bool     Whether its effect grows with its value, which begins small: one derivative says what it would do.
+    chosen : int        Numbers that were chosen before the refit, such as the time of a course; they count as fitted ones.
+    bends : bool        Whether its heat is not in proportion to differences of temperature, so that it acts otherwise at other powers.
+    delay : float       How much later than logged it lets powers and commands act. [s]
+    of_power : bool     Whether it is a course of a power: over time, or over temperature.
+    """
+
+    name: str
+    request: Request
+    judge: Judge
+    make: Callable[[Request], Request]
+    nodes: int = 0
+    starts: tuple[Mapping[str, float], ...] = ()
+    additive: bool = False
+    chosen: int = 0
+    bends: bool = False
+    delay: float = 0.0
+    of_power: bool = False
+
+    def beside(self, other: MissingElement) -> MissingElement:
+        """Return both changes as one."""
+
+        def judge(found: Any) -> tuple[str, bool]:
+            said = [one.judge(found) for one in (self, other)]
+            return "; ".join(text for text, _ in said), all(possible for _, possible in said)
+
+        def make(request: Request) -> Request:
+            return other.make(self.make(request))
+
+        first = [*self.starts] or [{}]
+        starts = tuple({**a, **b} for a, b in itertools.product(first[:2], [*other.starts][:2] or [{}]))
+        nodes, additive = self.nodes + other.nodes, self.additive and other.additive
+        name, chosen = f"{self.name}, and {other.name}", self.chosen + other.chosen
+        bends, delay = self.bends or other.bends, self.delay + other.delay
+        of_power = self.of_power or other.of_power
+        return MissingElement(name, other.make(self.request), judge, make, nodes, starts, additive, chosen, bends, delay, of_power)
+
+
+@dataclass(frozen=True)
+class _Place:
+    """A node with what a change there must know of it."""
+
+    node: str
+    channels: tuple[str, ...]
+    capacity: float
+    loss: float
+    boundary: str
+    area: float
+    rise: float
+    load: str
+    power: float
+
+    @property
+    def word(self) -> str:
+        """Its path as part of a name."""
+        return _word(self.node)
+
+    @property
+    def pace(self) -> float:
+        """Its own time constant. [s]"""
+        return self.capacity / self.loss if self.loss > 0 else 600.0
+
+
+@dataclass(frozen=True, eq=False)
+class Fitted:
+    """A fit as far as changes of its structure must know it.
+
+    Parameters
+    ----------
+    request : Request       What was asked; its model may be linked from outside at every node.
+    experiments : tuple     Its records, bound to the model.
+    values : dict           Path -> value of what was fitted. [SI]
+    rises : dict            Node -> range of its predicted temperature. [K]
+    """
+
+    request: Request
+    experiments: tuple[Experiment, ...]
+    values: Mapping[str, float]
+    rises: Mapping[str, float]
+
+    @classmethod
+    def of(cls, fit: Calibration, request: Request) -> Fitted:
+        """Return that of a calibration."""
+        values = {p: float(v.value) for p, v in fit.values.assignments.items()}
+        rises = {b.node: float(b.predicted.max() - b.predicted.min()) for b in fit.blocks}
+        return cls(replace(request, model=laid_open(request.model)), fit.experiments, values, rises)
+
+    @classmethod
+    def of_problem(cls, request: Request, problem: Problem, fitted: Array) -> Fitted:
+        """Return that of a problem at some values of its unknowns, in their fitted form."""
+        values = {
+            path: u.to_value(float(x))
+            for u, x in zip(problem.unknowns, fitted, strict=True)
+            for path in (u.name, *u.also)
+            if u.kind == "parameter"
+        }
+        rises = {b.node: float(b.predicted.max() - b.predicted.min()) for b in problem.blocks(fitted)}
+        return cls(replace(request, model=laid_open(request.model)), problem.experiments, values, rises)
+
+
+def missing_elements(fit: Calibration, request: Request) -> Iterator[MissingElement]:
+    """Missing elements that are worth a refit, for every observed node with a heat capacity and every node behind a sensor."""
+    seen = Fitted.of(fit, request)
+    for place in _places(seen):
+        yield from _at_a_place(seen, place)
+
+
+def hidden_defects(seen: Fitted) -> Iterator[MissingElement]:
+    """What a deck may not know of and residuals betray: sensors that lag, a mass behind an observed part, a leak past another part."""
+    places = _places(seen)
+    lags = [_lag(seen.request, p) for p in places if p.channels]
+    if lags:
+        whole = lags[0]
+        for lag in lags[1:]:
+            whole = whole.beside(lag)
+        yield whole if len(lags) == 1 else replace(whole, name="a lag of every sensor")
+    for place in places:
+        yield _second(seen.request, place, "hidden_mass")
+    network = seen.experiments[0].network
+    joined = _joined(network, {*(p.node for p in places), *network.boundaries})
+    for place in places:
+        for boundary in network.boundaries:
+            if frozenset((place.node, boundary)) not in joined:
+                yield _linked(seen.request, place.node, boundary, SMALL * (place.loss or 1.0))
+
+
+def changes_of(seen: Fitted) -> Iterator[MissingElement]:
+    """Changes of structure of a whole network: those at one place, between two, over all places alike, and of the commands' timing."""
+    places = _places(seen)
+    for place in places:
+        yield from _at_a_place(seen, place)
+        if place.boundary:
+            shell = _shell(seen.request, place)
+            yield shell
+            if place.load in seen.request.model.loads:
+                yield _source(seen.request, place, shell, f"{shell.name} that takes the heat of '{place.load}'")
+            yield _one_way(seen.request, place, place.boundary, f"'{place.boundary}'")
+        yield from _settling(seen, place)
+    network = seen.experiments[0].network
+    joined = _joined(network, {*(p.node for p in places), *network.boundaries})
+    for a, b in itertools.combinations(places, 2):
+        if frozenset((a.node, b.node)) not in joined:
+            yield _linked(seen.request, a.node, b.node, SMALL * min(a.loss or 1.0, b.loss or 1.0))
+        else:
+            yield _one_way(seen.request, a, b.node, f"'{b.node}'")
+    for place in _places(seen, hidden=True):
+        yield _second(seen.request, place, "hidden_mass")
+    yield from _of_hidden(seen, places)
+    yield from _alike(seen, places)
+    if len(places) > 1:
+        shared = _shared(seen.request, places)
+        yield shared
+        for place in places:
+            if place.load in seen.request.model.loads:
+                yield _source(seen.request, place, shared, f"{shared.name} and that takes the heat of '{place.load}'")
+    yield from _late(seen.request)
+
+
+def _at_a_place(seen: Fitted, place: _Place) -> Iterator[MissingElement]:
+    request = seen.request
+    if place.channels:
+        yield _lag(request, place)
+    yield _second(request, place, "hidden_mass")
+    if place.load in request.model.loads:
+        yield _source(request, place, _second(request, place, "inner_mass"), f"an inner mass that takes the heat of '{place.load}'")
+    if place.boundary:
+        yield _steeper(request, place)
+        yield _radiation(request, place)
+    if place.load and _may_grow(request, place.load):
+        yield _growing(seen, place)
+
+
+def _alike(seen: Fitted, places: Sequence[_Place]) -> Iterator[MissingElement]:
+    """Yield one change at all places together: parts of one kind have sensors, surfaces and powers of one kind."""
+    request = seen.request
+    kinds: tuple[tuple[str, Callable[[Request, _Place], MissingElement], list[_Place]], ...] = (
+        ("a lag of every sensor", _lag, [p for p in places if p.channels]),
+        ("radiation of every part", _radiation, [p for p in places if p.boundary]),
+        ("coefficients that grow with the difference (dT^(1/4)) at every part", _steeper, [p for p in places if p.boundary]),
+        ("powers that grow with temperature", lambda _, p: _growing(seen, p), [p for p in places if p.load and _may_grow(request, p.load)]),
+    )
+    for name, change, at in kinds:
+        if len(at) > 1:
+            whole = change(request, at[0])
+            for place in at[1:]:
+                whole = whole.beside(change(request, place))
+            yield replace(whole, name=name)
+
+
+def _places(seen: Fitted, hidden: bool = False) -> list[_Place]:
+    """Return observed masses, and those behind a sensor that is a node of its own in place of it; or the masses that nobody observes."""
+    experiments, flat = seen.experiments, seen.experiments[0].network.flat
+    network = experiments[0].network
+    numbers = network.numbers({p: v for p, v in seen.values.items() if p in flat.parameters.table})
+    held = {n: float(value_of(c)) for n, c in numbers.capacitances.items() if c is not None and value_of(c) > 0}
+    channels: dict[str, list[str]] = {}
+    for e in experiments:
+        for o in e.observations:
+            known = channels.setdefault(o.seat, [])
+            known += [o.sensor] if o.sensor not in known else []
+    near: dict[str, list[str]] = {}
+    for row in numbers.conductors:
+        for a, b in (row.ends[:2], row.ends[1::-1]):
+            near.setdefault(a, []).append(b)
+    loads = {r.node: r.path for r in reversed(flat.loads)}  # the first one of each node: the deck's own, before what a search added
+    watts = {row.name: float(value_of(row.coefficients[0])) for row in numbers.loads}
+    skins = [c for c in flat.conductors if c.kind in ("convection", "effective") and "area" in c.fields]
+    strength = _strengths(numbers.conductors)
+    out: dict[str, _Place] = {}
+    for node in (n for n in (held if hidden else channels) if n in held):
+        if hidden and (node in channels or any(c in channels and len(near.get(c, [])) == 1 for c in near.get(node, []))):
+            continue
+        beside = near.get(node, [])
+        tip = len(beside) == 1 and node not in loads and held[node] < TIP * held.get(beside[0], 0.0)
+        seat = beside[0] if tip else node
+        if seat in out:
+            continue
+        around = near.get(seat, [])
+        boundary = next((b for b in around if b in network.boundaries), "")
+        area = sum(float(value_of(numbers.values[c.fields["area"]])) for c in skins if seat in c.ends)
+        # a sensor that is a node of its own lags already
+        own, load = () if tip else tuple(channels.get(node, ())), loads.get(seat, "")
+        rise = max(seen.rises.get(node, 1.0), 1e-3)
+        out[seat] = _Place(seat, own, held[seat], strength.get(seat, 0.0), boundary, area, rise, load, watts.get(load, 0.0))
+    return list(out.values())[:MOST_PLACES]
+
+
+def _of_hidden(seen: Fitted, places: Sequence[_Place]) -> Iterator[MissingElement]:
+    """Yield contacts of masses that no sensor observes, and of sensors that are nodes, with the parts and with the surroundings."""
+    network = seen.experiments[0].network
+    numbers = network.numbers({p: v for p, v in seen.values.items() if p in network.flat.parameters.table})
+    strength = _strengths(numbers.conductors)
+    known = {p.node for p in places}
+    hidden = [n for n, c in numbers.capacitances.items() if c is not None and value_of(c) > 0 and n not in known]
+    joined = {frozenset(row.ends[:2]) for row in numbers.conductors}
+    ends = [*(p.node for p in places), *network.boundaries, *hidden]
+    for k, node in enumerate(hidden[:MOST_PLACES]):
+        for other in (e for e in ends if e != node and e not in hidden[:k] and frozenset((node, e)) not in joined):
+            yield _linked(seen.request, node, other, SMALL * (strength.get(node) or 1.0))
+
+
+def _strengths(rows: Sequence[Any]) -> dict[str, float]:
+    """Return node -> sum of the constant conductances that end at it. [W/K]"""
+    out: dict[str, float] = {}
+    for row in rows:
+        size = abs(float(value_of(row.coefficients[0]))) if row.coefficients else 0.0
+        for n in row.ends:
+            out[n] = out.get(n, 0.0) + (size if math.isfinite(size) else 0.0)
+    return out
+
+
+def _amount(value: float, unit: str, name: str) -> Any:
+    """Return a new value to be fitted."""
+    return parameter(f"{value!r} [{unit}]", name)
+
+
+def _word(path: str) -> str:
+    """Return a path as part of a name."""
+    return re.sub(r"[^0-9A-Za-z_]", "_", path)
+
+
+def _free_name(request: Request, name: str) -> str:
+    """Return a name that no element of a model has."""
+    taken = {*request.model.nodes, *request.model.conductors, *request.model.loads, *request.model.parameters, *request.model.needs}
+    return next(n for n in (name, *(f"{name}_{k}" for k in range(2, 99))) if n not in taken)
+
+
+def _adding(name: str, free: tuple[str, ...], **tables: Mapping[str, Any]) -> Callable[[Request], Request]:
+    """Return what lays more elements over the model of a request and frees some of their values."""
+
+    def make(request: Request) -> Request:
+        model: Model = laid_open(request.model)
+        changes: dict[str, Any] = {t: {**getattr(model, t), **more} for t, more in tables.items()}
+        grown: Model = replace(model, **changes)
+        return replace(request, model=grown, free=(*request.free, *free), name=f"{request.name or model.title} with {name}")
+
+    return make
+
+
+def _started(request: Request, node: str, channels: Sequence[str]) -> Request:
+    """Return a request in which a new node starts beside the readings there, where nothing else says how.
+
+    Where records begin at a given temperature, and not at rest, the new node has a start of its own in each: about the mean of the first
+    readings, within half their range.
+    """
+    scenarios = dict(request.scenarios)
+    local = {name: dict(table) for name, table in request.record_local.items()}
+    for r in request.records:
+        base = request.scenarios.get(r.name, request.scenarios.get("*"))
+        base = base or Scenario(r.name)
+        own = next((c for c in channels if c in r.channels), "")
+        if base.start in ("", MEASURED):
+            scenarios[r.name] = base.with_(initial={node: own}) if own and len(channels) == 1 else base
+            continue
+        first = [
+            first_reading(r, c, request.window) for c in r.channels if r[c].role in ("auto", "node") and r[c].quantity == "temperature"
+        ]
+        if len(first) > 1 and np.ptp(first) > 3.0:
+            low = f"{float(min(first))!r} [K]"
+            local.setdefault(r.name, {})[f"initial.{node}"] = LocalSpec(low, max(0.5 * float(np.ptp(first)), 1.0))
+    return replace(request, scenarios=scenarios, record_local=local)
+
+
+def _lag(request: Request, place: _Place) -> MissingElement:
+    name = _free_name(request, f"{place.word}_sensor")
+    link = f"{name}_fit"
+    held = 1e-3 * place.capacity
+    free = f"{link}.conductance"
+    grow = _adding(
+        "a lag of the sensor",
+        (free,),
+        nodes={name: Node({"capacitance": parameter(f"{held!r} [J/K]", name)})},
+        conductors={link: Conductor("conduction", (place.node, name), {"conductance": _amount(held / 30.0, "W/K", link)})},
+    )
+
+    def make(request: Request) -> Request:
+        made = grow(request)
+        records = tuple(
+            r.with_channels(*(replace(c, target=name, role="node") for n, c in r.channels.items() if n in place.channels))
+            for r in request.records
+        )
+        made = replace(made, records=records)
+        bases = (request.scenarios.get(r.name, request.scenarios.get("*")) for r in request.records)
+        if all(base is None or base.start in ("", MEASURED) for base in bases):
+            return replace(made, local={**made.local, f"initial.{place.node}": LocalSpec(place.channels[0])})
+        own = {n: {**b.initial, name: b.initial[place.node]} for n, b in request.scenarios.items() if place.node in b.initial}
+        return replace(made, scenarios={n: b.with_(initial=own[n]) if n in own else b for n, b in request.scenarios.items()})
+
+    def judge(found: Any) -> tuple[str, bool]:
+        tau = held / found[free].value
+        low, high = SENSOR_LAG
+        return f"a time constant of {short(tau, 3)} s +- {short(100 * found[free].error / found[free].value)} %", low <= tau <= high
+
+    starts = tuple({free: held / tau} for tau in (3.0, 20.0, 120.0))
+    return MissingElement(f"a lag of the sensor at '{place.node}'", make(request), judge, make, 1, starts)
+
+
+def _source(request: Request, place: _Place, mass: MissingElement, name: str) -> MissingElement:
+    """The heat enters a new mass, not the part that is measured."""
+    node = next(n for n in mass.request.model.nodes if n not in request.model.nodes)
+
+    def make(request: Request) -> Request:
+        made = mass.make(request)
+        model = made.model
+        moved = replace(model.loads[place.load], into=node)
+        return replace(made, model=replace(model, loads={**model.loads, place.load: moved}))
+
+    return replace(mass, name=name, request=make(request), make=make)
+
+
+def _second(request: Request, place: _Place, word: str) -> MissingElement:
+    """A mass behind a resistance."""
+    name = _free_name(request, f"{place.word}_{word}")
+    held, link = 0.3 * place.capacity, f"{name}_link"
+    free = (f"{name}.capacitance", f"{link}.conductance")
+    grow = _adding(
+        word.replace("_", " "),
+        free,
+        nodes={name: Node({"capacitance": _amount(held, "J/K", name)})},
+        conductors={link: Conductor("conduction", (place.node, name), {"conductance": _amount(held / 300.0, "W/K", link)})},
+    )
+
+    def make(request: Request) -> Request:
+        return _started(grow(request), name, place.channels)
+
+    def judge(found: Any) -> tuple[str, bool]:
+        held, link = found[free[0]].value, found[free[1]].value
+        text = f"{short(held, 3)} J/K behind {short(1 / link, 3)} K/W ({short(held / link, 3)} s), beside {short(place.capacity, 3)} J/K"
+        return text, 0.02 <= held / place.capacity <= 20.0
+
+    starts = tuple({free[0]: held, free[1]: held / (pace * place.pace)} for pace in PACES)
+    return MissingElement(f"a second mass behind a resistance at '{place.node}'", make(request), judge, make, 1, starts)
+
+
+def _shell(request: Request, place: _Place) -> MissingElement:
+    """A mass in the way of the heat from a part to its surroundings, which the part reaches past it as well."""
+    name = _free_name(request, f"{place.word}_shell")
+    held, inner, outer = 1.0 * place.capacity, f"{name}_inner", f"{name}_outer"
+    free = (f"{name}.capacitance", f"{inner}.conductance", f"{outer}.conductance")
+    g = place.loss or held / 600.0
+    grow = _adding(
+        "a shell",
+        free,
+        nodes={name: Node({"capacitance": _amount(held, "J/K", name)})},
+        conductors={
+            inner: Conductor("conduction", (place.node, name), {"conductance": _amount(g, "W/K", inner)}),
+            outer: Conductor("conduction", (name, place.boundary), {"conductance": _amount(g, "W/K", outer)}),
+        },
+    )
+
+    def make(request: Request) -> Request:
+        return _started(grow(request), name, ())
+
+    def judge(found: Any) -> tuple[str, bool]:
+        held, inner, outer = (found[p].value for p in free)
+        text = f"{short(held, 3)} J/K, {short(inner, 3)} W/K to '{place.node}' and {short(outer, 3)} W/K to '{place.boundary}'"
+        return text, 0.02 <= held / place.capacity <= 200.0
+
+    starts = tuple({free[0]: share * held, free[1]: g, free[2]: g} for share in (0.3, 3.0))
+    title = f"a mass between '{place.node}' and '{place.boundary}'"
+    return MissingElement(title, make(request), judge, make, 1, starts)
+
+
+def _shared(request: Request, places: Sequence[_Place]) -> MissingElement:
+    """A mass that all parts stand on, such as a board, with a way of its own to the surroundings."""
+    name = _free_name(request, "common_mass")
+    held, boundary = 3.0 * sum(p.capacity for p in places), next((p.boundary for p in places if p.boundary), "")
+    links = {f"{name}_{p.word}": (p.node, 0.3 * p.loss or p.capacity / 600.0) for p in places}
+    links |= {f"{name}_outside": (boundary, sum(g for _, g in links.values()))} if boundary else {}
+    free = (f"{name}.capacitance", *(f"{link}.conductance" for link in links))
+    grow = _adding(
+        "a common mass",
+        free,
+        nodes={name: Node({"capacitance": _amount(held, "J/K", name)})},
+        conductors={c: Conductor("conduction", (end, name), {"conductance": _amount(g, "W/K", c)}) for c, (end, g) in links.items()},
+    )
+
+    def make(request: Request) -> Request:
+        return _started(grow(request), name, [c for p in places for c in p.channels])
+
+    def judge(found: Any) -> tuple[str, bool]:
+        most = sum(p.capacity for p in places)
+        return f"{short(found[free[0]].value, 3)} J/K", 0.02 <= found[free[0]].value / most <= 200.0
+
+    starts = tuple({free[0]: share * held} for share in (0.3, 1.0, 5.0))
+    nodes = ", ".join(f"'{p.node}'" for p in places)
+    return MissingElement(f"a mass that {nodes} stand on", make(request), judge, make, 1, starts)
+
+
+def _linked(request: Request, a: str, b: str, size: float) -> MissingElement:
+    """A contact between two nodes that begins with a conductance. [W/K]"""
+    name = _free_name(request, f"{_word(a)}_to_{_word(b)}")
+    free = f"{name}.conductance"
+    make = _adding("a contact", (free,), conductors={name: Conductor("conduction", (a, b), {"conductance": _amount(size, "W/K", name)})})
+
+    def judge(found: Any) -> tuple[str, bool]:
+        return f"{short(found[free].value, 3)} W/K", True
+
+    return MissingElement(f"a contact between '{a}' and '{b}'", make(request), judge, make, additive=True)
+
+
+def _one_way(request: Request, place: _Place, other: str, words: str) -> MissingElement:
+    """A coupling that is stronger in one direction, as warm air rises: it carries heat only from the part."""
+    name = _free_name(request, f"{place.word}_outward_{_word(other)}")
+    free = f"{name}.scale"
+    size = SMALL * (place.loss or 1.0)
+    # over 1 K about equal temperatures the table goes from nothing to its full conductance
+    curve = Curve("difference", np.array([0.0, 1.0]), np.array([0.0, 1.0]))
+    make = _adding(
+        "a coupling in one direction",
+        (free,),
+        conductors={name: Conductor("table", (place.node, other), {"scale": parameter({"value": size, "min": 1e-9}, name)}, curve=curve)},
+    )
+
+    def judge(found: Any) -> tuple[str, bool]:
+        return f"{short(found[free].value, 3)} W/K more from '{place.node}' than towards it", True
+
+    return MissingElement(f"a coupling of '{place.node}' and {words} that depends on direction", make(request), judge, make, additive=True)
+
+
+def _late(request: Request) -> Iterator[MissingElement]:
+    """Yield commands and powers that act later than they are logged, by one to eight samples."""
+    driven = [n for r in request.records for n, c in r.channels.items() if c.role in ("command", "load")]
+    if not driven or not all(r.times.size > 20 for r in request.records):
+        return
+    step = request.records[0].step
+
+    def later(delay: float) -> Callable[[Request], Request]:
+        def make(request: Request) -> Request:
+            records = [r.delayed(delay, own) if (own := [n for n in driven if n in r.channels]) else r for r in request.records]
+            return replace(request, records=tuple(records), name=f"{request.name or request.model.title} with a delay")
+
+        return make
+
+    for count in (1, 3, 8):
+        make, delay = later(count * step), count * step
+
+        def judge(found: Any, delay: float = delay) -> tuple[str, bool]:
+            line = f"prepare = [{{ delay = {{ by = ['0 [s]', '{short(2.0 * delay, 3)} [s]'] }} }}]"
+            return f"{short(delay, 3)} s. To fit the delay, run `thermid improve`, or write into the record: {line}", True
+
+        yield MissingElement(f"commands that act {short(delay, 3)} s late", make(request), judge, make, delay=delay)
+
+
+def _steeper(request: Request, place: _Place) -> MissingElement:
+    name, area = _free_name(request, f"{place.word}_steeper_convection"), place.area or 1.0
+    size = 0.5 if place.area else SMALL * place.loss or 0.01
+    fields = {
+        "htc.coefficient": _amount(size, "W/(m^2 K)", name),
+        "htc.exponent": parameter("0.25", name),
+        "area": parameter(f"{area!r} [m^2]", name),
+    }
+    free = f"{name}.htc.coefficient"
+    make = _adding("h that grows", (free,), conductors={name: Conductor("convection", (place.node, place.boundary), fields)})
+
+    def judge(found: Any) -> tuple[str, bool]:
+        c = found[free].value
+        share = f"{short(c * area * place.rise**0.25, 3)} W/K of it at a rise of {short(place.rise, 3)} K"
+        return f"{short(c, 3)} W/(m^2 K) (dT / 1 K)^(1/4), {share}", not place.area or NATURAL[0] <= c <= NATURAL[1]
+
+    return MissingElement(
+        f"a coefficient at '{place.node}' that grows with the difference (dT^(1/4))", make(request), judge, make, additive=True, bends=True
+    )
+
+
+def _radiation(request: Request, place: _Place) -> MissingElement:
+    name, area = _free_name(request, f"{place.word}_radiated"), place.area or 0.01
+    start = 0.2 if place.area else min(max(SMALL * place.loss / (6.0 * area), 1e-4), 10.0)
+    fields = {"exchange_factor": parameter({"value": f"{start!r}", "min": 1e-6}, name), "area": parameter(f"{area!r} [m^2]", name)}
+    free = f"{name}.exchange_factor"
+    make = _adding("radiation", (free,), conductors={name: Conductor("radiation", (place.node, place.boundary), fields)})
+
+    def judge(found: Any) -> tuple[str, bool]:
+        e = found[free].value
+        return f"an emissivity of {short(e)} over {short(1e4 * area, 3)} cm^2", 0.01 <= e <= 1.0 if place.area else e > 0.0
+
+    return MissingElement(f"radiation of '{place.node}' to '{place.boundary}'", make(request), judge, make, additive=True, bends=True)
+
+
+def _settling(seen: Fitted, place: _Place) -> Iterator[MissingElement]:
+    """Yield a power that has more when it comes on and settles, at several time constants; none where records differ in when it does."""
+    found = first_step(seen.experiments, place.load) if place.load else None
+    if found is None or f"{_word(place.load)}_settling" in seen.request.model.loads:
+        return
+    begin, power = found
+    name = _free_name(seen.request, f"{_word(place.load)}_settling")
+    rest = min(float(e.scenario.seconds) for e in seen.experiments) - begin
+    slow = SLOWER * max(r.step for r in seen.request.records)  # what is faster is the instant of a change between two samples
+    for share in (s for s in SETTLING_PACES if s * rest >= slow):
+        course = PowerCourse(name, place.node, "decay", share * rest, max(1e-3 * power, 1e-5), begin=begin)
+
+        def make(request: Request, course: PowerCourse = course) -> Request:
+            return course.within(replace(request, model=laid_open(request.model)))
+
+        def judge(found: Any, course: PowerCourse = course) -> tuple[str, bool]:
+            more = found[f"{course.name}.power"].value
+            return f"{course.words(more)}, {short(100 * more / power)} % of its step", more <= SETTLES * power
+
+        yield MissingElement(
+            f"a power of '{place.load}' that settles", make(seen.request), judge, make, additive=True, chosen=1, of_power=True
+        )
+
+
+def first_step(experiments: Sequence[Experiment], load: str) -> tuple[float, float] | None:
+    """Return when a power comes on in all records [s], and its step [W]; None where it never does, or not at one time in all of them."""
+    found = [_comes_on(e, load) for e in experiments]
+    if any(f is None for f in found):
+        return None
+    begins, powers = zip(*(f for f in found if f is not None), strict=True)
+    if np.ptp(begins) > 2.0 * max(e.record.step for e in experiments):
+        return None
+    return float(np.median(begins)), float(np.median(powers))
+
+
+def _may_grow(request: Request, load: str) -> bool:
+    """Whether nothing says yet how a power goes with temperature."""
+    return load not in request.model.loads or "temperature_coefficient" not in request.model.loads[load].fields
+
+
+def _logged(request: Request, load: str) -> bool:
+    """Whether every record logs a power that nothing else is said of, so that the log can stand for what it has when cold."""
+    given = request.model.loads.get(load)
+    if given is None or set(given.fields) != {"power"} or given.curve is not None or given.cycle is not None:
+        return False
+    own = [[c for c in r.channels.values() if c.role == "load" and c.target == load] for r in request.records]
+    return all(len(several) == 1 and not (several[0].gain or several[0].accuracy or several[0].common) for several in own)
+
+
+def _growing_as_logged(seen: Fitted, place: _Place) -> MissingElement:
+    """A power that is the logged one at the first reading, and more of it the warmer its node is."""
+    load, free = place.load, f"{place.load}.temperature_coefficient"
+    first = [float(o.measured[0]) for e in seen.experiments for o in e.observations if o.measured.size and o.seat == place.node]
+    cold = float(np.mean(first)) if first else ROOM
+    fields = {
+        "power": parameter("1 [W]", load),
+        "temperature_coefficient": parameter({"value": "0.0001 [1/K]", "min": "1e-9 [1/K]", "max": f"{1.5 * GROWTH[1]!r} [1/K]"}, load),
+        "reference_temperature": parameter(f"{cold!r} [K]", load),
+    }
+
+    def make(request: Request) -> Request:
+        model: Model = laid_open(request.model)
+        model = replace(model, loads={**model.loads, load: replace(model.loads[load], fields=fields)})
+        records = tuple(
+            r.with_channels(*(replace(c, role="command") for c in r.channels.values() if c.role == "load" and c.target == load))
+            for r in request.records
+        )
+        kept = tuple(p for p in request.free if request.model.canonical(p) != f"{load}.power")
+        title = f"{request.name or model.title} with power that grows"
+        return replace(request, model=model, records=records, free=(*kept, free), name=title)
+
+    def judge(found: Any) -> tuple[str, bool]:
+        growth = found[free].value
+        return f"{short(100 * growth)} % of the power per kelvin", GROWTH[0] <= growth <= GROWTH[1]
+
+    name = f"a power of '{load}' that grows with temperature"
+    return MissingElement(name, make(seen.request), judge, make, additive=True, of_power=True)
+
+
+def _comes_on(e: Experiment, load: str) -> tuple[float, float] | None:
+    """Return when a power comes on in a record [s], and its step [W]; None where it never does, or a command makes it."""
+    if load in e.scenario.gains:
+        return None
+    power = float(e.network.flat.parameters.evaluate({}).get(f"{load}.power", 0.0))
+    given, scale = e.scenario.loads.get(load), 1.0
+    if load in e.scenario.commands:
+        given, scale = e.scenario.commands[load], power
+    if given is None:
+        return (0.0, power) if power > 0.0 else None
+    watts = scale * np.asarray(given.at(e.times))
+    high = float(watts.max())
+    return (float(e.times[np.argmax(watts > 0.5 * high)]), high) if high > 0.0 else None
+
+
+def _growing(seen: Fitted, place: _Place) -> MissingElement:
+    if _logged(seen.request, place.load):
+        return _growing_as_logged(seen, place)
+    request = seen.request
+    name = _free_name(request, f"{place.word}_growing_power")
+    start = max(1e-3 * abs(place.power), 1e-5)
+    # P (1 + 1/K (T - T_ref)), with T_ref one kelvin above 20 degC, is P/K (T - 20 degC)
+    fields = {
+        "power": _amount(start, "W", name),
+        "temperature_coefficient": parameter("1 [1/K]", name),
+        "reference_temperature": parameter("21 [degC]", name),
+    }
+    free = f"{name}.power"
+    make = _adding("power that grows", (free,), loads={name: HeatLoad(place.node, fields)})
+
+    def judge(found: Any) -> tuple[str, bool]:
+        growth = found[free].value
+        share = growth / abs(place.power) if place.power else float("inf")
+        return f"{short(1e3 * growth, 3)} mW/K, {short(100 * share)} % of the power per kelvin", GROWTH[0] <= share <= GROWTH[1]
+
+    return MissingElement(
+        f"a power of '{place.load}' that grows with temperature", make(request), judge, make, additive=True, of_power=True
+    )

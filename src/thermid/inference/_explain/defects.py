@@ -1,0 +1,393 @@
+"""`explained`: which hidden defect, fitted beside a deck that does not have it, makes the residuals of a fit as small as the noise.
+
+In: a `Calibration`. Out: the fits with a defect that its readings allow, each with its weight, or nothing: no defect is proved.
+
+Every defect (sensors that lag, a mass, a leak) is fitted together with the clock of the powers, which the fit finds too, and the clock is
+tried alone. A sampled power changed somewhere between two samples: early, in the middle and late are tried, each as likely. Weights are
+those of Bayesian model averaging with the criterion of Schwarz (Hoeting and others, Statistical Science 14 (1999) 382-417).
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from dataclasses import dataclass, replace
+from functools import lru_cache
+
+import numpy as np
+
+from thermid.base.errors import IdentificationError, ThermidError
+from thermid.base.linear_algebra import Indices
+from thermid.fit.calibration import Calibration, fit_problem
+from thermid.fit.discrepancy import discrepancy_kept
+from thermid.fit.problem import MEASURED, Experiment, Request, Unknown, build_problem
+from thermid.inference._explain.candidates import Fitted, MissingElement, hidden_defects
+from thermid.measure.amounts import short
+from thermid.measure.records import Channel, Record
+from thermid.simulation.scenarios import Scenario
+
+NOISY = 1.5
+"""Chi-square per degree of freedom above which residuals ask for an explanation, and below which they have one. [-]"""
+STRONG = 10.0
+"""Difference of BIC that proves a defect: Kass and Raftery, J. Am. Stat. Assoc. 90 (1995) 773."""
+DECIDED = 0.5
+"""Relative error of a defect's own values above which the readings do not show it: the fit without it stands for it. [-]"""
+LEAST = 0.02
+"""Weight beside the best below which a defect is left out. [-]"""
+MIDDLE = 0.5
+"""Where in the interval between two samples a power is taken to have changed at first. [-]"""
+MOST_CHANGES = 20
+"""Changes of a power up to which their instants matter; of more of them a shift of all is the clock's."""
+FAR_STEPS, FAR_PART = 8.0, 0.05
+"""How far a clock may be off: in samples, and in lengths of the record, whichever is more. [-]"""
+MOST_STEPS = 20_000
+"""Steps of one run after which a refit is given up."""
+REACH = 100.0
+"""Factor from where they begin within which the values of a defect are looked for. [-]"""
+PATIENCE = 60
+"""Evaluations after which a refit is given up."""
+REST = 4.0
+"""Standard deviations of noise and accuracy within which first readings and surroundings are one temperature. [-]"""
+MOST_UNKNOWNS, MOST_SAMPLES, MOST_NODES, MOST_RECORDS = 16, 20_000, 20, 4
+"""What a fit may hold for some ten refits of it to be worth their time."""
+
+
+@dataclass(frozen=True, eq=False)
+class ExplainedFit:
+    """A fit with a defect that its deck does not have.
+
+    Parameters
+    ----------
+    name, words : str   The defect, and what was found of it.
+    weight : float      Its probability among those that the readings allow. [-]
+    fit : Calibration
+    """
+
+    name: str
+    words: str
+    weight: float
+    fit: Calibration
+
+
+@dataclass(frozen=True)
+class _Tried:
+    """One refit: its defect, where in their intervals powers changed, Schwarz's criterion, its part of what is likely before [-]."""
+
+    change: MissingElement | None
+    instant: float
+    fit: Calibration
+    criterion: float
+    share: float = 1.0
+
+
+@lru_cache(maxsize=16)
+def explained(fit: Calibration) -> tuple[ExplainedFit, ...]:
+    """Return the fits with hidden defects that explain the residuals of a fit, the likeliest first; empty where none is proved.
+
+    A defect is proved where its fit leaves residuals of the stated noise and its BIC is lower by `STRONG` than that of the fit without
+    it. Fits that are not much worse share its weight.
+
+    Parameters
+    ----------
+    fit : Calibration   A fit of this session, of a network of thermid's own, to records with stated noise.
+    """
+    request = fit.request
+    if request is None or not asks(fit):
+        return ()
+    from threadpoolctl import threadpool_limits
+
+    with threadpool_limits(limits=1):
+        return _explained(fit, request)
+
+
+def asks(fit: Calibration) -> bool:
+    """Whether the residuals of a fit are larger than the stated noise, and the fit is small enough for refits."""
+    problem, request = fit.problem, fit.request
+    if problem is None or request is None or fit.stopped or fit.loss != "linear" or fit.model.runner is not None or problem.clocked:
+        return False
+    kept = discrepancy_kept(fit.values)
+    if kept is None or kept.sizes:  # what wanders may be the law of a coefficient that is held constant: no proof of a defect
+        return False
+    small = len(problem.unknowns) <= MOST_UNKNOWNS and fit.freedom <= MOST_SAMPLES and len(request.records) <= MOST_RECORDS
+    small = small and len(problem.experiments[0].network.nodes) <= MOST_NODES
+    stated = all(o.noise is not None for o in problem.observations())
+    return small and stated and fit.reduced_chi_square > NOISY
+
+
+def _explained(fit: Calibration, request: Request) -> tuple[ExplainedFit, ...]:
+    seen = Fitted.of(fit, request).request
+    clock = _clock(fit)
+    changes = [None, *hidden_defects(Fitted.of(fit, request))]
+    found = [t for change in changes if (t := _tried(seen, change, MIDDLE, clock, _begun(seen, change))) is not None]
+    for change in changes[1:]:  # a search that begins elsewhere, where nothing explains the residuals yet
+        for start in change.starts if change is not None else ():
+            if min((t.fit.reduced_chi_square for t in found), default=np.inf) > NOISY:
+                found += [t for t in [_tried(seen, change, MIDDLE, clock, start)] if t is not None]
+    if not found or _unproved(fit, min(found, key=_lowest)):
+        return ()
+    if clock is not None and clock.sampled:
+        at, _ = _instant(seen, min(found, key=_lowest), clock)
+        begun = {id(t.change): _values(t.fit) for t in found}
+        there = [t for c in changes if (t := _tried(seen, c, at, clock, begun.get(id(c), {}))) is not None]
+        found = [x for t in _near(there or found) for x in _over_instants(seen, t, clock)]
+    kept = _near(found)
+    lowest, level = min(t.criterion for t in kept), max(1.0, min(kept, key=_lowest).fit.reduced_chi_square)
+    weights = np.array([t.share * np.exp(-0.5 * (t.criterion - lowest) / level) for t in kept])
+    out = [
+        ExplainedFit("" if t.change is None else t.change.name, _found_in(t), float(w), t.fit)
+        for t, w in zip(kept, weights / weights.sum(), strict=True)
+    ]
+    return tuple(sorted(out, key=lambda e: -e.weight))
+
+
+def _lowest(t: _Tried) -> float:
+    return t.criterion
+
+
+def _unproved(fit: Calibration, best: _Tried) -> bool:
+    """Whether the best of several defects leaves more than noise, or is not much better than the fit of the deck."""
+    level = best.fit.reduced_chi_square
+    return level > NOISY or _criterion(fit) - best.criterion < STRONG * max(1.0, level)
+
+
+def _near(found: Sequence[_Tried]) -> list[_Tried]:
+    """Return those that are not much less likely than the best."""
+    best = min(found, key=_lowest)
+    far = -2.0 * max(1.0, best.fit.reduced_chi_square) * float(np.log(LEAST))
+    return [t for t in found if t.criterion - best.criterion < far]
+
+
+def _values(fit: Calibration) -> dict[str, float]:
+    return {p: v.value for p, v in fit.values.parameters.items()}
+
+
+def _begun(request: Request, change: MissingElement | None) -> Mapping[str, float]:
+    """Return the values of a fit with a defect and the clock of the log, to begin from; empty where it cannot be fitted."""
+    if change is None:
+        return {}
+    try:
+        return _values(_refit(replace(change.make(request), search="local"), {}, request.free))
+    except (ThermidError, np.linalg.LinAlgError):
+        return {}
+
+
+def _instant(request: Request, near: _Tried, clock: _Clock) -> tuple[float, float]:
+    """Return where in their intervals powers changed, the likeliest place and its standard deviation. [-]
+
+    Chi-square is a parabola of the instant, to first order.
+    """
+    begin = _values(near.fit)
+    for step in (1.0 / 3.0, 1.0 / 6.0):
+        found = [_tried(request, near.change, f, clock, begin, False) for f in (MIDDLE - step, MIDDLE, MIDDLE + step)]
+        early, middle, late = (np.nan if t is None else t.fit.chi_square for t in found)
+        curvature = (early - 2.0 * middle + late) / step**2
+        if curvature > 0.0:
+            level = max(1.0, near.fit.reduced_chi_square)
+            return float(np.clip(MIDDLE - 0.5 * (late - early) / step / curvature, 0.0, 1.0)), float(np.sqrt(2.0 * level / curvature))
+    return MIDDLE, np.inf
+
+
+def _over_instants(request: Request, near: _Tried, clock: _Clock) -> list[_Tried]:
+    """Return a defect's fits over the instants at which powers changed within their intervals, each with its part of the probability.
+
+    Before, the instant is evenly likely; so it is normal within the interval, and three points with weights stand for it (Gauss and
+    Hermite). Where the readings do not decide it, thirds are as likely.
+    """
+    best, spread = _instant(request, near, clock)
+    third = spread > 0.2
+    points: tuple[tuple[float, float], ...] = ((1.0 / 6.0, 1.0 / 3.0), (0.5, 1.0 / 3.0), (5.0 / 6.0, 1.0 / 3.0))
+    if not third:
+        points = ((best, 2.0 / 3.0), *((float(np.clip(best + s * 3.0**0.5 * spread, 0.0, 1.0)), 1.0 / 6.0) for s in (-1.0, 1.0)))
+    found = [(share, _tried(request, near.change, f, clock, _values(near.fit), False)) for f, share in points]
+    out = [replace(t, share=share) for share, t in found if t is not None]
+    if len(out) < len(points):
+        return [near, *(replace(t, share=1.0) for t in out)]
+    lowest = min(t.criterion for t in out)
+    return out if third else [replace(t, criterion=lowest) for t in out]  # the likelihood of the instant is in the shares
+
+
+def _criterion(found: Calibration) -> float:
+    """Return the criterion of Schwarz of a fit, but for what all fits of the same readings share. [-]"""
+    count = found.freedom + len(found.fitted)
+    return found.chi_square + len(found.fitted) * float(np.log(max(count, 2.0)))
+
+
+def _tried(
+    request: Request,
+    change: MissingElement | None,
+    instant: float,
+    clock: _Clock | None,
+    begin: Mapping[str, float],
+    asked: bool = True,
+) -> _Tried | None:
+    """Return the refit with a defect and the clock from some values [SI]; nothing where it fails or, if asked, is not shown."""
+    if change is None and clock is None:
+        return None
+    made = request if change is None else change.make(request)
+    if clock is not None:
+        made = clock.make(made, instant)
+    try:
+        found = _refit(replace(made, search="local"), begin, request.free)
+        shown = change is None or not asked or (change.judge(found)[1] and found.own.fair and _decided(request, found))
+    except (ThermidError, np.linalg.LinAlgError):
+        return None
+    return _Tried(change, instant, found, _criterion(found)) if shown and found.converged else None
+
+
+def _refit(request: Request, begin: Mapping[str, float], known: Sequence[str]) -> Calibration:
+    """Return the fit of a request from some values [SI], those that are not of the deck (`known`) within `REACH` of where they begin.
+
+    It is given up where it takes long: nothing there is to be found.
+    """
+    problem = build_problem(request)
+
+    def begun(u: Unknown) -> Unknown:
+        if u.kind == "parameter" and u.name not in known and u.start > 0.0:
+            u = replace(u, low=u.start / REACH, high=u.start * REACH)
+        inside = u.name in begin and u.low <= begin[u.name] <= u.high
+        return replace(u, start=begin[u.name]) if inside else u
+
+    def watch(count: int, rms: float) -> None:
+        if count > PATIENCE:
+            raise IdentificationError(f"{count} evaluations did not end a refit.", request.name)
+
+    options = replace(problem.options, max_steps=MOST_STEPS)
+    return fit_problem(request, replace(problem, unknowns=tuple(begun(u) for u in problem.unknowns), options=options), watch)
+
+
+def _decided(request: Request, found: Calibration) -> bool:
+    """Whether the values that a defect adds have errors that are small beside them."""
+    own = [v for p, v in found.values.parameters.items() if p not in request.free]
+    return all(v.error < DECIDED * abs(v.value) for v in own)
+
+
+def _found_in(tried: _Tried) -> str:
+    """Return what a fit with a defect found, in words."""
+    delays = [(x.record, x.value, x.error) for x in tried.fit.local if x.name == "delay"]
+    several = len(delays) > 1
+    late = [
+        f"powers{f' of {record}' if several else ''} that act {short(abs(value), 3)} s +- {short(error)} s "
+        f"{'later' if value > 0 else 'earlier'} than logged"
+        for record, value, error in delays
+    ]
+    own = [f"{tried.change.name} ({tried.change.judge(tried.fit)[0]})"] if tried.change is not None else []
+    return ", with ".join([*own, " and ".join(late)] if late else own)
+
+
+# ---- the clock of what drives the model
+
+
+@dataclass(frozen=True, eq=False)
+class _Clock:
+    """Lays the clock of powers and commands over requests.
+
+    Parameters
+    ----------
+    make : callable     A request and where in their intervals powers changed -> the request whose fit finds the clock too.
+    sampled : bool      Whether these instants matter.
+    """
+
+    make: Callable[[Request, float], Request]
+    sampled: bool
+
+
+def _clock(fit: Calibration) -> _Clock | None:
+    """Return the clock of a fit's powers and commands; None where none of them changes or a clock is looked for already."""
+    driven = {
+        e.record.name: [n for n, c in e.record.channels.items() if c.role in ("load", "command") and _moves(c)] for e in fit.experiments
+    }
+    at_rest = {e.record.name: _at_rest(e, fit) for e in fit.experiments}
+    request = fit.request
+    assert request is not None
+    if any(r.second is not None for r in request.records) or not any(driven.get(r.name) or at_rest.get(r.name) for r in request.records):
+        return None
+
+    def make(request: Request, instant: float) -> Request:
+        scenarios, records = dict(request.scenarios), []
+        for r in request.records:
+            room = at_rest.get(r.name, "")
+            far = max(FAR_STEPS * r.step, FAR_PART * r.duration)
+            names = [n for n, c in r.channels.items() if c.role in ("load", "command")]
+            moving = driven.get(r.name) or names if room else driven.get(r.name, [])
+            made = _with_instants(r, names, instant, 1.25 * far if room else 0.0)
+            records.append(made.delayed((-far, far), moving) if moving and far < 0.5 * r.duration else r)
+            if room:
+                base = request.scenarios.get(r.name, request.scenarios.get("*")) or Scenario(r.name)
+                scenarios[r.name] = base.with_(start=room, initial={})
+        return replace(request, records=tuple(records), scenarios=scenarios)
+
+    sampled = any(
+        0 < _changes(r.channels[n]).size <= MOST_CHANGES and not r.channels[n].prompt
+        for r in request.records
+        for n in driven.get(r.name, [])
+    )
+    return _Clock(make, sampled)
+
+
+def _moves(c: Channel) -> bool:
+    return bool(c.valid.any() and np.ptp(c.values[c.valid]) > 0.0)
+
+
+def _changes(c: Channel) -> Indices:
+    """Return the places of the samples before which a held channel changed."""
+    if not c.held or not c.valid.all():
+        return np.zeros(0, dtype=np.intp)
+    return np.asarray(1 + np.flatnonzero(np.diff(c.values)), dtype=np.intp)
+
+
+def _at_rest(e: Experiment, fit: Calibration) -> str:
+    """Return the logged boundary at whose temperature everything stands at the start of a record; empty where it does not."""
+    request = fit.request
+    assert request is not None
+    base = request.scenarios.get(e.record.name, request.scenarios.get("*"))
+    given = base is not None and (base.start not in ("", MEASURED) or base.initial)
+    if given or request.local or request.record_local or request.readings:
+        return ""
+    rooms = [c for c in e.record.channels.values() if c.role == "boundary" and c.valid.all()]
+    if not rooms or len(rooms) != len(e.network.boundaries):
+        return ""
+    first = [float(c.values[0]) for c in rooms]
+    near = all(abs(float(o.measured[0]) - first[0]) <= REST * float(np.hypot(o.noise or 0.0, o.accuracy or 0.0)) for o in e.observations)
+    return rooms[0].name if near and np.ptp(first) == 0.0 and e.observations else ""
+
+
+def _with_instants(record: Record, driven: list[str], instant: float, before: float) -> Record:
+    """Return a record whose sampled powers change at an instant within each interval, after a rest without power.
+
+    Parameters
+    ----------
+    driven : list       Powers and commands.
+    instant : float     Where in the interval between two samples. [-]
+    before : float      Length of the rest; zero for none. [s]
+    """
+    own = {n: _changes(record.channels[n]) for n in driven}
+    own = {n: places for n, places in own.items() if not record.channels[n].prompt and 0 < places.size <= MOST_CHANGES}
+    times = record.times
+    rows = sorted({float(times[k - 1] + instant * (times[k] - times[k - 1])) for places in own.values() for k in places})
+    begin = float(times[0])
+    rest = [begin - before, begin - min(1e-3, 1e-3 * before)] if before else []
+    every = np.union1d(times, [*rest, *rows])
+    last = np.clip(np.searchsorted(times, every, side="right") - 1, 0, None)
+    logged = np.isin(every, times)
+    channels = []
+    for n, c in record.channels.items():
+        values, valid = c.values[last].copy(), c.valid[last] & (logged | (n in driven))
+        if n in driven:
+            for k in own.get(n, ()):
+                moved = (every >= times[k - 1] + instant * (times[k] - times[k - 1])) & (every < times[k])
+                values[moved] = c.values[k]
+            values[every < begin] = 0.0
+        elif c.role == "boundary":
+            valid = valid | (every < begin)
+        channels.append(replace(c, values=values, valid=valid, masks={}, prompt=c.prompt or n in own or (bool(rest) and n in driven)))
+    return replace(record, times=every, channels={c.name: c for c in channels})
+
+
+def summary(found: tuple[ExplainedFit, ...]) -> Iterator[str]:
+    """Yield what explains the residuals, one line for each defect, its weight with it where there are several."""
+    weights: dict[str, float] = {}
+    words: dict[str, str] = {}
+    for e in found:
+        weights[e.name] = weights.get(e.name, 0.0) + e.weight
+        words.setdefault(e.name, e.words)
+    for name, weight in sorted(weights.items(), key=lambda x: -x[1]):
+        yield f"{words[name]}{f', probability {100 * weight:.0f} %' if len(weights) > 1 else ''}"

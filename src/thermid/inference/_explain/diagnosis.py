@@ -1,0 +1,343 @@
+"""Fault diagnosis by linear evidence: each fault is tried by itself, with the sensitivities of every reading to it."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from functools import cached_property
+from typing import Any
+
+import numpy as np
+
+from thermid.base.arguments import takes_objects
+from thermid.base.errors import IdentificationError, ThermidError
+from thermid.base.linear_algebra import Array
+from thermid.base.results import Result
+from thermid.fit.calibration import Calibration
+from thermid.inference._explain.candidates import GROUPS, Fault, faults_of
+from thermid.simulation.runs import Simulator, prepare
+
+BINS = 24
+"""Stretches of time into which every log is thinned."""
+ROUNDS, REFITTED = 4, 6
+NOTHING = "nothing"
+MOST = 0.7
+"""Part of the weighted squares that a fault must take away to be called the explanation."""
+Tried = tuple[float, float, float, float, float]
+"""Log of the evidence over that of no fault, amount, its error, weighted squares left, RMS left [K]."""
+
+
+@dataclass(frozen=True, eq=False)
+class Case:
+    """One log: thinned deviations, and what simulates it."""
+
+    ready: Simulator
+    sensors: tuple[str, ...]
+    nodes: tuple[str, ...]
+    centres: Array
+    deviations: Array
+    errors: Array
+    room: str
+    starts: Mapping[str, tuple[str, ...]]
+
+    def run(self, values: Mapping[str, float], only: str = "") -> tuple[Array, dict[str, Array], Array]:
+        """Return temperatures (sensors, bins), their derivatives by free name (one, or all), and temperatures of the room (bins,)."""
+        run = self.ready.run(values, sensitivities=True)
+        at = np.array([np.interp(self.centres, run.times, run[n].kelvin) for n in self.nodes])
+        several = [run.slopes(n) for n in self.nodes]
+        slopes = {
+            f: np.array([np.interp(self.centres, run.times, m[:, k]) for m in several])
+            for k, f in enumerate(self.ready.free)
+            if only in ("", f)
+        }
+        return at, slopes, np.interp(self.centres, run.times, run[self.room].kelvin)
+
+
+class FaultBench:
+    """All logs together: deviations as one vector, their covariance, the response of every candidate."""
+
+    def __init__(self, cases: Sequence[Case], candidates: Sequence[Fault], floor: float, accuracy: Mapping[str, float]) -> None:
+        self.cases, self.candidates = cases, candidates
+        self.nominal = [c.run({}) for c in cases]
+        self.d = np.concatenate([c.deviations.ravel() for c in cases])
+        self._covariance = self._errors(floor, accuracy)
+
+    def _errors(self, floor: float, accuracy: Mapping[str, float]) -> Array:
+        """Return the covariance of the deviations where nothing is wrong: noise, constant errors of sensors, a part that wanders."""
+        blocks, owner = [], []
+        for c in self.cases:
+            near = np.exp(-np.abs(c.centres[:, None] - c.centres[None, :]) / (0.2 * (np.ptp(c.centres) or 1.0)))
+            for k, s in enumerate(c.sensors):
+                blocks.append(np.diag(c.errors[k] ** 2) + floor**2 * near)
+                owner += [s] * c.centres.size
+        out = np.zeros((len(owner), len(owner)))
+        at = 0
+        for b in blocks:
+            out[at : at + len(b), at : at + len(b)] = b
+            at += len(b)
+        same = np.array(owner)[:, None] == np.array(owner)[None, :]
+        own = np.array([accuracy.get(s, 0.0) for s in owner])
+        return np.asarray(out + same * own[:, None] * own[None, :])
+
+    @cached_property
+    def root(self) -> Array:
+        """The inverse of a Cholesky factor: what it multiplies has independent errors of size one."""
+        return np.asarray(np.linalg.inv(np.linalg.cholesky(self._covariance)))
+
+    def spread_over(self, columns: Array) -> None:
+        """Count what values that are not known exactly do to the readings, a column per direction."""
+        self._covariance = self._covariance + columns @ columns.T
+        self.__dict__.pop("root", None)
+
+    def response(self, c: Fault, runs: Sequence[tuple[Array, dict[str, Array], Array]]) -> Array:
+        """Return what a unit of a candidate adds to every simulated reading."""
+        parts = []
+        for case, (at, slopes, room) in zip(self.cases, runs, strict=True):
+            if c.free:
+                factor = c.start if c.group == "capacitance" else 1.0
+                part = factor * slopes[case.ready.canonical(c.free)]
+            else:
+                own = np.array([c.sensor in ("", s) for s in case.sensors])[:, None]
+                part = own * (np.ones_like(at) if c.unit == "K" else room[None, :] - at)
+                # what starts at a wrong reading runs on from there
+                for s, names in case.starts.items():
+                    if c.sensor in ("", s):
+                        first = 1.0 if c.unit == "K" else float(room[0] - at[case.sensors.index(s), 0])
+                        part = part - first * sum(slopes[n] for n in names)
+            parts.append(part.ravel())
+        return np.concatenate(parts)
+
+    def moved(self, c: Fault, amount: float) -> tuple[Array, Array]:
+        """Return what a candidate of some size adds to the simulated readings, and its response there."""
+        if not c.free:
+            s = self.response(c, self.nominal)
+            return amount * s, s
+        value = c.start * (1.0 + amount) if c.group == "capacitance" else c.start + amount
+        runs = []
+        for case in self.cases:
+            name = case.ready.canonical(c.free)
+            runs.append(case.run({c.free: value if c.unit != "K" else case.ready.nominal[name] + amount}, name))
+        added = [(run[0] - base[0]).ravel() for run, base in zip(runs, self.nominal, strict=True)]
+        return np.concatenate(added), self.response(c, runs)
+
+
+def cases_of(told: Calibration, grown: Any, candidates: Sequence[Fault], extra: Sequence[str]) -> list[Case]:
+    """Return the logs of a comparison, thinned, each with what simulates it and the unknowns of the candidates free."""
+    out = []
+    for e in told.experiments:
+        own = [b for b in told.blocks if b.record == e.record.name]
+        begin, end = float(min(b.times[0] for b in own)), float(max(b.times[-1] for b in own))
+        edges = np.linspace(begin, end, BINS + 1)
+        centres = 0.5 * (edges[1:] + edges[:-1])
+        deviations, errors = np.zeros((len(own), BINS)), np.zeros((len(own), BINS))
+        for k, b in enumerate(own):
+            place = np.clip(np.searchsorted(edges, b.times, side="right") - 1, 0, BINS - 1)
+            count = np.bincount(place, minlength=BINS)
+            sums = np.bincount(place, b.residuals, minlength=BINS)
+            filled = count > 0
+            deviations[k] = np.interp(centres, centres[filled], sums[filled] / count[filled])
+            noise = float(e.observations[k].noise or 0.05) if k < len(e.observations) else 0.05
+            errors[k] = np.where(filled, noise / np.sqrt(np.maximum(count, 1)), 10.0)
+        begun = {o.sensor: tuple(f"initial.{n}" for n in e.loose if n == o.seat) for o in e.observations}
+        for node, sensor in e.readings.items():
+            begun[sensor] = (*begun.get(sensor, ()), f"initial.{node}")
+        starts = {s: tuple(dict.fromkeys(names)) for s, names in begun.items() if names}
+        initial = [n for names in starts.values() for n in names]
+        free = tuple(dict.fromkeys([c.free for c in candidates if c.free] + list(extra) + initial))
+        ready = prepare(grown, e.bare, free, times=np.linspace(0.0, e.bare.seconds, 4 * BINS + 1))
+        room = ready.wiring.network.boundaries[0]
+        out.append(Case(ready, tuple(b.sensor for b in own), tuple(b.node for b in own), centres, deviations, errors, room, starts))
+    return out
+
+
+@dataclass(frozen=True)
+class Suspect:
+    """One fault, tried by itself.
+
+    Parameters
+    ----------
+    group, name : str
+    amount, error : float       Its size that explains most, and the standard error of that. [its unit]
+    unit : str                  K, W/K, or 1 for a part of the model's value.
+    text : str                  It in words.
+    probability : float         That it is this one, if it is one of those that were tried. [-]
+    explained : float           Part of the weighted squares that it takes away. [-]
+    left : float                Root mean square of what it leaves. [K]
+    """
+
+    group: str
+    name: str
+    amount: float
+    error: float
+    unit: str
+    text: str
+    probability: float
+    explained: float
+    left: float
+
+
+@dataclass(frozen=True)
+class Diagnosis(Result):
+    """What would explain the deviations.
+
+    Parameters
+    ----------
+    groups : dict               Group -> its probability, the likeliest first; ``nothing`` where errors that are expected suffice. [-]
+    suspects : tuple of Suspect Single faults, the likeliest first.
+    rms : float                 Root mean square of the deviations. [K]
+    """
+
+    groups: Mapping[str, float]
+    suspects: tuple[Suspect, ...]
+    rms: float
+
+    @property
+    def group(self) -> str:
+        """The likeliest group."""
+        return next(iter(self.groups))
+
+    @property
+    def best(self) -> Suspect | None:
+        """The likeliest fault of the likeliest group; None where nothing needs explaining."""
+        return next((s for s in self.suspects if s.group == self.group), None)
+
+    @property
+    def single(self) -> bool:
+        """Whether one fault explains most of it; else it only comes nearest among those that were tried one by one."""
+        return self.best is not None and self.best.explained >= MOST
+
+    def __str__(self) -> str:
+        """Return the diagnosis as text."""
+        if self.group == NOTHING:
+            return f"deviations of {self.rms:.2f} K (RMS) are within the stated errors of sensors and model; no fault is needed"
+        lines = [f"deviations of {self.rms:.2f} K (RMS): {self.group} ({100 * self.groups[self.group]:.0f} %): {GROUPS[self.group]}"]
+        if not self.single:
+            lines = [f"deviations of {self.rms:.2f} K (RMS): no single fault explains most of them; the best candidate is {self.group}"]
+        for s in self.suspects[:5]:
+            lines.append(f"  {s.text}: {100 * s.probability:.0f} %, takes {100 * s.explained:.0f} % of the squares, leaves {s.left:.2f} K")
+        rest = [f"{g} {100 * p:.0f} %" for g, p in self.groups.items() if g != self.group and p >= 0.01]
+        return "\n".join([*lines, *([f"  otherwise: {', '.join(rest)}"] if rest else [])])
+
+
+@takes_objects
+def diagnose(
+    told: Calibration | Sequence[Calibration],
+    *,
+    spread: Mapping[str, float] | None = None,
+    accuracy: float = 0.3,
+    floor: float = 0.1,
+) -> Diagnosis:
+    """Bayesian fault diagnosis: which group of parameters would explain the deviations of readings from a model.
+
+    Every fault is tried by itself: its size that explains most, and the probability of the readings with it, a fault of any likely size
+    being as likely beforehand as any other of its group, and each group as likely as the next (Bayes; Laplace's approximation about the
+    best size: MacKay, Information Theory, Inference, and Learning Algorithms, Cambridge 2003, chapter 28). A fault that only explains with
+    a negative link, or with twice the power, has little.
+
+    Parameters
+    ----------
+    told : Calibration(s)   Results of `compare`, a record each or several.
+    spread : dict           Fitted paths -> standard deviation in SI: what the model's values leave open counts as expected.
+    accuracy : float        Standard deviation of a sensor's constant error, where its channel states none. [K]
+    floor : float           Standard deviation of what every model leaves, wandering over a fifth of a log. [K]
+
+    Raises
+    ------
+    IdentificationError   Without readings of two sensors.
+    """
+    several = [told] if isinstance(told, Calibration) else list(told)
+    noted = {o.sensor: o for t in several for e in t.experiments for o in e.observations}
+    if len(noted) < 2:
+        raise IdentificationError(
+            f"a diagnosis needs at least two sensors, because it separates faults by their pattern over sensors; {len(noted)} is given.",
+            several[0].stage if several else "diagnose",
+        )
+    known = {s: accuracy if o.accuracy is None else o.accuracy for s, o in noted.items()}
+    grown, candidates = faults_of(several[0].fitted_model, {s: o.seat for s, o in noted.items()})
+    extra = list(spread or {})
+    cases = [c for t in several for c in cases_of(t, grown, candidates, extra)]
+    bench = FaultBench(cases, candidates, floor, known)
+    if extra:
+        columns = [
+            np.concatenate(
+                [(run[1][c.ready.canonical(n)] * (spread or {})[n]).ravel() for c, run in zip(cases, bench.nominal, strict=True)]
+            )
+            for n in extra
+        ]
+        bench.spread_over(np.column_stack(columns))
+    return _weighed(bench)
+
+
+def _weighed(bench: FaultBench) -> Diagnosis:
+    """Posterior probabilities of groups and faults, by the evidence of each."""
+    z = bench.root @ bench.d
+    whole = float(z @ z)
+    tried = {k: _linear(bench, c, z) for k, c in enumerate(bench.candidates)}
+    # those that matter again, with the response where they end and not where they begin
+    for group in GROUPS:
+        ranked = sorted((k for k, c in enumerate(bench.candidates) if c.group == group), key=lambda k: -tried[k][0])
+        for k in ranked[:REFITTED]:
+            if bench.candidates[k].free:
+                tried[k] = _refitted(bench, bench.candidates[k], z, tried[k])
+    logs = {g: _log_mean([tried[k][0] for k, c in enumerate(bench.candidates) if c.group == g]) for g in GROUPS}
+    logs = {g: v for g, v in logs.items() if np.isfinite(v)} | {NOTHING: 0.0}
+    top = max(logs.values())
+    total = sum(np.exp(v - top) for v in logs.values())
+    groups = {g: float(np.exp(v - top) / total) for g, v in sorted(logs.items(), key=lambda item: -item[1])}
+    found = []
+    for k, c in enumerate(bench.candidates):
+        evidence, amount, error, left, rms = tried[k]
+        count = sum(o.group == c.group for o in bench.candidates)
+        probability = float(np.exp(evidence - top) / total / count)
+        found.append(Suspect(c.group, c.name, amount, error, c.unit, c.words(amount), probability, 1.0 - left / whole, rms))
+    ranked_faults = sorted(found, key=lambda s: -s.probability)
+    return Diagnosis(groups, tuple(ranked_faults[:20]), float(np.sqrt(np.mean(bench.d**2))))
+
+
+def _linear(bench: FaultBench, c: Fault, z: Array) -> Tried:
+    s = bench.response(c, bench.nominal)
+    w = bench.root @ s
+    amount, square = _best(c, float(w @ w), float(w @ z))
+    return _evidence(c, z, z - w * amount, bench.d - s * amount, amount, square)
+
+
+def _refitted(bench: FaultBench, c: Fault, z: Array, begun: Tried) -> Tried:
+    amount, best = begun[1], begun
+    for _ in range(ROUNDS):
+        try:
+            added, s = bench.moved(c, amount)
+        except ThermidError:
+            return best
+        w, left = bench.root @ s, bench.root @ (bench.d - added)
+        following, square = _best(c, float(w @ w), float(w @ (left + w * amount)))
+        best = _evidence(c, z, left, bench.d - added, amount, square)
+        # half steps where it would leave what is possible
+        floor = -0.9 if c.unit == "1" else -np.inf
+        following = max(following, 0.5 * (amount + floor)) if np.isfinite(floor) else following
+        if abs(following - amount) < 1e-3 * c.size:
+            break
+        amount = following
+    return best
+
+
+def _best(c: Fault, own: float, cross: float) -> tuple[float, float]:
+    """Return the likeliest amount, and its curvature."""
+    # amount ~ N(0, size^2): the posterior's precision is own + 1 / size^2, its mean cross / precision
+    square = own + 1.0 / c.size**2
+    amount = cross / square
+    return (max(amount, 0.0) if c.one_sided else amount), square
+
+
+def _evidence(c: Fault, z: Array, left: Array, rest: Array, amount: float, square: float) -> Tried:
+    # ln of the Bayes factor by Laplace: half the fall of the squares, the prior's penalty with it, less half of ln(size^2 precision);
+    # of a one-sided amount the prior is twice as dense
+    gain = 0.5 * (float(z @ z) - float(left @ left) - (amount / c.size) ** 2) - 0.5 * float(np.log(c.size**2 * square))
+    gain += float(np.log(2.0)) if c.one_sided and amount > 0 else 0.0
+    return gain, amount, float(square**-0.5), float(left @ left), float(np.sqrt(np.mean(rest**2)))
+
+
+def _log_mean(values: Sequence[float]) -> float:
+    if not values:
+        return -np.inf
+    top = max(values)
+    return float(top + np.log(np.mean(np.exp(np.array(values) - top))))

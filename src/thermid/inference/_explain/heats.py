@@ -1,0 +1,445 @@
+"""Heat that acts beside a model: an unlogged power in a stretch of time, a load of the deck that was off, air that moved."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Collection, Iterator, Mapping
+from dataclasses import dataclass, replace
+from itertools import product
+
+import numpy as np
+
+from thermid.base.errors import ThermidError
+from thermid.base.linear_algebra import Array
+from thermid.base.units import format_value
+from thermid.fit.calibration import Calibration
+from thermid.fit.power import ONE_TURN, SHAPES, PowerCourse, watts, with_load
+from thermid.fit.problem import Experiment, Influence, Request, Unknown
+from thermid.inference._explain.candidates import MissingElement, first_step, laid_open
+from thermid.inference._explain.rough_fit import QUICK, ROUNDS, RoughEnd, RoughFit
+from thermid.measure.amounts import duration_text, short
+from thermid.model.elements import HeatLoad
+from thermid.model.laws import TableSignal
+from thermid.model.parameters import parameter
+from thermid.model.tree import FlatConductor
+from thermid.physics.constants import ICE_POINT
+from thermid.simulation.runs import Solution, prepare
+from thermid.simulation.scenarios import Scenario
+
+PULSES = 20
+"""Stretches of a record in which heat is tried; windows are made of whole ones first."""
+PLACED = "unlogged_heat_"
+MANY = 3
+"""Most nodes and loads at which a course of an unlogged power is tried."""
+TURNS = 3
+"""How often a window is looked for again, from where the last one led."""
+OWN = 0.3
+"""Standard deviation of how much stronger moving air takes heat from one surface than from another. [-]"""
+SMALL = 0.2
+"""Difference below which a measured temperature says nothing of the heat that leaves by it. [K]"""
+MOVING = ("convection", "effective")
+
+
+@dataclass(frozen=True, eq=False)
+class Heat:
+    """Heat of one shape and an amount to be found.
+
+    Parameters
+    ----------
+    kind : str              'load' or 'fan'.
+    name : str              Node, load or boundary.
+    request : Request       That of the fit.
+    experiment : int        The record in which it acts.
+    flows : dict            Node -> (times [s], heat of the amount one [W]) where there is no window.
+    window : (float, float) When it acts; throughout where it holds all of the record. [s]
+    load : str              The load of the deck that it scales; empty where it is a heat of its own.
+    sd : float              Standard deviation of the amount about zero. [W, or 1]
+    span : float            Length of the record. [s]
+    """
+
+    kind: str
+    name: str
+    request: Request
+    experiment: int
+    flows: Mapping[str, tuple[Array, Array]]
+    window: tuple[float, float]
+    load: str
+    sd: float
+    span: float
+
+    @property
+    def when(self) -> str:
+        """When it acts, in words."""
+        first, last = self.window
+        begins, ends = first > 0.01 * self.span, last < 0.99 * self.span
+        if not (begins or ends):
+            return "throughout"
+        if begins and ends:
+            return f"from {duration_text(first)} to {duration_text(last)}"
+        return f"from {duration_text(first)} to the end" if begins else f"up to {duration_text(last)}"
+
+    def words(self, amount: float) -> str:
+        """Return it in words."""
+        if self.load:
+            return f"the power of '{self.load}', which no log gives, was {100 * (1 + amount):.0f} % of the deck's"
+        if self.kind == "fan":
+            what = f"{short(1 + amount)} times as strong {self.when}"
+            return f"the heat flow to '{self.name}' was {what}: a fan, a door, a draught, or an open cover"
+        more = "more" if amount > 0 else "less"
+        return f"'{self.name}' had {short(abs(amount))} W {more} than logs and deck state, {self.when}"
+
+    def remedy(self, amount: float) -> str:
+        """Return what to change."""
+        first, last = self.window
+        if self.load:
+            return f"Log it, or give it in the scenario: loads = {{ {self.load} = '... [W]' }}."
+        if self.kind == "fan":
+            return f"Fit that part alone: prepare = [{{ trim = ['{first:.0f} [s]', '{last:.0f} [s]'] }}], or log the air flow."
+        return "Find the heater or unit that is on there and log its power; 'thermid criticise' proposes its course."
+
+    def fitted(self, fit: RoughFit, known: Mapping[str, float], rounds: int, fresh: bool = False) -> RoughEnd:
+        """Return the end of the rough fit with this heat; `fresh` starts from the deck too."""
+        return self.rough(fit).best(*([None] if fresh else []), known, rounds=rounds)
+
+    def rough(self, fit: RoughFit) -> RoughFit:
+        """Return the rough fit with this heat of an unknown amount; that of each surface may differ a little."""
+        given: tuple[Influence, ...] = (Influence(self.experiment, f"scale.{self.load}", 1.0),)
+        request, acts = (self.request, given) if self.load else self._request()
+        low = -1.0 if self.load or self.kind == "fan" else -np.inf
+        own = [(Unknown(f"{PLACED}own_{t.name}", "power", (t,), 0.0), OWN) for t in acts] if self.kind == "fan" and len(acts) > 1 else []
+        return RoughFit.of(request, fit, [*own, (Unknown(f"{PLACED}amount", "power", acts, 0.0, low=low), self.sd)])
+
+    def placed(self, fit: RoughFit, base: RoughEnd) -> tuple[Heat, RoughEnd]:
+        """Return this heat with the edges of its window where they fit best, and the end of the rough fit with it."""
+        best, end = self, self.fitted(fit, fit.named(base), ROUNDS, fresh=True)
+        if self.load:
+            return best, end
+        for _ in range(TURNS):
+            known = best.rough(fit).named(end)
+            windows = Pulses.of(self.request, fit, self.experiment).windows(best, known)
+            others = [replace(best, window=w) for w in windows if w != best.window]
+            tried = [(h, h.fitted(fit, known, ROUNDS)) for h in others]
+            better = min(tried, key=lambda each: each[1].cost, default=(best, end))
+            if better[1].cost > end.cost - 1.0:
+                break
+            best, end = better
+        width = 0.5 * self.span / PULSES
+        while width > 0.1 * self.span / PULSES:
+            for side, step in product((0, 1), (-width, width)):
+                edges = list(best.window)
+                edges[side] = float(np.clip(edges[side] + step, 0.0, self.span))
+                if edges[1] - edges[0] < 0.5 * self.span / PULSES or edges[side] == best.window[side]:
+                    continue
+                moved = replace(best, window=(edges[0], edges[1]))
+                other = moved.fitted(fit, best.rough(fit).named(end), QUICK)
+                if other.cost < end.cost:
+                    best, end = moved, other
+            width *= 0.5
+        return best, end
+
+    def _request(self) -> tuple[Request, tuple[Influence, ...]]:
+        """Return the request with a load for every node that the heat enters."""
+        names = {node: f"{PLACED}{k}" for k, node in enumerate(self.flows)}
+        tables = {names[node]: self._windowed(*self.flows[node]) for node in self.flows}
+        made = with_heats(self.request, self.experiment, {names[n]: n for n in self.flows}, tables)
+        return made, tuple(Influence(self.experiment, f"scale.{n}") for n in names.values())
+
+    def _windowed(self, times: Array, watts: Array) -> TableSignal:
+        first, last = self.window
+        sharp = 1e-4 * self.span
+        cuts = [t for edge in (first, last) for t in (edge - sharp, edge + sharp)]
+        at = np.unique(np.clip([0.0, self.span, *times, *cuts], 0.0, self.span))
+        inside = (at >= first) & (at <= last)
+        return TableSignal(at, np.where(inside, np.interp(at, times, watts), 0.0), after="hold", before="hold")
+
+
+def with_heats(request: Request, experiment: int, places: Mapping[str, str], tables: Mapping[str, TableSignal]) -> Request:
+    """Return a request whose model has further loads, name -> node, with a course each in one of its records."""
+    model = laid_open(request.model)
+    loads = {n: HeatLoad(node, {"power": parameter("0 [W]", n)}) for n, node in places.items()}
+    scenarios = {}
+    for i, r in enumerate(request.records):
+        base = request.scenarios.get(r.name, request.scenarios.get("*")) or Scenario(r.name)
+        scenarios[r.name] = base.with_(loads=dict(tables)) if i == experiment else base
+    return replace(request, model=replace(model, loads={**model.loads, **loads}), scenarios=scenarios)
+
+
+def air_flows(fit: RoughFit, end: RoughEnd, experiment: int, boundary: str) -> dict[str, tuple[Array, Array]]:
+    """Return node -> the heat that leaves the boundary for it through moving air (times [s], [W]), by the law of the deck.
+
+    The temperature of a node is the measured one where it is observed, for that knows of the mistake; else that of the fit.
+    """
+    e, times = fit.problem.experiments[experiment], fit.meshes[experiment][0]
+    as_built, as_fitted = (_ran(fit, x, experiment) for x in (fit.start(), end.x))
+    out: dict[str, tuple[Array, Array]] = {}
+    flows, seen = as_built.heat_flows, {t.node: t for t in fit.traces if t.experiment == experiment}
+    air = as_built[boundary].kelvin
+    for c in air_paths(e, boundary):
+        node = c.ends[0] if c.ends[1] == boundary else c.ends[1]
+        into = flows[c.path] * (-1.0 if c.ends[1] == boundary else 1.0)
+        trace = seen.get(node)
+        there = as_fitted[node].kelvin if trace is None else np.interp(times, trace.centres, trace.measured)
+        simulated = as_built[node].kelvin - air
+        into = into * np.clip((there - air) / np.where(np.abs(simulated) > SMALL, simulated, np.inf), 0.0, 5.0)
+        out[node] = (times, out[node][1] + into if node in out else into)
+    return out
+
+
+def _ran(fit: RoughFit, x: Array, experiment: int) -> Solution:
+    """Return a run of a record with the parameters of a rough fit."""
+    e, found = fit.problem.experiments[experiment], zip(fit.problem.unknowns, x, strict=False)
+    values = {t.name: u.to_value(float(v)) for u, v in found for t in u.targets if t.experiment == experiment}
+    named = {n: v for n, v in values.items() if n in e.network.flat.parameters.table}
+    return prepare(e.model, e.bare, tuple(named), times=fit.meshes[experiment][0]).run(named)
+
+
+def air_paths(e: Experiment, boundary: str) -> list[FlatConductor]:
+    """Return the conductors through which moving air takes heat to a boundary."""
+    return [c for c in e.network.flat.conductors if c.kind in MOVING and boundary in c.ends[:2]]
+
+
+def heats_of(request: Request, fit: RoughFit, base: RoughEnd, logged: Collection[str]) -> Iterator[Heat]:
+    """Yield heats that would explain a misfit: the best window of each node and boundary by one evaluation, and unlogged loads."""
+    order = np.argsort([-_misfit(fit, base, i) for i in range(len(fit.problem.experiments))])
+    for i in order[:2].tolist():
+        e = fit.problem.experiments[i]
+        span = e.scenario.seconds
+        for row in {r.path: r for r in e.network.flat.loads}.values():
+            scaled = any(t.name == f"scale.{row.path}" for u in fit.problem.unknowns for t in u.targets)
+            if row.path not in logged and row.path not in e.scenario.loads and not scaled:
+                yield Heat("load", row.path, request, i, {}, (0.0, span), row.path, 1.0, span)
+        yield from _windows(request, fit, base, i)
+
+
+def _misfit(fit: RoughFit, base: RoughEnd, experiment: int) -> float:
+    return float(sum(np.sum((t.whiten @ r) ** 2) for t, r in zip(fit.traces, base.left, strict=True) if t.experiment == experiment))
+
+
+@dataclass(frozen=True, eq=False)
+class Pulses:
+    """The answer of all readings to a watt in each stretch of a record, into each node that stores heat.
+
+    Parameters
+    ----------
+    rough : RoughFit        That of the fit, with an amount for every pulse at its end.
+    nodes : tuple of str    The nodes; each has `PULSES` pulses, in this order.
+    edges : array           Of the stretches. [s]
+    free : int              Unknowns before the pulses.
+    """
+
+    rough: RoughFit
+    nodes: tuple[str, ...]
+    edges: Array
+    free: int
+
+    @classmethod
+    def of(cls, request: Request, fit: RoughFit, experiment: int) -> Pulses:
+        """Return the pulses of a record."""
+        e = fit.problem.experiments[experiment]
+        span = e.scenario.seconds
+        nodes = tuple(n.path for n in e.network.flat.nodes if n.fields and n.path not in e.tips)
+        edges = np.linspace(0.0, span, PULSES + 1)
+        places: dict[str, str] = {}
+        tables, amounts = {}, []
+        for node, k in product(nodes, range(PULSES)):
+            name = f"{PLACED}{len(places)}"
+            places[name] = node
+            at = np.unique([0.0, edges[k], edges[k + 1], span])
+            tables[name] = TableSignal(at, ((at >= edges[k]) & (at < edges[k + 1])).astype(float), hold=True, after="hold")
+            amounts.append((Unknown(name, "power", (Influence(experiment, f"scale.{name}"),), 0.0), 1.0))
+        rough = RoughFit.of(with_heats(request, experiment, places, tables), fit, amounts)
+        return cls(rough, nodes, edges, len(fit.problem.unknowns))
+
+    def seen(self, known: Mapping[str, float], heat: Heat | None = None) -> tuple[Array, Array]:
+        """Return what is left without a heat (rows,) and the answers (rows, pulses), less what the unknowns of the fit can compensate."""
+        given = np.zeros(len(self.nodes) * PULSES)
+        if heat is not None:
+            amount = known.get(f"{PLACED}amount", 0.0)
+            inside = np.clip(np.minimum(self.edges[1:], heat.window[1]) - np.maximum(self.edges[:-1], heat.window[0]), 0.0, None)
+            share = inside / np.diff(self.edges)
+            for node, (times, power) in heat.flows.items():
+                if node in self.nodes:
+                    n = self.nodes.index(node)
+                    given[n * PULSES : (n + 1) * PULSES] = amount * share * np.interp(self.middles, times, power)
+        begun = {u.name: known[u.name] for u in self.rough.problem.unknowns[: self.free] if u.name in known}
+        x = self.rough.start(begun)
+        x[self.free :] = given
+        end = self.rough.at(x)
+        rows = end.rows.size - given.size  # without the priors of the pulses
+        own, pulses = end.slopes[:rows, : self.free], end.slopes[:rows, self.free :]
+        left = end.rows[:rows] - pulses @ given
+        basis = np.linalg.qr(own)[0]
+        return left - basis @ (basis.T @ left), pulses - basis @ (basis.T @ pulses)
+
+    @property
+    def middles(self) -> Array:
+        """Middles of the stretches. [s]"""
+        return 0.5 * (self.edges[1:] + self.edges[:-1])
+
+    def shape(self, pulses: Array, flows: Mapping[str, tuple[Array, Array]]) -> Array:
+        """Return the answers (rows, stretches) to heat of some course in each stretch."""
+        out = np.zeros((pulses.shape[0], PULSES))
+        for node, (times, power) in flows.items():
+            if node in self.nodes:
+                n = self.nodes.index(node)
+                out += pulses[:, n * PULSES : (n + 1) * PULSES] * np.interp(self.middles, times, power)
+        return out
+
+    def windows(self, heat: Heat, known: Mapping[str, float]) -> list[tuple[float, float]]:
+        """Return the windows in which a heat would take most squares away, from where it led."""
+        left, pulses = self.seen(known, heat)
+        return best_windows(self.shape(pulses, heat.flows), left, heat.sd, self.edges)
+
+
+def _windows(request: Request, fit: RoughFit, base: RoughEnd, i: int) -> Iterator[Heat]:
+    e = fit.problem.experiments[i]
+    span = e.scenario.seconds
+    made = Pulses.of(request, fit, i)
+    left, pulses = made.seen(fit.named(base))
+    power = max([1.0, *(float(np.abs(w).max()) for w in (s.bounds for s in e.scenario.loads.values()) if np.size(w))])
+    ends = np.array([0.0, span])
+    tried: list[tuple[str, str, Mapping[str, tuple[Array, Array]], float]] = []
+    tried += [("load", node, {node: (ends, np.ones(2))}, 3.0 * power) for node in made.nodes]
+    tried += [("fan", b, air_flows(fit, base, i, b), 2.0) for b in e.network.boundaries if air_paths(e, b)]
+    for kind, name, flows, sd in tried:
+        for window in best_windows(made.shape(pulses, flows), left, sd, made.edges):
+            yield Heat(kind, name, request, i, flows, window, "", sd, span)
+
+
+def best_windows(block: Array, left: Array, sd: float, edges: Array) -> list[tuple[float, float]]:
+    """Return the windows whose stretches together take most squares away: the best one that lasts to the end, and the best one at all.
+
+    Parameters
+    ----------
+    block : array (rows, stretches)     Answers to heat in each stretch.
+    left : array (rows,)                What is to be explained.
+    sd : float                          Standard deviation of the amount about zero.
+    edges : array                       Of the stretches. [s]
+    """
+    count = block.shape[1]
+    sums = np.concatenate([np.zeros((block.shape[0], 1)), np.cumsum(block, axis=1)], axis=1)
+    gram, cross = sums.T @ sums, sums.T @ left
+    found = []
+    for a in range(count):
+        for b in range(a + 1, count + 1):
+            square = gram[b, b] - 2.0 * gram[a, b] + gram[a, a] + 1.0 / sd**2
+            found.append(((cross[b] - cross[a]) ** 2 / square, a, b))
+    ends = [max(f for f in found if f[2] == count), max(found)]
+    return list(dict.fromkeys((float(edges[a]), float(edges[b])) for _, a, b in ends))
+
+
+def unlogged_powers(request: Request) -> Iterator[MissingElement]:
+    """Yield courses of a power that no log gives: a start-up transient, a stretch of more or less, a load that follows a temperature.
+
+    Their shapes and instants are chosen by fits of thinned readings.
+    """
+    request = replace(request, loss="linear")
+    try:
+        fit = RoughFit.of(request)
+        base = fit.solve(fit.start())
+    except ThermidError:
+        return
+    loads = {r.path: r.node for e in fit.problem.experiments for r in e.network.flat.loads}
+    steps = [(node, first_step(fit.problem.experiments, path)) for path, node in loads.items()]
+    begins = {node: step[0] if step is not None else 0.0 for node, step in reversed(steps)}
+    nodes = list(dict.fromkeys(loads.values())) or list(dict.fromkeys(t.node for t in fit.traces))
+    started = [best for node in nodes[:MANY] if (best := _start_up(request, fit, base, node, begins.get(node, 0.0))) is not None]
+    if started:
+        yield min(started, key=lambda each: each[0])[1]
+    # what begins with the record is a start-up
+    stretches = [h for h in heats_of(request, fit, base, ()) if h.kind == "load" and not h.load and h.window[0] > 0.0]
+    ends = [(end.cost, h) for h in stretches if (end := _end(h.rough(fit), fit.named(base))) is not None]
+    if ends:
+        yield _stretch(request, min(ends, key=lambda each: each[0])[1])
+    for load in [n for n in loads if n in request.model.loads][:MANY]:
+        if (regulated := _regulated(request, fit, base, load)) is not None:
+            yield regulated
+
+
+def _end(rough: RoughFit, known: Mapping[str, float]) -> RoughEnd | None:
+    try:
+        return rough.best(known, rounds=QUICK)
+    except (ThermidError, np.linalg.LinAlgError):
+        return None
+
+
+def _start_up(request: Request, fit: RoughFit, base: RoughEnd, node: str, begin: float) -> tuple[float, MissingElement] | None:
+    """Return the best start-up transient at a node, from when its power comes on [s], with its cost; None where none can be run."""
+    span = min(float(np.ptp(r.times)) for r in request.records) - begin
+
+    def cost(course: PowerCourse) -> float:
+        end = _end(RoughFit.of(course.within(request), fit), fit.named(base))
+        return np.inf if end is None else end.cost
+
+    times = np.geomspace(0.015, 0.4, 10) * span
+    tried = [PowerCourse("start_up", node, s, float(t), begin=begin) for s, t in product(SHAPES, times)]
+    best = min((cost(c), k, c) for k, c in enumerate(tried))
+    width = 0.5 * float(np.log(times[1] / times[0]))
+    while width > 0.01:
+        others = [replace(best[2], time=best[2].time * float(np.exp(d))) for d in (-width, width)]
+        best = min(best, *((cost(c), k, c) for k, c in enumerate(others)), key=lambda each: each[0])
+        width *= 0.6
+    least, _, course = best
+    if not np.isfinite(least):
+        return None
+
+    def judge(told: Calibration) -> tuple[str, bool]:
+        power = told["start_up.power"].value
+        return course.words(power), power > 0.0
+
+    after = f" and begin = '{short(begin, 6)} [s]'" if begin > 0.0 else ""
+    kept = f"; to include it write [stages.courses.start_up] with into = '{node}'{after}"
+    return least, MissingElement(
+        f"a start-up transient of the power at '{node}'{kept}", course.within(request), judge, course.within, chosen=1
+    )
+
+
+def _stretch(request: Request, heat: Heat) -> MissingElement:
+    """Return a constant power in the window of a heat."""
+    cycle = {"times": [f"{t!r} [s]" for t in (0.0, *heat.window)], "values": [0.0, 1.0, 0.0], "hold": True, "period": ONE_TURN}
+    load = watts(heat.name, power={"value": "0.1 [W]", "min": -np.inf}, cycle=cycle)
+
+    def make(request: Request) -> Request:
+        return replace(request, model=with_load(request.model, "unlogged", load), free=(*request.free, "unlogged.power"))
+
+    def judge(told: Calibration) -> tuple[str, bool]:
+        power = told["unlogged.power"].value
+        return f"{short(abs(power), 3)} W {'more' if power > 0 else 'less'} {heat.when}", True
+
+    return MissingElement(f"a power at '{heat.name}' that no log gives, {heat.when}", make(request), judge, make, chosen=2)
+
+
+def _regulated(request: Request, fit: RoughFit, base: RoughEnd, load: str) -> MissingElement | None:
+    """Return a load that follows the temperature of its node, as a proportional heater does; None where it cannot be run."""
+    given = request.model.loads[load]
+    seen = [t for t in fit.traces if t.node == given.into]
+    values = fit.problem.experiments[0].network.flat.parameters.evaluate({})
+    power = float(values.get(f"{load}.power", 0.0))
+    if not seen or power <= 0.0 or set(given.fields) != {"power"}:
+        return None
+    low, high = float(seen[0].measured.min()), float(seen[0].measured.max())
+
+    def law(above: float) -> Callable[[Request], Request]:
+        setpoint = high + above * (high - low)
+        gain = power / max(setpoint - 0.5 * (low + high), 0.1)
+        fields = {"gain": f"{gain!r} [W/K]", "setpoint": f"{setpoint - ICE_POINT!r} [degC]"}
+        heater = watts(given.into, power=f"{5.0 * power!r} [W]", proportional=fields)
+        own = (f"{load}.proportional.gain", f"{load}.proportional.setpoint")
+
+        def make(request: Request) -> Request:
+            kept = tuple(p for p in request.free if p != f"{load}.power")
+            return replace(request, model=with_load(request.model, load, heater), free=(*kept, *own))
+
+        return make
+
+    laws = [law(above) for above in (0.1, 0.5, 1.5)]
+    ends = [(end.cost, k) for k, make in enumerate(laws) if (end := _end(RoughFit.of(make(request), fit), fit.named(base))) is not None]
+    if not ends:
+        return None
+    make = laws[min(ends)[1]]
+
+    def judge(told: Calibration) -> tuple[str, bool]:
+        gain, setpoint = told[f"{load}.proportional.gain"].value, told[f"{load}.proportional.setpoint"].value
+        return f"{short(gain, 3)} W/K below {format_value(setpoint, 'degC')}", gain > 0.0
+
+    name = f"a regulated load: the power of '{load}' follows the temperature of '{given.into}'"
+    return MissingElement(name, make(request), judge, make)

@@ -1,0 +1,519 @@
+"""`find_mistakes`: which mistake in a log, a deck or on the bench would explain that a model misses its readings, or its own deck.
+
+Every mistake is a hypothesis of its own: the request, or the readings, as they would be without it. Each is fitted to the same thinned
+readings with the same weak priors about the deck, and compared with the request as it is by the height of its posterior.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from dataclasses import dataclass, replace
+from functools import partial
+from itertools import chain, combinations
+from typing import Any
+
+import numpy as np
+
+from thermid.base.errors import ThermidError
+from thermid.base.linear_algebra import Array
+from thermid.fit.problem import Request
+from thermid.inference._explain.heats import Heat, heats_of
+from thermid.inference._explain.rough_fit import QUICK, ROUNDS, Extra, RoughEnd, RoughFit
+from thermid.measure.amounts import duration_text, short
+from thermid.measure.records import Channel, Record
+from thermid.physics.constants import ICE_POINT
+from thermid.simulation.network import Network
+
+FULL = 101.0
+"""Largest number that a duty cycle in per cent reaches, with what rounding adds."""
+SHIFTS = (0.005, 0.01, 0.02, 0.03, 0.04, 0.05, 0.065, 0.08, 0.1, 0.125, 0.15, 0.2)
+"""Shifts of a clock that are tried, as parts of a record."""
+ROOM = (14.0, 34.0)
+"""Readings at the start of a log that a room may have. [degC]"""
+LAG = "lag"
+"""A hypothesis that is no mistake: sensors that lag. What it explains as well as a mistake does is not blamed on the mistake."""
+KINDS = {
+    "per cent": "a power logged in per cent but read in watts",
+    "unit": "a column in another unit than assumed",
+    "exchanged": "two exchanged columns",
+    "node": "a sensor on another part than stated in the campaign",
+    "clock": "a log with a shifted clock",
+    "load": "a power that is not logged, or was not applied",
+    "sensor": "a sensor that is detached, or wrong",
+    "fan": "a change of the air flow during the log",
+}
+"""Kind of mistake -> what it is."""
+LAG = "lag"
+"""A hypothesis that is no mistake: sensors that lag. What it explains as well as a mistake does is not blamed on the mistake."""
+NAMED = 9.0
+"""Least gain in the logarithm of the posterior's height from which a mistake is named; chance and the search among many are in it. [-]"""
+LEFT = 0.4
+"""Part of the misfit, of readings and deck together, that a named mistake may leave. [-]"""
+MOST = 4
+"""Records that are looked at: the worst ones, where there are more."""
+RIVAL = 3.0
+"""What a mistake must gain over a hypothesis that is none. [-]"""
+SECOND = 6
+"""How many of the best hypotheses are fitted to the end, once all were fitted roughly."""
+QUIET = 0.8
+"""Squares per thinned reading up to which nothing is looked for. [-]"""
+FAR = 1.2
+"""Squares of the weak priors per unknown from which the deck is thought contradicted. [-]"""
+LAGS = (15.0, 40.0, 120.0)
+"""Time constants with which a sensor that came loose goes to the temperature of its surroundings. [s]"""
+AGAINST = {LAG: 0.0, "per cent": 2.0, "unit": 3.0, "exchanged": 2.0, "node": 3.0, "clock": 5.0, "load": 6.5, "sensor": 6.0, "fan": 6.0}
+"""What a kind must gain first: how seldom it is, and what its free amounts and instants gain by chance. [-]"""
+
+
+@dataclass(frozen=True)
+class Mistake:
+    """One mistake, tried by itself.
+
+    Parameters
+    ----------
+    kind : str              A key of `KINDS`.
+    name : str              The channel, channels, load, node or boundary that it is about.
+    words : str             It in words, with its size.
+    gain : float            Logarithm of how much likelier the readings and the deck are with it, its rarity taken off. [-]
+    rms : (float, float)    Root mean square of the thinned residuals without and with it. [K]
+    remedy : str            What to change.
+    """
+
+    kind: str
+    name: str
+    words: str
+    gain: float
+    rms: tuple[float, float]
+    remedy: str
+
+    def to_dict(self) -> dict[str, Any]:
+        """Return it as JSON holds it."""
+        return {**{k: getattr(self, k) for k in ("kind", "name", "words", "gain", "remedy")}, "rms_K": list(self.rms)}
+
+    def __str__(self) -> str:
+        """Return it with its evidence."""
+        before, after = self.rms
+        fall = (
+            f"residuals {short(before)} K -> {short(after)} K (RMS)"
+            if after < 0.7 * before
+            else "the fitted values would then agree with the deck"
+        )
+        return f"{self.words} ({fall}; log-odds {short(self.gain)})"
+
+
+@dataclass(frozen=True)
+class Mistakes:
+    """The mistakes that would explain a bad fit.
+
+    Parameters
+    ----------
+    stage : str                     The fit.
+    named : tuple of Mistake        Those with strong evidence, the likeliest first; empty where nothing needs one, or none explains it.
+    bad : bool                      Whether readings or deck are missed by more than honest models do.
+    tried : int                     How many hypotheses were fitted.
+    records : tuple of str          The records that were looked at: the worst ones of many.
+    failed : str            Why none were looked for; empty where they were.
+    """
+
+    stage: str
+    named: tuple[Mistake, ...] = ()
+    bad: bool = False
+    tried: int = 0
+    records: tuple[str, ...] = ()
+    failed: str = ""
+
+    @property
+    def first(self) -> Mistake | None:
+        """The likeliest mistake; None where none is named."""
+        return self.named[0] if self.named else None
+
+    def lines(self) -> list[str]:
+        """Return what stands in the first lines of a fit."""
+        if self.failed:
+            return [f"the search for mistakes in log or deck failed: {self.failed}"]
+        if self.first is None:
+            return []
+        out = [f"likely mistake: {self.first}. {self.first.remedy}"]
+        rivals = [m for m in self.named[1:] if self.first.gain - m.gain < 5.0]
+        return out + [f"  or: {m}. {m.remedy}" for m in rivals[:2]]
+
+    def to_dict(self) -> dict[str, Any]:
+        """Return it as JSON holds it."""
+        out = {"named": [m.to_dict() for m in self.named], "tried": self.tried, "records": list(self.records)}
+        return out | ({"failed": self.failed} if self.failed else {})
+
+
+def find_mistakes(request: Request, stage: str = "") -> Mistakes:
+    """Return which mistakes in a log, a deck or on the bench would explain a bad fit.
+
+    Parameters
+    ----------
+    request : Request   What the fit was asked.
+    stage : str         Its name.
+
+    Notes
+    -----
+    The height of the posterior is compared, with an Occam factor for every kind: MacKay, Information Theory, Inference, and Learning
+    Algorithms, Cambridge 2003, chapter 28. Errors of thinned readings are their noise, and a part that wanders over a fifth of the log by
+    1.5 % of what the sensor ranged over; it stands for what honest models miss.
+    """
+    name = stage or request.name or request.model.title
+    try:
+        return _found(replace(request, loss="linear"), name)
+    except ThermidError as error:  # a fit stands without its advice
+        return Mistakes(name, failed=str(error))
+
+
+def _found(request: Request, name: str) -> Mistakes:
+    """Return the mistakes of a request; see `find_mistakes`."""
+    fit = RoughFit.of(request)
+    base = fit.solve(fit.start())
+    free = sum(u.kind == "parameter" for u in fit.problem.unknowns)
+    bad = base.square > QUIET * fit.size or base.prior > FAR * max(free, 4)
+    if not bad:
+        return Mistakes(name)
+    if len(request.records) > MOST:
+        request = _worst(request, fit, base)
+        fit, before = RoughFit.of(request), fit.named(base)
+        base = fit.best(before, None)  # of fewer records an unknown of one may have another name
+    known = hypotheses(request, fit, base)
+    quick = [(h, _fitted(h, fit, base)) for h in known]
+    ranked = sorted((f for f in quick if f[1] is not None), key=lambda f: -_gain(f[0], f[1], base))
+    chosen = [h for k, (h, _) in enumerate(ranked) if k < SECOND or h.kind == LAG]
+    found = sorted((f for h in chosen for f in _placed(h, fit, base)), key=lambda f: -_gain(f[0], f[1], base))
+    least = max(NAMED, RIVAL + max((_gain(f[0], f[1], base) for f in found if f[0].kind == LAG), default=-np.inf))
+    named: dict[tuple[str, str], Mistake] = {}
+    for h, end in found:
+        if h.kind != LAG and _gain(h, end, base) >= least and end.cost < LEFT * base.cost:
+            amount = float(end.x[-1]) if h.heat is not None or h.extra is not None else 0.0
+            made = Mistake(h.kind, h.name, h.words(amount), _gain(h, end, base), (base.rms, end.rms), h.remedy(amount))
+            named.setdefault((h.kind, h.name), made)
+    return Mistakes(name, tuple(named.values()), bad, len(known), tuple(r.name for r in request.records))
+
+
+def _worst(request: Request, fit: RoughFit, base: RoughEnd) -> Request:
+    """Return a request of the records that are missed most."""
+    missed: dict[str, float] = {}
+    for t, left in zip(fit.traces, base.left, strict=True):
+        missed[t.record] = max(missed.get(t.record, 0.0), float(np.mean((t.whiten @ left) ** 2)))
+    kept = sorted(missed, key=lambda r: -missed[r])[:MOST]
+    scenarios = {n: s for n, s in request.scenarios.items() if n in ("*", *kept)}
+    return replace(request, records=tuple(r for r in request.records if r.name in kept), scenarios=scenarios)
+
+
+def _gain(h: Hypothesis, end: RoughEnd | None, base: RoughEnd) -> float:
+    """Return the gain of a hypothesis in the logarithm of the posterior's height, its rarity taken off. [-]"""
+    return -np.inf if end is None else base.cost - end.cost - AGAINST[h.kind] - h.against
+
+
+def _fitted(h: Hypothesis, fit: RoughFit, base: RoughEnd, rounds: int = QUICK) -> RoughEnd | None:
+    """Return the end of a hypothesis after some rounds; None where it cannot be fitted."""
+    try:
+        if h.heat is not None:
+            return h.heat.fitted(fit, fit.named(base), rounds)
+        rough = replace(fit, extra=h.extra) if h.extra is not None else RoughFit.of(h.request, fit)
+        return rough.best(None, fit.named(base), rounds=rounds)
+    except (ThermidError, np.linalg.LinAlgError):
+        return None
+
+
+def _placed(h: Hypothesis, fit: RoughFit, base: RoughEnd) -> list[tuple[Hypothesis, RoughEnd]]:
+    """Return a hypothesis with its instants where they fit best, and its end; nothing where it cannot be fitted."""
+    if h.heat is not None:
+        try:
+            heat, end = h.heat.placed(fit, base)
+        except (ThermidError, np.linalg.LinAlgError):
+            return []
+        return [(replace(h, heat=heat, words=heat.words, remedy=heat.remedy), end)]
+    best = _fitted(h, fit, base, ROUNDS)
+    if best is None or h.extra is None:
+        return [] if best is None else [(h, best)]
+    extra = h.extra
+    for since, lag in chain(((d, -1.0) for d in (-2, -1, 1, 2)), ((0, s) for s in LAGS)):
+        moved = replace(extra, since=max(0, extra.since + since), lag=extra.lag if lag < 0.0 else lag)
+        end_of = _fitted(of_reading(moved, fit), fit, base, ROUNDS)
+        if end_of is not None and end_of.cost < best.cost:
+            extra, best = moved, end_of
+    return [(of_reading(extra, fit), best)]
+
+
+@dataclass(frozen=True, eq=False)
+class Hypothesis:
+    """A request, or readings, as they would be without a mistake.
+
+    Parameters
+    ----------
+    kind, name : str
+    words, remedy : callable    From the amount that was found (0 where there is none), in words.
+    request : Request           The request without the mistake; that of the fit where heat or an extra is what differs.
+    against : float             What it must gain beside its kind. [-]
+    heat : Heat or None         Heat that acts, with an amount to be found.
+    extra : Extra or None       What acts on one sensor, with an amount to be found.
+    """
+
+    kind: str
+    name: str
+    words: Callable[[float], str]
+    remedy: Callable[[float], str]
+    request: Request
+    against: float = 0.0
+    heat: Heat | None = None
+    extra: Extra | None = None
+
+
+def hypotheses(request: Request, fit: RoughFit, base: RoughEnd) -> list[Hypothesis]:
+    """Return the mistakes that are worth a fit.
+
+    Parameters
+    ----------
+    request : Request   What the fit was asked.
+    fit : RoughFit      It, over thinned readings.
+    base : RoughEnd     Its end.
+    """
+    return [*_of_requests(request, fit), *_of_readings(fit, base), *_of_heats(request, fit, base)]
+
+
+# ---- other requests: units, columns, nodes, clocks
+
+
+def _of_requests(request: Request, fit: RoughFit) -> Iterator[Hypothesis]:
+    network = fit.problem.experiments[0].network
+    yield from _per_cents(request, network)
+    yield from _units(request)
+    yield from _exchanges(request)
+    yield from _nodes(request, fit)
+    yield from _clocks(request, fit)
+
+
+def _channels(request: Request, *quantities: str) -> dict[str, Channel]:
+    """Return name -> channel of some quantities, the first of several records."""
+    out: dict[str, Channel] = {}
+    for r in request.records:
+        out |= {n: c for n, c in r.channels.items() if c.quantity in quantities and n not in out}
+    return out
+
+
+def _with(request: Request, change: Callable[[Record], Record]) -> Request:
+    return replace(request, records=tuple(change(r) for r in request.records))
+
+
+def _mapped(request: Request, names: Iterable[str], law: Callable[[Array], Array]) -> Request:
+    """Return a request in which the values of some channels are others."""
+    wanted = set(names)
+
+    def change(r: Record) -> Record:
+        mine = [replace(c, values=law(c.values), masks={}) for n, c in r.channels.items() if n in wanted]
+        return r.with_channels(*mine)
+
+    return _with(request, change)
+
+
+def _times(factor: float, values: Array) -> Array:
+    return factor * values
+
+
+def _from_fahrenheit(values: Array) -> Array:
+    """Return temperatures [K] of numbers that were read in degrees Celsius and are in degrees Fahrenheit."""
+    return (values - ICE_POINT - 32.0) / 1.8 + ICE_POINT
+
+
+def _paced(factor: float, record: Record) -> Record:
+    return replace(record, times=factor * record.times)
+
+
+def _decks(network: Network) -> dict[str, float]:
+    """Return load -> power by the deck. [W]"""
+    values = network.flat.parameters.evaluate({})
+    return {row.path: float(values[row.fields["power"]]) for row in network.flat.loads if "power" in row.fields}
+
+
+def _per_cents(request: Request, network: Network) -> Iterator[Hypothesis]:
+    decks = _decks(network)
+    for name, c in _channels(request, "power").items():
+        load = request.model.canonical(c.target or name)
+        largest, watts = float(np.abs(c.values[c.valid]).max()), decks.get(load, 0.0)
+        if not (1.0 < largest <= FULL and watts > 0.0 and largest > 1.5 * watts):
+            continue
+        words = f"'{name}' is a duty cycle in per cent but was read in watts, up to {short(largest, 3)} W for a load of {short(watts, 3)} W"
+        remedy = f'Give {name} full_scale = "{short(watts, 3)} [W]", its power at 100 %.'
+        other = _mapped(request, [name], partial(_times, watts / 100.0))
+        yield _plain("per cent", name, words, remedy, other, 0.0 if c.assumed else 1.0)
+
+
+def _plain(kind: str, name: str, words: str, remedy: str, request: Request, against: float = 0.0) -> Hypothesis:
+    return Hypothesis(kind, name, lambda _: words, lambda _: remedy, request, against)
+
+
+def _units(request: Request) -> Iterator[Hypothesis]:
+    powers, warm = _channels(request, "power"), _channels(request, "temperature")
+    for names in _alone_and_all(powers):
+        for factor, text in ((1e-3, "mW"), (1e3, "kW")):
+            words = f"{_listed(names)} {'is' if len(names) == 1 else 'are'} in {text} but was read in W"
+            other = _mapped(request, names, partial(_times, factor))
+            yield _plain("unit", ", ".join(names), words, f'Write unit = "{text}" for {_listed(names)}.', other)
+    for names in _alone_and_all(warm):
+        first = [float(c.values[c.valid][0]) - ICE_POINT for n, c in warm.items() if n in names]
+        usual = sum(ROOM[0] <= t <= ROOM[1] for t in first), sum(ROOM[0] <= (t - 32.0) / 1.8 <= ROOM[1] for t in first)
+        against = 4.0 if usual[0] >= usual[1] else -5.0  # the start of a log at 73 degC is seldom, at 23 degC it is a room
+        words = f"{_listed(names)} {'is' if len(names) == 1 else 'are'} in degrees Fahrenheit but was read in degrees Celsius"
+        other = _mapped(request, names, _from_fahrenheit)
+        yield _plain("unit", ", ".join(names), words, f'Write unit = "degF" for {_listed(names)}.', other, against)
+    for factor, text in ((60.0, "minutes"), (3600.0, "hours"), (1e-3, "milliseconds")):
+        if any(r.second is not None for r in request.records):
+            break
+        other = _with(request, partial(_paced, factor))
+        time = request.records[0].origin.time
+        words = f"the times '{time}' are in {text} but were read in seconds"
+        unit = {"minutes": "min", "hours": "h", "milliseconds": "ms"}[text]
+        yield _plain("unit", time, words, f'Write units = {{ "{time}" = "{unit}" }} for the record.', other)
+
+
+def _alone_and_all(channels: Mapping[str, Channel]) -> list[tuple[str, ...]]:
+    return [*((n,) for n in channels), *([tuple(channels)] if len(channels) > 1 else [])]
+
+
+def _listed(names: Iterable[str]) -> str:
+    return " and ".join(f"'{n}'" for n in names)
+
+
+def _exchanges(request: Request) -> Iterator[Hypothesis]:
+    for quantity in ("temperature", "power"):
+        for a, b in combinations(_channels(request, quantity), 2):
+            other = _with(request, partial(_exchanged, a, b))
+            words = f"'{a}' and '{b}' are exchanged"
+            yield _plain("exchanged", f"{a}, {b}", words, "Exchange their names in the campaign, or their cables on the bench.", other)
+
+
+def _exchanged(a: str, b: str, record: Record) -> Record:
+    """Return a record in which two channels have each other's readings."""
+    if a not in record.channels or b not in record.channels:
+        return record
+    one, other = record.channels[a], record.channels[b]
+    read = replace(one, values=other.values, valid=other.valid, masks=other.masks)
+    return record.with_channels(read, replace(other, values=one.values, valid=one.valid, masks=one.masks))
+
+
+def _nodes(request: Request, fit: RoughFit) -> Iterator[Hypothesis]:
+    network = fit.problem.experiments[0].network
+    seen = {t.sensor: t.node for t in fit.traces}
+    heavy = [n.path for n in network.flat.nodes if n.fields and n.path not in seen.values()]
+    sensors = [s for s in seen if s in _channels(request, "temperature")]
+    for s in sensors:
+        for node in heavy:
+            other = _with(request, partial(_moved, s, node))
+            words = f"'{s}' is on '{node}', not on '{seen[s]}'"
+            yield _plain("node", s, words, f'Write node = "{node}" for {s}.', other)
+
+
+def _moved(sensor: str, node: str, record: Record) -> Record:
+    if sensor not in record.channels:
+        return record
+    return record.with_channels(replace(record.channels[sensor], target=node, role="node"))
+
+
+def _clocks(request: Request, fit: RoughFit) -> Iterator[Hypothesis]:
+    """Yield shifts of what drives the model: its powers, and its boundaries where they change."""
+    powers = [n for n, c in _channels(request, "power", "command").items() if np.ptp(c.values[c.valid]) > 0.0]
+    seen = {t.sensor for t in fit.traces}
+    walls = [n for n, c in _channels(request, "temperature").items() if n not in seen and np.ptp(c.values[c.valid]) > 3.0]
+    for names in (powers, walls):
+        if names and all(r.second is None for r in request.records):
+            yield from _shifts(request, fit, names, sorted(seen))
+
+
+def _shifts(request: Request, fit: RoughFit, names: list[str], seen: list[str]) -> Iterator[Hypothesis]:
+    span = min(float(np.ptp(r.times)) for r in request.records)
+
+    def cost(shift: float, rounds: int) -> float:
+        rough = RoughFit.of(_shifted(request, names, shift), fit)
+        try:
+            return rough.solve(rough.start(), rounds).cost
+        except ThermidError:
+            return np.inf
+
+    shift = min((sign * part * span for part in SHIFTS for sign in (-1.0, 1.0)), key=lambda s: cost(s, QUICK))
+    best, width = (cost(shift, ROUNDS), shift), 0.5 * max(abs(shift) * 0.35, 0.005 * span)
+    while width > 0.001 * span:
+        best = min(best, *((cost(best[1] + d, ROUNDS), best[1] + d) for d in (-width, width)))
+        width *= 0.5
+    shift = best[1]
+    late = "behind" if shift < 0.0 else "ahead of"
+    words = f"the clock of {_listed(names)} is {duration_text(abs(shift))} {late} that of the temperatures"
+    for part in (0.5, 1.0, 2.0) if seen else ():
+        lagging = _with(request, partial(_lagging, seen, part * abs(shift)))
+        yield _plain(LAG, ", ".join(seen), "the sensors lag", "", lagging)
+    remedy = (
+        f"Join that log with offset = \"{-shift:.4g} [s]\", or give offset as a range and let the fit find it. 'thermid look' "
+        "shows the clocks."
+    )
+    yield _plain("clock", ", ".join(names), words, remedy, _shifted(request, names, shift))
+
+
+def _lagging(sensors: Sequence[str], lag: float, record: Record) -> Record:
+    """Return a record whose sensors lag; one of which a lag is stated keeps it."""
+    for s in sensors:
+        part = record.channels[s].part if s in record.channels else None
+        if s in record.channels and (part is None or not part.touches):
+            record = record.with_sensor(s, lag=f"{lag!r} [s]")
+    return record
+
+
+def _shifted(request: Request, names: list[str], shift: float) -> Request:
+    """Return a request in which some channels show what they showed `shift` seconds later or, below zero, earlier."""
+
+    def change(r: Record) -> Record:
+        mine = []
+        for c in (c for n, c in r.channels.items() if n in names):
+            held = np.interp(r.times, r.times[c.valid], c.values[c.valid])
+            if c.held:
+                at = np.clip(np.searchsorted(r.times, r.times + shift, side="right") - 1, 0, r.times.size - 1)
+                values = held[at]
+            else:
+                values = np.interp(r.times + shift, r.times, held)
+            mine.append(replace(c, values=values, valid=np.ones(r.times.size, dtype=bool), masks={}))
+        return r.with_channels(*mine)
+
+    return _with(request, change)
+
+
+# ---- readings: a sensor that came loose, or is off
+
+
+def _of_readings(fit: RoughFit, base: RoughEnd) -> Iterator[Hypothesis]:
+    for n in range(len(fit.traces)):
+        for loose in (True, False):
+            since = fit.best_since(base, n, loose, 1.0 if loose else 3.0)
+            yield of_reading(Extra(n, since, loose), fit)
+
+
+def of_reading(extra: Extra, fit: RoughFit) -> Hypothesis:
+    """Return the hypothesis that one sensor is wrong from an instant on."""
+    t = fit.traces[extra.trace]
+    begin = t.centres[extra.since] - 0.5 * float(np.median(np.diff(t.centres))) if extra.since else 0.0
+    when = (f" from {duration_text(max(float(begin), 0.0))} on" if extra.since else " throughout") + (
+        f" in {t.record}" if len(fit.problem.experiments) > 1 else ""
+    )
+    remedy = f'Mask it: prepare = [{{ mask = "{t.sensor}", from = "{begin:.0f} [s]" }}], or repeat the test.'
+
+    def words(amount: float) -> str:
+        return (_loose if extra.loose else _off)(t.sensor, amount) + when
+
+    return Hypothesis("sensor", t.sensor, words, lambda _: remedy, fit.request, extra=extra, against=0.0 if extra.loose else 2.0)
+
+
+def _loose(sensor: str, amount: float) -> str:
+    return f"'{sensor}' is detached: {100 * amount:.0f} % of its reading comes from its surroundings"
+
+
+def _off(sensor: str, amount: float) -> str:
+    return f"'{sensor}' reads {amount:+.2g} K off"
+
+
+# ---- heat: a load that nothing gives, one that was not there, air that moved
+
+
+def _of_heats(request: Request, fit: RoughFit, base: RoughEnd) -> Iterator[Hypothesis]:
+    logged = {request.model.canonical(c.target or n) for n, c in _channels(request, "power", "command").items()}
+    for heat in heats_of(request, fit, base, logged):
+        # one load of the deck needs no search of nodes and instants
+        yield Hypothesis(heat.kind, heat.name, heat.words, heat.remedy, request, heat=heat, against=-3.0 if heat.load else 0.0)

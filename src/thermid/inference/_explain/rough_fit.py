@@ -1,0 +1,366 @@
+"""Fits of thinned readings with weak priors about the deck: rough and quick, they end also where a fit to a wrong log runs away."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
+from itertools import pairwise
+
+import numpy as np
+from numpy.typing import NDArray
+
+from thermid.base.errors import SolverError
+from thermid.base.linear_algebra import Array
+from thermid.base.units import unit
+from thermid.fit.problem import Observation, Prior, Problem, Request, Unknown, build_problem
+from thermid.model.tree import Model, parameter_table
+
+BINS, FINE = 40, 4
+"""Stretches into which every record is thinned, and instants in each at which the model is looked at."""
+FLOOR = 0.015
+"""Standard deviation of what an honest model leaves, wandering over a fifth of a log, as a share of what the sensor ranged over. [-]"""
+STEP = 1.5
+"""Largest change of a fitted form in one step: a factor of 4.5 where it is a logarithm."""
+ROUNDS, QUICK = 25, 4
+"""Most rounds of a descent, and of one that only ranks."""
+HEAT = tuple(unit(u).dimension for u in ("kg", "J/K", "J/(kg K)"))
+
+
+def weak_spread(model: Model, path: str, unit_text: str) -> float:
+    """Return the standard deviation of the logarithm of a deck's value, by its source and its quantity. [-]
+
+    Values of data sheets and measurements are good to a third, heat capacities to a half, coefficients to a factor of two; what is
+    assumed to half as much again.
+    """
+    table = parameter_table(model)
+    source = table[path].parameter.source if path in table else ""
+    heat = unit(unit_text).dimension in HEAT
+    if source == "assumed":
+        return 0.8 if heat else 1.2
+    if source:
+        return 0.35
+    return 0.5 if heat else 0.8
+
+
+@dataclass(frozen=True, eq=False)
+class ThinTrace:
+    """Thinned readings of one sensor in one record.
+
+    Parameters
+    ----------
+    experiment, place : int     Of the record among the experiments, of the sensor among its observations.
+    record, sensor, node : str
+    centres : array (bins,)     [s]
+    measured : array (bins,)    Means of the readings. [K]
+    whiten : array (bins, bins) What it multiplies has independent errors of size one. [1/K]
+    """
+
+    experiment: int
+    place: int
+    record: str
+    sensor: str
+    node: str
+    centres: Array
+    measured: Array
+    whiten: Array
+
+
+@dataclass(frozen=True, eq=False)
+class Extra:
+    """Something that acts on the readings of one trace, beside the model: it adds ``amount * shape(predicted, air)`` after an instant.
+
+    Parameters
+    ----------
+    trace : int         Its place among the traces.
+    since : int         The first stretch in which it acts.
+    loose : bool        Whether the reading leans to its surroundings by that share; else a constant is added. [-] or [K]
+    lag : float         Time constant with which it comes to act. [s]
+    """
+
+    trace: int
+    since: int
+    loose: bool
+    lag: float = 0.0
+
+    def acting(self, centres: Array) -> Array:
+        """Return how much of it acts in every stretch, from 0 to 1; `centres` are their middles. [s]"""
+        half = 0.5 * float(np.median(np.diff(centres)))
+        after = centres - (centres[self.since] - half)
+        grown = 1.0 - np.exp(-np.maximum(after, 0.0) / self.lag) if self.lag > 0 else np.ones(centres.size)
+        return np.asarray(np.where(np.arange(centres.size) >= self.since, grown if self.since else 1.0, 0.0))
+
+
+@dataclass(frozen=True, eq=False)
+class RoughEnd:
+    """The end of a rough fit.
+
+    Parameters
+    ----------
+    x : array (unknowns,)       In the fitted form; the amount of an `Extra` last.
+    square : float              Sum of squares of the thinned readings in units of their errors. [-]
+    prior : float               Sum of squares of all priors. [-]
+    left : tuple of arrays      Measured less predicted of every trace. [K]
+    slopes : array (rows, unknowns)     Of all weighted residuals, priors below the readings.
+    rows : array (rows,)        The weighted residuals themselves.
+    """
+
+    x: Array
+    square: float
+    prior: float
+    left: tuple[Array, ...]
+    slopes: Array
+    rows: Array
+
+    @property
+    def cost(self) -> float:
+        """Half of all squares: the logarithm of the posterior's height, with the other sign. [-]"""
+        return 0.5 * (self.square + self.prior)
+
+    @property
+    def rms(self) -> float:
+        """Root mean square of what is left. [K]"""
+        return float(np.sqrt(np.mean(np.concatenate(self.left) ** 2)))
+
+
+@dataclass(frozen=True, eq=False)
+class RoughFit:
+    """A request over thinned readings.
+
+    Parameters
+    ----------
+    request : Request
+    problem : Problem           With what it looks for; weak priors included.
+    traces : tuple of ThinTrace
+    meshes : tuple of (times, bins)     Per experiment: instants at which it is simulated [s], and the stretch of each.
+    airs : tuple of arrays      Per experiment: temperature of its surroundings in every stretch. [K]
+    extra : Extra or None
+    """
+
+    request: Request
+    problem: Problem
+    traces: tuple[ThinTrace, ...]
+    meshes: tuple[tuple[Array, NDArray[np.int64]], ...]
+    airs: tuple[Array, ...]
+    extra: Extra | None = None
+
+    @classmethod
+    def of(cls, request: Request, like: RoughFit | None = None, amounts: Sequence[tuple[Unknown, float]] = ()) -> RoughFit:
+        """Return the rough fit of a request.
+
+        Parameters
+        ----------
+        request : Request
+        like : RoughFit     Another one whose errors of the readings are taken, so that both can be compared.
+        amounts : sequence  Further unknowns, with the standard deviation of each about zero.
+        """
+        made = build_problem(request)
+        unknowns = tuple(_held(request.model, u) for u in made.unknowns)
+        problem = replace(made, unknowns=(*unknowns, *(_about_zero(u, sd) for u, sd in amounts)))
+        errors = {(t.record, t.sensor): t for t in like.traces} if like is not None else {}
+        traces, meshes, airs = [], [], []
+        for i, e in enumerate(problem.experiments):
+            centres, edges = _stretches(e.times)
+            meshes.append(_mesh(edges))
+            air = next(iter(e.scenario.boundaries.values()))
+            airs.append(np.broadcast_to(np.asarray(air.at(centres), dtype=float), centres.shape))
+            for k, o in enumerate(e.observations):
+                measured, counts = _means(e.times[o.index], o.measured, edges)
+                name = (e.record.name, o.sensor)
+                whiten = errors[name].whiten if name in errors else _whitener(o, centres, counts, edges)
+                if whiten.shape[0] != centres.size:
+                    whiten = _whitener(o, centres, counts, edges)
+                traces.append(ThinTrace(i, k, *name, o.seat, centres, measured, whiten))
+        return cls(request, problem, tuple(traces), tuple(meshes), tuple(airs))
+
+    @property
+    def size(self) -> int:
+        """How many thinned readings there are."""
+        return sum(t.measured.size for t in self.traces)
+
+    def at(self, x: Array) -> RoughEnd:
+        """Return residuals and slopes at some values.
+
+        Raises
+        ------
+        SolverError   When a record cannot be run.
+        """
+        count = len(self.problem.unknowns)
+        seen = [self._seen(i, x[:count]) for i in range(len(self.problem.experiments))]
+        left, rows, slopes = [], [], []
+        for n, t in enumerate(self.traces):
+            predicted, slope = seen[t.experiment][0][:, t.place], seen[t.experiment][1][:, t.place, :]
+            if self.extra is not None:
+                predicted, slope = self._acted(n, predicted, slope, float(x[-1]))
+            left.append(t.measured - predicted)
+            rows.append(t.whiten @ left[-1])
+            slopes.append(-(t.whiten @ slope))
+        values, prior = self.problem.prior_rows(x[:count])
+        if self.extra is not None:
+            prior = np.column_stack([prior, np.zeros(values.size)])
+        found = np.concatenate(rows)
+        if not np.isfinite(found).all() or not np.isfinite(np.concatenate(slopes)).all():
+            raise SolverError("the run gives numbers that are not finite.", "rough fit")
+        square, spent = float(found @ found), float(values @ values)
+        return RoughEnd(x, square, spent, tuple(left), np.concatenate([*slopes, prior]), np.concatenate([found, values]))
+
+    def _seen(self, i: int, x: Array) -> tuple[Array, Array]:
+        """Return what the sensors of an experiment would show in every stretch (bins, sensors) [K], and its slopes to the unknowns."""
+        bench, (mesh, bins) = self.problem.bench(i, x), self.meshes[i]
+        values, chain = self.problem.inputs(i, x)
+        columns, derivatives = bench.temperatures(values, bool(values.size), self.problem.options, mesh)
+        slopes = derivatives @ chain if values.size else np.zeros((*columns.shape, len(self.problem.unknowns)))
+        count = np.bincount(bins)
+        columns = np.array([np.bincount(bins, c) / count for c in columns.T]).T
+        first = np.concatenate([[0], np.cumsum(count)[:-1]])
+        slopes = np.add.reduceat(slopes, first, axis=0) / count[:, None, None]
+        place = {u.name: k for k, u in enumerate(self.problem.unknowns) if u.kind == "sensor"}
+        for k, o in enumerate(bench.experiment.observations):
+            at = place.get(f"sensor {o.sensor}")
+            columns[:, k] += self.problem.fixed_bias.get(o.sensor, 0.0) if at is None else x[at]
+            if at is not None:
+                slopes[:, k, at] += 1.0
+        return columns, slopes
+
+    def _acted(self, n: int, predicted: Array, slope: Array, amount: float) -> tuple[Array, Array]:
+        """Return a trace with what acts on its readings."""
+        assert self.extra is not None
+        if n != self.extra.trace:
+            return predicted, np.column_stack([slope, np.zeros(predicted.size)])
+        acts = self.extra.acting(self.traces[n].centres)
+        shape = (self.airs[self.traces[n].experiment] - predicted if self.extra.loose else np.ones(predicted.size)) * acts
+        kept = 1.0 - amount * acts if self.extra.loose else np.ones(predicted.size)
+        return predicted + amount * shape, np.column_stack([slope * kept[:, None], shape])
+
+    def start(self, known: Mapping[str, float] | None = None) -> Array:
+        """Return the starts, those of the same name taken from another end."""
+        begun = [(known or {}).get(u.name, u.to_fitted(u.start)) for u in self.problem.unknowns]
+        return np.array([*begun, *([0.0] if self.extra is not None else [])])
+
+    def best(self, *known: Mapping[str, float] | None, rounds: int = ROUNDS) -> RoughEnd:
+        """Return the best end of descents from several starts: the deck's, or those of another end by name.
+
+        Raises
+        ------
+        SolverError   When no start can be run.
+        """
+        ends, refused = [], None
+        for one in known:
+            try:
+                ends.append(self.solve(self.start(one), rounds))
+            except SolverError as error:
+                refused = error
+        if not ends:
+            raise refused or SolverError("the start is missing.", "rough fit")
+        return min(ends, key=lambda e: e.cost)
+
+    def named(self, end: RoughEnd) -> dict[str, float]:
+        """Return unknown -> its fitted form at an end."""
+        return {u.name: float(v) for u, v in zip(self.problem.unknowns, end.x, strict=False)}
+
+    def best_since(self, end: RoughEnd, trace: int, loose: bool, sd: float) -> int:
+        """Return the stretch from which an `Extra` on a trace would take most squares away, by one step from an end without it.
+
+        `sd` is the standard deviation of its amount about zero. [-] or [K]
+        """
+        sizes = [t.measured.size for t in self.traces]
+        first, size = sum(sizes[:trace]), sizes[trace]
+        basis = np.linalg.qr(end.slopes)[0]
+        left = end.rows - basis @ (basis.T @ end.rows)
+        t = self.traces[trace]
+        predicted = t.measured - end.left[trace]
+        shape = self.airs[t.experiment] - predicted if loose else np.ones(size)
+        columns = np.zeros((end.rows.size, size - 2))
+        columns[first : first + size] = t.whiten @ (shape[:, None] * (np.arange(size)[:, None] >= np.arange(size - 2)[None, :]))
+        columns -= basis @ (basis.T @ columns)
+        # a further column c, cleared of what the slopes span, takes (c'r)^2 / (c'c + 1 / sd^2) off the squares
+        return int(np.argmax((columns.T @ left) ** 2 / (np.sum(columns**2, axis=0) + 1.0 / sd**2)))
+
+    def solve(self, start: Array, rounds: int = ROUNDS) -> RoughEnd:
+        """Return the end of a descent (Levenberg and Marquardt) of at most some rounds.
+
+        Raises
+        ------
+        SolverError   When the start cannot be run.
+        """
+        bounds = [u.fitted_bounds() for u in self.problem.unknowns]
+        bounds += [(0.0, 1.1) if self.extra.loose else (-np.inf, np.inf)] if self.extra is not None else []
+        low, high = (np.array(b) for b in zip(*bounds, strict=True)) if bounds else (np.zeros(0), np.zeros(0))
+        here = self.at(np.clip(start, low, high))
+        damping = 1e-3
+        for _ in range(rounds):
+            # (J'J + damping diag J'J) step = -J'r (Marquardt, J. SIAM 11 (1963) 431)
+            normal, force = here.slopes.T @ here.slopes, here.slopes.T @ here.rows
+            step = -np.linalg.solve(normal + np.diag(damping * np.diag(normal) + 1e-12 * max(1.0, float(np.trace(normal)))), force)
+            x = np.clip(here.x + np.clip(step, -STEP, STEP), low, high)
+            try:
+                there = self.at(x)
+                gain = here.cost - there.cost
+            except SolverError:
+                gain = 0.0
+            if gain > 0.0:
+                here, damping = there, 0.2 * damping
+                if gain < 1e-2 + 1e-4 * here.cost:
+                    break
+            else:
+                damping = max(10.0 * damping, 1e-2)
+                if damping > 1e6:
+                    break
+        return here
+
+
+def _held(model: Model, u: Unknown) -> Unknown:
+    """Return an unknown with a weak prior about its deck's value, where it has no prior."""
+    if u.kind != "parameter" or u.prior is not None:
+        return u
+    sd = weak_spread(model, u.name, u.unit) if u.log else max(abs(u.start), u.scale)
+    return replace(u, prior=Prior(u.to_fitted(u.start), sd))
+
+
+def _about_zero(u: Unknown, sd: float) -> Unknown:
+    return replace(u, prior=Prior(0.0, sd))
+
+
+def _stretches(times: Array) -> tuple[Array, Array]:
+    """Return the middle of every stretch of a record, and the edges between them; each holds readings. [s]"""
+    if times.size <= BINS:
+        parts = list(times[:, None])
+    elif np.ptp(np.diff(times)) < 0.5 * float(np.median(np.diff(times))):
+        parts = np.array_split(times, BINS)
+    else:
+        place = np.searchsorted(np.linspace(times[0], times[-1], BINS + 1)[1:-1], times, side="right")
+        parts = [times[place == k] for k in np.unique(place)]
+    between = [0.5 * (left[-1] + right[0]) for left, right in pairwise(parts)]
+    return np.array([p.mean() for p in parts]), np.array([times[0], *between, times[-1]])
+
+
+def _mesh(edges: Array) -> tuple[Array, NDArray[np.int64]]:
+    """Return instants at which a record is simulated [s], and the stretch of each."""
+    share = (np.arange(FINE) + 0.5) / FINE
+    mesh = (edges[:-1, None] + share[None, :] * np.diff(edges)[:, None]).ravel()
+    return mesh, np.repeat(np.arange(edges.size - 1), FINE)
+
+
+def _means(times: Array, values: Array, edges: Array) -> tuple[Array, NDArray[np.int64]]:
+    """Return the mean reading of every stretch and how many there are; between neighbours where there is none."""
+    count = edges.size - 1
+    place = np.clip(np.searchsorted(edges, times, side="right") - 1, 0, count - 1)
+    counts = np.bincount(place, minlength=count)
+    sums = np.bincount(place, values, minlength=count)
+    filled = np.flatnonzero(counts)
+    means = np.interp(np.arange(count), filled, sums[filled] / counts[filled])
+    return means, counts
+
+
+def _whitener(o: Observation, centres: Array, counts: NDArray[np.int64], edges: Array) -> Array:
+    """Return the inverse of a Cholesky factor of the covariance of thinned readings: noise, and what an honest model leaves."""
+    values = o.measured
+    steps = np.diff(values)
+    noise = o.noise or max(1.4826 * float(np.median(np.abs(steps - np.median(steps)))) / math.sqrt(2.0), 0.02) if steps.size else 0.1
+    spread = float(np.quantile(values, 0.98) - np.quantile(values, 0.02)) if values.size else 1.0
+    floor = max(FLOOR * spread, 0.5 * noise, 0.03)
+    span = max(float(edges[-1] - edges[0]), 1e-9)
+    wander = floor**2 * np.exp(-np.abs(centres[:, None] - centres[None, :]) / (0.2 * span))
+    own = np.where(counts > 0, noise / np.sqrt(np.maximum(counts, 1)), 10.0 * max(spread, 1.0))
+    # steps of powers inside a stretch: the mean of a stretch is known to a fraction of what changes in it
+    return np.asarray(np.linalg.inv(np.linalg.cholesky(np.diag(own**2 + (0.3 * floor) ** 2) + wander)))

@@ -1,0 +1,369 @@
+"""Posterior samples and evidence: what the data say of a fit's unknowns without the assumption of a quadratic valley."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from thermid.base.arguments import takes_objects
+from thermid.base.errors import IdentificationError, NameNotFoundError, SolverError, refuse_unknown
+from thermid.base.extensions import optional
+from thermid.base.linear_algebra import Array, covariance
+from thermid.base.results import Result, Row
+from thermid.fit.calibration import Calibration, box_of
+from thermid.fit.problem import Compressed, Problem, Unknown, wanders
+
+ENOUGH = 50
+"""A chain is long enough when it holds this many of its autocorrelation times (Foreman-Mackey and others, PASP 125 (2013) 306)."""
+
+
+AT_ONCE = 0.7
+"""Share of the steps whose proposals are drawn by the covariance of the fit."""
+TAILS = 6
+"""Degrees of freedom of these."""
+
+
+@dataclass(frozen=True, eq=False)
+class Posterior(Result):
+    """Values that the data and the priors allow, as often as they allow them.
+
+    Parameters
+    ----------
+    stage : str                     Of the fit.
+    draws : dict                    Parameter -> value of every draw (draws,), as `ensemble` takes them. [SI]
+    independent : float             How many independent draws they are worth.
+    acceptance : float              Share of the steps that were taken; 0.2 to 0.5 is usual. [-]
+    evaluations : int               How often the records were simulated.
+    fitted : dict                   Parameter -> (value, standard error) of the fit. [SI]
+    warnings : tuple of str         What a reader must know.
+    """
+
+    stage: str
+    draws: Mapping[str, Array]
+    independent: float
+    acceptance: float
+    evaluations: int
+    fitted: Mapping[str, tuple[float, float]]
+    warnings: tuple[str, ...] = ()
+
+    def interval(self, path: str, share: float = 0.95) -> tuple[float, float]:
+        """Return the interval that holds a share of the draws, as much left out below as above. [SI]
+
+        Raises
+        ------
+        NameNotFoundError   With the nearest name.
+        """
+        refuse_unknown([path], self.draws, self.stage, "'{}' was not sampled.", NameNotFoundError)
+        low, high = np.quantile(self.draws[path], [(1.0 - share) / 2.0, (1.0 + share) / 2.0])
+        return float(low), float(high)
+
+    def __str__(self) -> str:
+        """Return median and 95 % interval of each parameter, beside the fit's."""
+        size = len(next(iter(self.draws.values())))
+        lines = [f"{self.stage}: {size} draws, effective sample size {self.independent:.0f}; {self.evaluations} evaluations [SI]"]
+        width = max(map(len, self.draws))
+        for path, values in self.draws.items():
+            low, high = self.interval(path)
+            value, error = self.fitted[path]
+            lines.append(
+                f"  {path:<{width}}  median {np.median(values):.5g}   95 % {low:.5g} .. {high:.5g}   (fit {value:.5g}, "
+                f"{value - 1.96 * error:.5g} .. {value + 1.96 * error:.5g})"
+            )
+        return "\n".join([*lines, *(f"  warning: {w}" for w in self.warnings)])
+
+    def _as_rows(self) -> list[Row]:
+        """Return every parameter with mean, standard deviation and 95 % interval. [SI]"""
+        return [
+            {"path": p, "mean": float(d.mean()), "error": float(d.std()), "low": self.interval(p)[0], "high": self.interval(p)[1]}
+            for p, d in self.draws.items()
+        ]
+
+
+@takes_objects
+def posterior(fit: Calibration, *, steps: int = 1000, walkers: int = 0, seed: int = 1) -> Posterior:
+    """Return draws of a fit's parameters, everything else that it looked for taken along.
+
+    Constant errors and temperatures of single records, in which readings are linear or nearly so, are not sampled: at each step they take
+    their best values, and the width that their priors leave is counted (the Laplace form of the integral over them; Tierney and Kadane,
+    J. Am. Stat. Assoc. 81 (1986) 82). Noise counts as in the errors of the fit: residuals that wander, readings in steps, noise of logged
+    inputs and fixed values with an error widen the draws by stretching the distance to the best values, so that near them the draws scatter
+    by the covariance of the fit, while the shape of the valley stays (curvature adjustment: Ribatet, Cooley, Davison, Statistica Sinica 22
+    (2012) 813). Needs the package emcee: ``pip install thermid[bayes]``.
+
+    Most proposals are drawn anew by the fit's covariance (independence chain: Tierney, Ann. Stat. 22 (1994) 1701), so that where the valley
+    is nearly quadratic a draw owes little to the one before; the others are stretches between walkers, for valleys that are not.
+
+    Parameters
+    ----------
+    fit : Calibration
+    steps : int         Of every walker; the first fifth is left out.
+    walkers : int       Twice the parameters and at least 12 by default.
+    seed : int
+
+    Raises
+    ------
+    IdentificationError   When emcee is missing, nothing was free, or the calibration was read from a file.
+    """
+    emcee = optional("emcee", "a posterior")
+    density = _Density.of(fit).stretched(fit)
+    size = len(density.at)
+    count = walkers or max(12, 2 * size + 2)
+    rng = np.random.default_rng(seed)
+    start = density.rest[density.at][None, :] + density.errors(fit)[None, :] * rng.standard_normal((count, size))
+    start = np.clip(start, density.box[:, 0], density.box[:, 1])
+    near = _Near.of(density.rest[density.at], density.widths(fit))
+    moves = [(emcee.moves.MHMove(near), AT_ONCE), (emcee.moves.StretchMove(), 1.0 - AT_ONCE)]
+    sampler = emcee.EnsembleSampler(count, size, density, moves=moves)
+    sampler.random_state = np.random.RandomState(seed).get_state()  # the kind of state that emcee takes
+    sampler.run_mcmc(start, steps)
+    chain = sampler.get_chain(discard=steps // 5, flat=True)
+    lag = float(np.max(sampler.get_autocorr_time(discard=steps // 5, quiet=True, tol=0)))
+    independent = chain.shape[0] / max(lag, 1.0)
+    names = [density.problem.unknowns[k] for k in density.at]
+    draws = {u.name: np.array([u.to_value(x) for x in chain[:, n]]) for n, u in enumerate(names)}
+    short = (
+        ()
+        if steps - steps // 5 > ENOUGH * lag
+        else (f"the chains are {(steps - steps // 5) / lag:.0f} autocorrelation times long; {ENOUGH} are needed. Give more steps.",)
+    )
+    known = {u.name: (fit[u.name].value, fit[u.name].error) for u in names}
+    warnings = (*short, *density.remarks())
+    return Posterior(fit.stage, draws, independent, float(np.mean(sampler.acceptance_fraction)), density.count, known, warnings)
+
+
+@dataclass(frozen=True, eq=False)
+class _Near:
+    """Proposals by the covariance of a fit, whatever came before: Student's distribution, whose tails are wider than the posterior's.
+
+    Parameters
+    ----------
+    middle : array (parameters,)                Best values, in the fitted form.
+    root : array (parameters, parameters)       A root of the covariance.
+    """
+
+    middle: Array
+    root: Array
+
+    @classmethod
+    def of(cls, middle: Array, covariance: Array) -> _Near:
+        """Return it."""
+        return cls(middle, np.asarray(np.linalg.cholesky(covariance), dtype=float))
+
+    def log(self, points: Array) -> Array:
+        """Return the logarithm of the density at points (points, parameters), but for a constant."""
+        square = np.sum(np.linalg.solve(self.root, (points - self.middle).T) ** 2, axis=0)
+        return np.asarray(-0.5 * (TAILS + self.middle.size) * np.log1p(square / TAILS))
+
+    def __call__(self, points: Array, random: np.random.RandomState) -> tuple[Array, Array]:
+        """Return new points and the logarithm of the ratio of proposal densities, old over new (Hastings)."""
+        wide = np.sqrt(TAILS / random.chisquare(TAILS, size=(points.shape[0], 1)))
+        new = self.middle + (wide * random.standard_normal(points.shape)) @ self.root.T
+        return new, self.log(points) - self.log(new)
+
+
+@dataclass(frozen=True, eq=False)
+class Evidence(Result):
+    """How well a structure explains the data before its parameters were known, each parameter paid for.
+
+    Parameters
+    ----------
+    stage : str             Of the fit.
+    log : float             Natural logarithm of the evidence. [-]
+    error : float           Of the sampling. [-]
+    evaluations : int       How often the records were simulated.
+    box : dict              Parameter -> (low, high) over which its prior is spread, evenly in its fitted form. [SI]
+    doubts : tuple of str   Why it does not count: it takes residuals as independent and logged inputs as exact.
+    """
+
+    stage: str
+    log: float
+    error: float
+    evaluations: int
+    box: Mapping[str, tuple[float, float]]
+    doubts: tuple[str, ...] = ()
+
+    def against(self, other: Evidence) -> str:
+        """Return in words what two structures' evidence says, both fitted to the same readings (Jeffreys' scale).
+
+        Nothing where the better one leaves residuals that are not independent: then neither made the log.
+        """
+        far = self.log - other.log
+        better, worse = (self, other) if far >= 0 else (other, self)
+        if better.doubts:
+            return (
+                f"'{better.stage}' and '{worse.stage}': the evidence does not decide, because {better.doubts[0]}. Compare them on a "
+                "hold-out record, or look for physics that both lack with td.inference.criticise."
+            )
+        size, doubt = abs(far), math.hypot(self.error, other.error)
+        scale = "negligible" if size < 1.0 + doubt else "weak" if size < 2.5 else "moderate" if size < 5.0 else "strong"
+        return f"'{better.stage}' over '{worse.stage}': ln evidence {size:.1f} +- {doubt:.1f} higher, {scale}"
+
+
+@takes_objects
+def evidence(fit: Calibration, *, points: int = 100, seed: int = 1) -> Evidence:
+    """Return the evidence of a fit's structure, to choose between structures fitted to the same readings.
+
+    Priors spread evenly over the bounds (in the fitted form), cut at four standard deviations of a stated prior; a wider box costs a
+    parameter that does not need it. Nested sampling: Skilling, Bayesian Analysis 1 (2006) 833, in the package dynesty (``pip install
+    thermid[bayes]``).
+
+    Parameters
+    ----------
+    fit : Calibration
+    points : int        That are kept alive; more make the error smaller.
+    seed : int
+
+    Raises
+    ------
+    IdentificationError   When dynesty is missing, nothing was free, the noise of a sensor is not stated, or the calibration was read from
+                          a file.
+    """
+    dynesty = optional("dynesty", "evidence")
+    density = _Density.of(fit)
+    loose = sorted({o.sensor for o in density.problem.observations() if o.noise is None})
+    if loose:
+        raise IdentificationError(f"evidence needs the noise of every sensor. State noise = '... [K]' for '{loose[0]}'.", fit.stage)
+    low, wide = density.box[:, 0], np.ptp(density.box, axis=1)
+    sampler = dynesty.NestedSampler(
+        density,
+        lambda u: low + u * wide,
+        len(density.at),
+        nlive=points,
+        sample="rwalk" if len(density.at) > 9 else "unif",
+        rstate=np.random.default_rng(seed),
+    )
+    sampler.run_nested(dlogz=0.1, print_progress=False)
+    found = sampler.results
+    unknowns = [density.problem.unknowns[k] for k in density.at]
+    box = {u.name: (u.to_value(a), u.to_value(b)) for u, (a, b) in zip(unknowns, density.box.tolist(), strict=True)}
+    return Evidence(fit.stage, float(found.logz[-1]), float(found.logzerr[-1]), density.count, box, density.doubts(fit))
+
+
+@dataclass(eq=False)
+class _Density:
+    """Logarithm of the density of parameters given the data, all other unknowns integrated out; normalised over the readings."""
+
+    problem: Problem
+    at: NDArray[np.int64]
+    box: Array
+    rest: Array
+    level: float
+    count: int = 0
+    stretch: Array | None = None
+
+    @classmethod
+    def of(cls, fit: Calibration) -> _Density:
+        problem = fit.problem
+        if problem is None or fit.request is None:
+            raise IdentificationError(
+                "samples need a fit made in this session, because a values file has no records. Repeat the fit.", fit.stage
+            )
+        if fit.request.loss != "linear":
+            raise IdentificationError(
+                "samples need the loss 'linear', because a robust loss is not a likelihood. Repeat the fit with it.", fit.stage
+            )
+        at = np.array([k for k, u in enumerate(problem.unknowns) if u.kind == "parameter"], dtype=np.int64)
+        if not at.size:
+            raise IdentificationError("no parameter was free, so there is nothing to sample.", fit.stage)
+        box = np.array([box_of(problem.unknowns[k]) for k in at])
+        end = np.array([fit.fitted[u.name] for u in problem.unknowns])
+        return cls(problem, at, box, end, max(1.0, fit.reduced_chi_square))
+
+    def stretched(self, fit: Calibration) -> _Density:
+        """Return the density whose distance to the best values is stretched so that its width is that of the fit's errors."""
+        names = [self.problem.unknowns[k].name for k in self.at]
+        wanted = fit.store.covariance(names)
+        variance_factor = fit.autocorrelation.variance_factor if fit.autocorrelation is not None else 1.0
+        found = self.problem.compressed(self.rest)
+        rows = np.concatenate([found.slopes / math.sqrt(variance_factor), self.problem.prior_rows(self.rest)[1]])
+        here = covariance(rows)[np.ix_(self.at, self.at)]
+        if not (np.isfinite(here).all() and all(fit.store[n].known for n in names)):
+            return replace(self, level=variance_factor)
+        # the symmetric A with A here^-1 A = wanted^-1, in units of the errors
+        scale = np.sqrt(np.diag(wanted))
+        here, wanted = here / np.outer(scale, scale), wanted / np.outer(scale, scale)
+        inner, outer = _root(here), _root(np.linalg.inv(here))
+        stretch = inner @ _root(outer @ np.linalg.inv(wanted) @ outer) @ inner
+        return replace(self, level=variance_factor, stretch=stretch * scale[:, None] / scale[None, :])
+
+    def widths(self, fit: Calibration) -> Array:
+        """Return the covariance (parameters, parameters) of the draws of a quadratic valley: that of the fit, or of its errors alone."""
+        errors = self.errors(fit)
+        if self.stretch is None:
+            return np.diag(np.where(np.isfinite(errors), errors, np.ptp(self.box, axis=1) / 4.0) ** 2)
+        whole = fit.store.covariance([self.problem.unknowns[k].name for k in self.at])
+        return np.asarray(whole + 1e-9 * np.diag(np.diag(whole)))
+
+    def remarks(self) -> tuple[str, ...]:
+        """Return what a reader must know of the width of the draws."""
+        if self.stretch is not None:
+            return ()
+        return ("the data do not limit the errors of the fit, so the draws include the noise of the readings only.",)
+
+    def doubts(self, fit: Calibration) -> tuple[str, ...]:
+        """Return why a density that takes residuals as independent and logged inputs as exact does not count."""
+        out = []
+        slow = [t for t in (fit.autocorrelation.traces if fit.autocorrelation else ()) if wanders(t.effective_samples, t.samples)]
+        if slow:
+            t = min(slow, key=lambda t: t.effective_samples / t.samples)
+            out.append(
+                f"residuals of '{t.sensor}' in '{t.record}' are autocorrelated (effective sample size of {t.samples}: "
+                f"{t.effective_samples:.3g})"
+            )
+        return tuple(out)
+
+    def errors(self, fit: Calibration) -> Array:
+        """Return the standard errors of the parameters, in the fitted form."""
+        unknowns = [self.problem.unknowns[k] for k in self.at]
+        return np.array([fit[u.name].error / u.slope(float(self.rest[k])) for k, u in zip(self.at, unknowns, strict=True)])
+
+    def __call__(self, point: Array) -> float:
+        """Return it at some values of the parameters; minus infinity outside the box."""
+        if (point < self.box[:, 0]).any() or (point > self.box[:, 1]).any():
+            return -np.inf
+        x = self.rest.copy()
+        best = x[self.at]
+        x[self.at] = point if self.stretch is None else np.clip(best + self.stretch @ (point - best), self.box[:, 0], self.box[:, 1])
+        self.count += 1
+        try:
+            found = self.problem.compressed(x)
+        except SolverError:
+            return -np.inf
+        return self._marginal(x, found)
+
+    def _marginal(self, x: Array, found: Compressed) -> float:
+        priors, prior_slopes = self.problem.prior_rows(x)
+        scale = 1.0 / math.sqrt(self.level)
+        rows = np.concatenate([found.rows * scale, priors])
+        others = np.setdiff1d(np.arange(x.size), self.at)
+        slopes = np.concatenate([found.slopes * scale, prior_slopes])[:, others]
+        # Laplace: the integral of exp(-|r + J d|^2 / 2) over the others is exp(-|r|^2 / 2 + |J d*|^2 / 2) (2 pi)^(m/2) / sqrt(det J'J), d*
+        # the least-squares step (Tierney and Kadane, JASA 81 (1986) 82); `_width` has the factors of 2 pi and of the priors
+        out = -0.5 * float(rows @ rows) - self._size()
+        if others.size:
+            step, *_ = np.linalg.lstsq(slopes, -rows, rcond=None)
+            out += 0.5 * float(np.sum((slopes @ step) ** 2))
+            _, logdet = np.linalg.slogdet(slopes.T @ slopes)
+            out -= 0.5 * float(logdet)
+            out += sum(_width(self.problem.unknowns[k]) for k in others)
+        return out
+
+    def _size(self) -> float:
+        """Return the logarithm of what normalises the readings' density."""
+        sigma = [(o.sigma(self.problem.noise) * math.sqrt(self.level), o.index.size) for o in self.problem.observations()]
+        return sum(n * math.log(s * math.sqrt(2.0 * math.pi)) for s, n in sigma)
+
+
+def _root(matrix: Array) -> Array:
+    """Return the symmetric root of a matrix without negative directions."""
+    sizes, vectors = np.linalg.eigh(0.5 * (matrix + matrix.T))
+    return np.asarray((vectors * np.sqrt(np.maximum(sizes, 0.0))) @ vectors.T)
+
+
+def _width(unknown: Unknown) -> float:
+    """Return what an unknown that was integrated out adds: its normalised prior, or a flat one of one unit."""
+    return -math.log(unknown.prior.sd) if unknown.prior is not None else 0.5 * math.log(2.0 * math.pi)

@@ -1,0 +1,408 @@
+"""`profile` and `valley`: how far one parameter, or two that may compensate each other, can go before the readings object."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, field, replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from thermid.base.arguments import takes_objects
+from thermid.base.errors import IdentificationError, NameNotFoundError, SolverError, refuse_unknown
+from thermid.base.linear_algebra import Array, covariance
+from thermid.base.results import PlottedTrace, Result
+from thermid.base.units import from_si
+from thermid.fit.calibration import Calibration, minimise
+from thermid.fit.problem import Compressed, Problem, Unknown
+from thermid.inference._identifiability import Identifiability
+
+MOST_STEPS, FIRST, FARTHEST = 14, 0.7, 7.0
+"""Points on one side; how far a logarithm goes at first, and at most (a factor of 1100)."""
+
+
+@dataclass(frozen=True, eq=False)
+class Held(Problem):
+    """A problem with some unknowns held, whose readings scatter `spread` times as much as their noise says.
+
+    Parameters
+    ----------
+    whole : Problem             The problem.
+    values : array (unknowns,)  All unknowns, in the fitted form.
+    kept : array                Positions of those that are looked for.
+    spread : float
+    """
+
+    whole: Problem = field(default=None, repr=False)  # type: ignore[assignment]
+    values: Array = field(default_factory=lambda: np.zeros(0), repr=False)
+    kept: NDArray[np.int64] = field(default_factory=lambda: np.zeros(0, dtype=np.int64), repr=False)
+    spread: float = 1.0
+
+    @classmethod
+    def of(cls, whole: Problem, values: Array, held: tuple[int, ...], spread: float) -> Held:
+        """Return a problem with some unknowns held at their values."""
+        kept = np.array([k for k in range(len(whole.unknowns)) if k not in held], dtype=np.int64)
+        unknowns = tuple(whole.unknowns[k] for k in kept)
+        return cls(whole.experiments, unknowns, whole.noise, whole.options, whole=whole, values=values, kept=kept, spread=spread)
+
+    def full(self, fitted: Array) -> Array:
+        """Return all unknowns."""
+        out = self.values.copy()
+        out[self.kept] = fitted
+        return out
+
+    def compressed(self, fitted: Array, loss: str = "linear", loss_scale: float = 1.0, meshes: object = ()) -> Compressed:
+        """Return the residuals of the whole with the derivatives of what is looked for."""
+        found = self.whole.compressed(self.full(fitted), loss, loss_scale, meshes)  # type: ignore[arg-type]
+        rows, slopes = found.rows / self.spread, found.slopes[:, self.kept] / self.spread
+        return replace(found, rows=rows, slopes=slopes, chi_square=found.chi_square / self.spread**2)
+
+    def prior_rows(self, fitted: Array) -> tuple[Array, Array]:
+        """Return the residuals of all priors with the derivatives of what is looked for."""
+        rows, slopes = self.whole.prior_rows(self.full(fitted))
+        return rows, slopes[:, self.kept]
+
+
+@dataclass(frozen=True, eq=False)
+class Profile(Result):
+    """How far a parameter can go before the readings object.
+
+    Parameters
+    ----------
+    path, unit : str            The parameter, and the unit for people.
+    best : float                Where the fit is best. [SI]
+    low, high : float           The interval; infinite, or the bound, where the readings set no limit. [SI]
+    limited : (bool, bool)      Whether the readings set the lower and the upper limit.
+    level : float               Probability that the interval stands for. [-]
+    error : float               Standard error of the fit, for comparison. [SI]
+    bounds : (float, float)     [SI]
+    values : array (points,)    Where it was tried. [SI]
+    rise : array (points,)      Growth of the weighted sum of squares there, all other unknowns fitted anew. [-]
+    threshold : float           Growth at the ends of the interval. [-]
+    """
+
+    path: str
+    unit: str
+    best: float
+    low: float
+    high: float
+    limited: tuple[bool, bool]
+    level: float
+    error: float
+    bounds: tuple[float, float]
+    values: Array
+    rise: Array
+    threshold: float
+
+    def shown(self, value: float) -> str:
+        """Return a value in its unit."""
+        return f"{from_si(value, self.unit):.4g}"
+
+    def __str__(self) -> str:
+        """Return the interval in words."""
+        head = f"{self.path} = {self.shown(self.best)} {self.unit}"
+        sure = f"{100 * self.level:.3g} %"
+        ends = [self.shown(v) if ok else "" for v, ok in zip((self.low, self.high), self.limited, strict=True)]
+        if all(self.limited):
+            text = f"{head}: {sure} confidence interval from {ends[0]} to {ends[1]} {self.unit}"
+        elif any(self.limited):
+            text = f"{head}: {sure} sure {'above' if self.limited[0] else 'below'} {ends[0] or ends[1]} {self.unit}"
+        else:
+            text = head
+        for ok, side, end in zip(self.limited, ("lower", "upper"), (self.low, self.high), strict=True):
+            if not ok:
+                bound = self.bounds[side == "upper"]
+                to = f"the bound {self.shown(bound)}" if np.isfinite(bound) else f"{self.shown(end)}, the farthest tried"
+                text += f"; no {side} limit down to {to}" if side == "lower" else f"; no {side} limit up to {to}"
+        plain = [self.shown(self.best + side * self.threshold**0.5 * self.error) for side in (-1.0, 1.0)]
+        return f"{text}. By the standard error alone: {plain[0]} to {plain[1]}."
+
+    def _as_traces(self) -> Sequence[PlottedTrace]:
+        """Return the growth of the sum of squares, and the growth at the ends of the interval."""
+        x = np.asarray([from_si(float(v), self.unit) for v in self.values])
+        return [PlottedTrace("growth", x, self.rise), PlottedTrace(f"{100 * self.level:g} %", x, np.full(x.size, self.threshold))]
+
+    @property
+    def _axes_titles(self) -> tuple[str, str]:  # type: ignore[override]
+        return (f"{self.path} [{self.unit}]", "growth of the weighted sum of squares [-]")
+
+
+def asked(fit: Calibration, path: str) -> tuple[Problem, int]:
+    """Return the problem of a fit and the position of an unknown."""
+    if fit.problem is None:
+        raise IdentificationError("this calibration was not made by a fit in this session; repeat the fit.", fit.stage)
+    names = [u.name for u in fit.problem.unknowns]
+    name = fit.model.canonical(path)
+    refuse_unknown([name], names, fit.stage, f"'{path}' was not free in this fit.", NameNotFoundError)
+    return fit.problem, names.index(name)
+
+
+def spread_of(problem: Problem, at: Array, ks: tuple[int, ...], errors: Array) -> float:
+    """Return how many times the noise the readings scatter, so that their information alone gives the errors of the fit.
+
+    Residuals that wander widen the errors of a fit by more than their size does, and each parameter by its own amount.
+    """
+    from scipy.optimize import brentq
+
+    data, priors = problem.compressed(at).slopes, problem.prior_rows(at)[1]
+    out = []
+    for k, error in zip(ks, errors, strict=True):
+
+        def excess(log_spread: float, k: int = k, error: float = float(error)) -> float:
+            # ln of the standard error from (J'J / s^2 + P)^-1, over that of the fit
+            rows = np.concatenate([data / np.exp(log_spread), priors])
+            return float(0.5 * np.log(covariance(rows)[k, k]) - np.log(error))
+
+        low, high = -3.0, 8.0
+        out.append(float(np.exp(brentq(excess, low, high, xtol=1e-4))) if excess(low) < 0 < excess(high) else 1.0)
+    return float(np.exp(np.mean(np.log(out))))
+
+
+@takes_objects
+def profile(fit: Calibration, path: str, level: float = 0.95) -> Profile:
+    """Return the interval of a parameter from its profile: it is moved step by step, and everything else is fitted anew each time.
+
+    Parameters
+    ----------
+    fit : Calibration   The fit.
+    path : str          Path of a fitted parameter.
+    level : float       Probability of the interval. [-]
+
+    Raises
+    ------
+    NameNotFoundError   When the parameter was not free.
+
+    Notes
+    -----
+    The interval ends where the weighted sum of squares, priors included, has grown by the quantile of chi-square with one degree of freedom
+    (Venzon and Moolgavkar, Applied Statistics 37 (1988) 87-94, DOI 10.2307/2347496). Readings weigh as they do in the errors of the fit.
+    """
+    from scipy.special import gammaincinv
+
+    if not 0.0 < level < 1.0:
+        raise IdentificationError(f"a level of {level:g} is not a probability. Give one between 0 and 1, such as 0.95.", "profile")
+    problem, k = asked(fit, path)
+    threshold = float(2.0 * gammaincinv(0.5, level))
+    at = np.array([fit.fitted[u.name] for u in problem.unknowns])
+    u, value = problem.unknowns[k], fit.values[problem.unknowns[k].name]
+    spread = spread_of(problem, at, (k,), np.array([value.error / u.slope(float(at[k]))]))
+    walk = _Walk(fit, problem, k, at, spread, threshold)
+    sides = [walk.side(sign) for sign in (-1.0, 1.0)]
+    for end, points, _ in sides:  # a smooth curve needs points on the way
+        points += [(x, walk.rise(x, walk.at)[0]) for x in walk.best + np.array([0.33, 0.66]) * (end - walk.best)]
+    line = sorted([*sides[0][1], *sides[1][1], (walk.best, 0.0)])
+    low, high = (u.to_value(end) for end, _, _ in sides)
+    limited = (sides[0][2], sides[1][2])
+    tried, rise = np.array([u.to_value(x) for x, _ in line]), np.array([r for _, r in line])
+    return Profile(u.name, u.unit, u.to_value(walk.best), low, high, limited, level, value.error, (u.low, u.high), tried, rise, threshold)
+
+
+class _Walk:
+    """A parameter on its way out from the best fit."""
+
+    def __init__(self, fit: Calibration, problem: Problem, k: int, at: Array, spread: float, threshold: float) -> None:
+        request = fit.request
+        self.loss, self.loss_scale = (request.loss, request.loss_scale) if request is not None else ("linear", 1.0)
+        self.problem, self.k, self.spread, self.threshold = problem, k, spread, threshold
+        whole = minimise(Held.of(problem, at, (), spread), self.loss, self.loss_scale, at)
+        self.at, self.cost, self.best = whole.fitted, whole.cost, float(whole.fitted[k])
+        u: Unknown = problem.unknowns[k]
+        self.step = fit.values[u.name].error / u.slope(self.best)
+        self.bounds = u.fitted_bounds()
+        self.log = u.log
+        self.farthest = FARTHEST if u.log else 1e3 * self.step
+
+    def rise(self, x: float, start: Array) -> tuple[float, Array]:
+        """Return how much the sum of squares grows with the parameter at a value, and where all unknowns are then."""
+        values = start.copy()
+        values[self.k] = x
+        held = Held.of(self.problem, values, (self.k,), self.spread)
+        found = minimise(held, self.loss, self.loss_scale, values[held.kept])
+        return max(0.0, 2.0 * (found.cost - self.cost)), held.full(found.fitted)
+
+    def side(self, sign: float) -> tuple[float, list[tuple[float, float]], bool]:
+        """Return where a side ends, the points on it, and whether the readings end it."""
+        limit = self.bounds[0] if sign < 0 else self.bounds[1]
+        room = min(abs(limit - self.best), self.farthest)
+        # a logarithm with a large error knows little of where the limit is
+        far, points = min(self.threshold**0.5 * self.step, FIRST if self.log else np.inf, room), list[tuple[float, float]]()
+        before, start = 0.0, self.at
+        for _ in range(MOST_STEPS):
+            try:
+                rise, place = self.rise(self.best + sign * far, start)
+            except SolverError:
+                break  # as far as the model can be run
+            points.append((self.best + sign * far, rise))
+            if rise >= self.threshold:
+                return self._crossing(sign, before, abs(points[-1][0] - self.best), start, points)
+            start = place
+            if far >= room * (1 - 1e-9):
+                break
+            before = abs(points[-1][0] - self.best)
+            far = min(far * float(np.clip((self.threshold / max(rise, 1e-12)) ** 0.5 * 1.05, 1.15, 3.0)), room)
+        return self.best + sign * room, points, False
+
+    def _crossing(
+        self, sign: float, low: float, high: float, place: Array, points: list[tuple[float, float]]
+    ) -> tuple[float, list[tuple[float, float]], bool]:
+        """Return where the rise reaches the threshold between two distances."""
+        from scipy.optimize import brentq
+
+        goal = self.threshold**0.5
+        known = {distance: rise**0.5 for distance, rise in ((abs(x - self.best), r) for x, r in points)}
+
+        def beyond(distance: float) -> float:
+            if distance not in known:
+                rise, _ = self.rise(self.best + sign * distance, place)
+                points.append((self.best + sign * distance, rise))
+                known[distance] = rise**0.5
+            return float(known[distance] - goal)
+
+        known |= {low: known.get(low, 0.0), high: known[high]}
+        at = float(brentq(beyond, low, high, xtol=0.01 * self.step, rtol=1e-3, maxiter=30, disp=False))
+        return self.best + sign * at, points, True
+
+
+GRID = 25
+
+
+@dataclass(frozen=True, eq=False)
+class Valley(Result):
+    """The weighted sum of squares over two parameters, all others adjusting themselves.
+
+    Parameters
+    ----------
+    names, units : (str, str)           The parameters, and units for people.
+    first, second : array (points,)     Values. [SI]
+    rise : array (points, points)       Growth over the best, second down, first across; NaN where the model cannot be run. [-]
+    best : (float, float)               [SI]
+    along : array (line, 2)             The valley: for each value of the first, the best second. [SI]
+    bounds : pair of (float, float)     [SI]
+    logs : (bool, bool)                 Whether each is fitted by its logarithm.
+    fitted : bool                       Whether `best` is the end of a fit; else it is where one would start.
+    """
+
+    names: tuple[str, str]
+    units: tuple[str, str]
+    first: Array
+    second: Array
+    rise: Array
+    best: tuple[float, float]
+    along: Array
+    bounds: tuple[tuple[float, float], tuple[float, float]]
+    logs: tuple[bool, bool]
+    fitted: bool = True
+
+    def _summary(self) -> str:
+        """Return the two parameters and where the best lies."""
+        best = ", ".join(f"{n} = {from_si(v, u):.4g} {u}" for n, v, u in zip(self.names, self.best, self.units, strict=True))
+        return f"{self.names[0]} against {self.names[1]}; best {best}"
+
+    @property
+    def _axes_titles(self) -> tuple[str, str]:  # type: ignore[override]
+        return (f"{self.names[0]} [{self.units[0]}]", f"{self.names[1]} [{self.units[1]}]")
+
+    def _as_traces(self) -> Sequence[PlottedTrace]:
+        """Return the valley: for each value of the first the best of the second."""
+        x, y = (np.asarray([from_si(float(v), u) for v in self.along[:, k]]) for k, u in enumerate(self.units))
+        return [PlottedTrace("best of the second", x, y)]
+
+
+@takes_objects
+def valley(source: Calibration | Identifiability, first: str, second: str, points: int = GRID) -> Valley:
+    """Return how the fit worsens over two parameters; where they can compensate each other, the map shows a valley.
+
+    Parameters
+    ----------
+    source : Calibration or Identifiability     A fit, or what is known before one, where a fit would be refused.
+    first, second : str                         Paths of two free parameters.
+    points : int                                Values along each axis.
+
+    Notes
+    -----
+    Everything else follows by one step of Gauss and Newton at each point, from where the derivatives at the best place it.
+    """
+    if first == second:
+        raise IdentificationError(f"a valley needs two different parameters; '{first}' was given twice.", "valley")
+    if isinstance(source, Calibration):
+        (problem, i), (_, j) = asked(source, first), asked(source, second)
+        at = np.array([source.fitted[u.name] for u in problem.unknowns])
+        error = np.array([source.values[problem.unknowns[k].name].error for k in (i, j)])
+        error = error / np.array([problem.unknowns[k].slope(at[k]) for k in (i, j)])
+        spread = spread_of(problem, at, (i, j), error)
+    else:
+        problem, at, spread = source.problem, source.information.at, 1.0
+        i, j = (_position(source, path) for path in (first, second))
+        error = np.sqrt(np.diag(source.information.covariance()))[[i, j]]
+    pair = (problem.unknowns[i], problem.unknowns[j])
+    axes = [_axis(u, float(at[k]), float(e), points) for u, k, e in zip(pair, (i, j), error, strict=True)]
+    held = Held.of(problem, at, (i, j), spread)
+    response = _response(problem, at, (i, j), held.kept)
+    rise = np.full((points, points), np.nan)
+    for m, y in enumerate(axes[1]):
+        for n, x in enumerate(axes[0]):
+            moved = at.copy()
+            moved[held.kept] += response @ np.array([x - at[i], y - at[j]])
+            moved[[i, j]] = x, y
+            rise[m, n] = _settled(held, moved)
+    # before a fit the start is not the best; of a fit the middle of the map is
+    rise -= np.nanmin(rise)
+    values = [np.array([u.to_value(x) for x in axis]) for u, axis in zip(pair, axes, strict=True)]
+    best = pair[0].to_value(at[i]), pair[1].to_value(at[j])
+    along = np.column_stack([values[0], [_lowest(values[1], column) for column in rise.T]])
+    bounds = (pair[0].low, pair[0].high), (pair[1].low, pair[1].high)
+    names, units = (pair[0].name, pair[1].name), (pair[0].unit, pair[1].unit)
+    return Valley(
+        names, units, values[0], values[1], rise, best, along, bounds, (pair[0].log, pair[1].log), isinstance(source, Calibration)
+    )
+
+
+def _position(source: Identifiability, path: str) -> int:
+    names = source.information.names
+    refuse_unknown([path], names, source.title, "'{}' is not free here.", NameNotFoundError)
+    return names.index(path)
+
+
+def _axis(u: Unknown, at: float, error: float, points: int) -> Array:
+    """Return the values to look at, in the fitted form: 3.5 standard errors either side, at most a factor of 4, within the bounds."""
+    wide = min(3.5 * error, 1.4) if u.log else 3.5 * error if np.isfinite(error) else 4.0 * u.scale
+    low, high = u.fitted_bounds()
+    return np.linspace(max(at - wide, low), min(at + wide, high), points)
+
+
+def _response(problem: Problem, at: Array, pair: tuple[int, int], kept: NDArray[np.int64]) -> Array:
+    """Return how the others move (others, 2) when the pair is moved from the best."""
+    rows = np.concatenate([problem.compressed(at).slopes, problem.prior_rows(at)[1]])
+    found: Array = np.linalg.lstsq(rows[:, kept], -rows[:, list(pair)], rcond=1e-10)[0]
+    return found
+
+
+def _settled(held: Held, moved: Array) -> float:
+    """Return the sum of squares at some values of all unknowns, the others following by two Newton steps; NaN where none runs."""
+    here, square, at = replace(held, values=moved), np.nan, moved[held.kept]
+    for last in (False, True):
+        try:
+            found = here.compressed(at)
+        except SolverError:
+            return square
+        priors, slopes = here.prior_rows(at)
+        rows, jacobian = np.concatenate([found.rows, priors]), np.concatenate([found.slopes, slopes])
+        step = np.linalg.lstsq(jacobian, -rows, rcond=1e-10)[0] if at.size else at
+        square = float(np.sum((rows + jacobian @ step) ** 2))
+        if last or not at.size:
+            break
+        at = at + step
+    return square
+
+
+def _lowest(values: Array, column: Array) -> float:
+    """Return where a column of the map is lowest, by a parabola through the lowest point and its neighbours."""
+    if np.isnan(column).all():
+        return float("nan")
+    k = int(np.nanargmin(column))
+    if not 0 < k < values.size - 1:
+        return float("nan")  # beyond the edge
+    left, middle, right = column[k - 1 : k + 2]
+    bend = left - 2.0 * middle + right
+    shift = 0.5 * (left - right) / bend if bend > 0 else 0.0
+    return float(np.interp(k + shift, np.arange(values.size), values))

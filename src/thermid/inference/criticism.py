@@ -1,0 +1,17 @@
+"""What is missing in a model: candidates, hidden defects, mistakes in a log, a search for structures."""
+
+from thermid.inference._explain.candidates import Fitted as Fitted, MissingElement as MissingElement, changes_of as changes_of
+from thermid.inference._explain.criticism import (
+    Criticism as Criticism,
+    criticise as criticise,
+    cumulated_periodogram as cumulated_periodogram,
+)
+from thermid.inference._explain.defects import ExplainedFit as ExplainedFit, asks as asks, explained as explained, summary as summary
+from thermid.inference._explain.mistakes import Mistakes as Mistakes, find_mistakes as find_mistakes
+from thermid.inference._explain.structures import (
+    FittedStructure as FittedStructure,
+    StructureSearch as StructureSearch,
+    adopted as adopted,
+    fitted_structure as fitted_structure,
+    search_structure as search_structure,
+)

@@ -1,0 +1,9 @@
+"""Identifiability, profile likelihood, parameter trade-offs and posterior samples."""
+
+from thermid.inference._identifiability import (
+    Identifiability as Identifiability,
+    identifiability as identifiability,
+    identifiability_of as identifiability_of,
+)
+from thermid.inference._posterior import Evidence as Evidence, Posterior as Posterior, evidence as evidence, posterior as posterior
+from thermid.inference._profile import Profile as Profile, Valley as Valley, profile as profile, valley as valley

@@ -1,0 +1,92 @@
+"""A test that was not made yet, as the record that its sensors would bring."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from thermid.base.errors import IdentificationError, nearest
+from thermid.measure.records import Channel, Record
+from thermid.model.laws import literal
+from thermid.model.tree import Model
+from thermid.simulation.runs import network_for, output_times, simulate
+from thermid.simulation.scenarios import Scenario
+
+
+@dataclass(frozen=True)
+class Sensor:
+    """A channel of a planned log.
+
+    Parameters
+    ----------
+    name : str              Its name; an instrument that an earlier log had keeps its constant error.
+    target : str            Path of the node, boundary or load that it reads.
+    role : str              node, boundary or load.
+    noise : float           Standard deviation of one reading. [K or W]
+    accuracy : float        Standard deviation of its constant error. [K or W]
+    resolution : float      Its step. [K or W]
+    """
+
+    name: str
+    target: str
+    role: str
+    noise: float | None = None
+    accuracy: float | None = None
+    resolution: float | None = None
+
+
+def sensors_of(model: Model, scenario: Scenario, given: Mapping[str, Any]) -> tuple[Sensor, ...]:
+    """Return sensors from a table: node, boundary or load -> noise as text, or ``{noise, accuracy, name}``.
+
+    Raises
+    ------
+    IdentificationError   When a node's sensor has no noise, or a key is unknown.
+    """
+    network = network_for(model, scenario)
+    loads = [load.path for load in network.flat.loads]
+    out = []
+    for raw, entry in given.items():
+        where = f"sensors.{raw}"
+        table = dict(entry) if isinstance(entry, Mapping) else {"noise": entry}
+        for key in set(table) - {"noise", "accuracy", "name"}:
+            raise IdentificationError(f"give a sensor noise, accuracy and name, not {key}.{nearest(key, ('noise', 'accuracy'))}", where)
+        path = model.canonical(raw)
+        role = "load" if path in loads else "boundary" if (path := network.find(raw, where)) in network.boundaries else "node"
+        noise, accuracy = (literal(table[k], "W" if role == "load" else "K", where) if k in table else None for k in ("noise", "accuracy"))
+        if role == "node" and noise is None:
+            raise IdentificationError(
+                "the noise of the sensors is missing. Give it, such as noise = '0.1 [K]': the expected errors depend on it.", where
+            )
+        out.append(Sensor(str(table.get("name", raw)), path, role, noise, accuracy))
+    return tuple(out)
+
+
+def planned_record(model: Model, scenario: Scenario, sensors: Sequence[Sensor], every: str | float | None, name: str) -> Record:
+    """Return the record of a planned test: the model's own temperatures at its sensors, without noise.
+
+    Parameters
+    ----------
+    model, scenario : Model, Scenario
+    sensors : sequence of Sensor    What is logged.
+    every : str, float or None      Interval of the readings [s]; 301 of them when None.
+    name : str                      Name of the record.
+
+    Raises
+    ------
+    IdentificationError   When no sensor reads a node.
+    """
+    if not any(s.role == "node" for s in sensors):
+        raise IdentificationError("a planned test needs at least one sensor on a node.", name)
+    times = output_times(scenario, every, None)
+    run = simulate(model, scenario, times=times)
+    powers = run.load_powers if any(s.role == "load" for s in sensors) else {}
+    channels = {}
+    for s in sensors:
+        values = np.asarray(powers[s.target]) if s.role == "load" else run[s.target].kelvin
+        quantity = "power" if s.role == "load" else "temperature"
+        said = {"noise": s.noise, "accuracy": s.accuracy, "resolution": s.resolution}
+        channels[s.name] = Channel.of(s.name, values, quantity=quantity, role=s.role, target=s.target, **said)
+    return Record.from_arrays(name, times, channels)

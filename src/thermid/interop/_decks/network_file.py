@@ -1,0 +1,391 @@
+"""What a deck of another tool says before it is a model: nodes, conductors, loads and parameters with their lines; what was left out."""
+
+from __future__ import annotations
+
+import math
+import os
+import re
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass, field
+from typing import Any, Final
+
+import numpy as np
+
+from thermid.base.errors import DeckError
+from thermid.base.expression import parse
+from thermid.base.units import counted
+from thermid.model.deck import model_from_dict
+from thermid.model.tree import Model, ParameterSet
+from thermid.physics.constants import ICE_POINT
+from thermid.simulation.scenarios import Scenario
+
+GROUP: Final[Mapping[str, float]] = {"value": 1.0, "min": 0.05, "max": 20.0}
+"""A factor of all conductors that one statement of the deck's author made: what an analyst correlates."""
+STEP: Final = 1e-9
+"""Share of a period over which the end of a cycle steps to its beginning."""
+
+
+@dataclass(frozen=True)
+class TextSpan:
+    """Where a number stands in a file.
+
+    Parameters
+    ----------
+    file : str           The file's path as it was opened.
+    line : int           Line, from 1.
+    begin, end : int     Characters of the file's text.
+    """
+
+    file: str
+    line: int
+    begin: int
+    end: int
+
+    def __str__(self) -> str:
+        """Return file and line."""
+        return f"{os.path.basename(self.file)}:{self.line}"
+
+
+@dataclass(frozen=True)
+class DeckRemark:
+    """A statement of a deck that was not taken over as it is."""
+
+    where: TextSpan
+    what: str
+    dropped: bool = True
+
+    def __str__(self) -> str:
+        """Return place and words."""
+        return f"{self.where}: {self.what}"
+
+
+@dataclass(frozen=True)
+class FileNode:
+    """A node: submodel and number, capacitance [J/K] as text or number (None: massless), temperature [degC]; a boundary when `held`."""
+
+    submodel: str
+    name: str
+    capacitance: float | str | Mapping[str, Any] | None
+    celsius: float
+    held: bool
+    where: TextSpan
+    title: str = ""
+
+    @property
+    def path(self) -> str:
+        """Path of the node in the model; a boundary stands at the top."""
+        return f"{self.submodel}_{self.name}" if self.held else f"{self.submodel}.{self.name}"
+
+
+@dataclass(frozen=True)
+class FileConductor:
+    """A conductor: its table of a deck without ends, the ends as (submodel, name), its group ("" without one)."""
+
+    name: str
+    ends: tuple[tuple[str, str], tuple[str, str]]
+    table: Mapping[str, Any]
+    where: TextSpan
+    group: str = ""
+
+
+@dataclass(frozen=True)
+class FileLoad:
+    """A load: node, power [W] as number or text, the group that its author named; a course in watts, or of a power that it scales."""
+
+    name: str
+    into: tuple[str, str]
+    power: float | str
+    where: TextSpan
+    group: str = ""
+    course: FileCourse | None = None
+    more: Mapping[str, Any] = field(default_factory=dict)
+    scales: bool = False
+    factor: float = 1.0
+
+
+def _defined(at: Mapping[tuple[str, str], str], end: tuple[str, str], what: str, each: FileConductor | FileLoad) -> str:
+    """Return the path of a node that a line of a deck names.
+
+    Raises
+    ------
+    DeckError   When the deck does not define it.
+    """
+    if end not in at:
+        raise DeckError(f"{what} {each.name} names node {'.'.join(end).strip('.')}, which the deck does not define.", str(each.where))
+    return at[end]
+
+
+@dataclass(frozen=True, eq=False)
+class NetworkFile:
+    """A thermal network as a deck of SINDA or ESATAN has it.
+
+    Parameters
+    ----------
+    title : str                    Name of the case.
+    tool : str                     What wrote the deck.
+    nodes, conductors, loads       In the order of the files.
+    parameters : dict              Name -> number or text of a deck, with the place where it stands.
+    duration : float               Length of the transient [s]; 0 without one.
+    remarks : tuple of DeckRemark      What was dropped or assumed, line by line.
+    texts : dict                   File -> its text, as read.
+    zero_and_degree : tuple        Absolute zero in the deck's unit of temperature, and a degree of it [K].
+    courses : dict                 Boundary -> temperature over time, where it is no constant. [degC]
+    """
+
+    title: str
+    tool: str
+    nodes: tuple[FileNode, ...]
+    conductors: tuple[FileConductor, ...]
+    loads: tuple[FileLoad, ...]
+    parameters: Mapping[str, tuple[Any, TextSpan]]
+    duration: float
+    remarks: tuple[DeckRemark, ...]
+    texts: Mapping[str, str]
+    courses: Mapping[str, FileCourse] = field(default_factory=dict)
+    zero_and_degree: tuple[float, float] = (-ICE_POINT, 1.0)
+
+    def __str__(self) -> str:
+        """Return what was read in one line, then what was not."""
+        dropped = [each for each in self.remarks if each.dropped]
+        held = sum(node.held for node in self.nodes)
+        head = (
+            f"{self.title} ({self.tool}): {counted(len(self.nodes) - held, 'node')}, {counted(held, 'boundary node')}, "
+            f"{counted(len(self.conductors), 'conductor')} in {counted(len(self.groups()), 'group')}, {counted(len(self.loads), 'load')}"
+        )
+        if dropped:
+            head = f"INCOMPLETE: {counted(len(dropped), 'statement')} not taken over\n{head}"
+        return "\n".join([head, *(f"  {each}" for each in self.remarks)])
+
+    def celsius(self, printed: Mapping[str, float]) -> dict[str, float]:
+        """Return printed temperatures in degC; a deck in kelvin or Fahrenheit prints in its own unit."""
+        return {node: self.zero_and_degree[1] * (number - self.zero_and_degree[0]) - ICE_POINT for node, number in printed.items()}
+
+    def groups(self) -> dict[str, int]:
+        """Return the groups of conductors and how many each has: one factor each in the model."""
+        sizes: dict[str, int] = {}
+        for each in self.conductors:
+            if each.group:
+                sizes[each.group] = sizes.get(each.group, 0) + 1
+        return sizes
+
+    def model(self) -> Model:
+        """Return the network as a model: a submodel for each of the deck's, a parameter for each group of conductors.
+
+        Raises
+        ------
+        DeckError   Where the network is no valid model.
+        """
+        at = {(node.submodel, node.name): node.path for node in self.nodes}
+        inner: dict[str, dict[str, Any]] = {}
+        settings: dict[str, Any] = {}
+        for node in self.nodes:
+            if not node.held:
+                inner.setdefault(node.submodel, {})[node.name] = made = _node(node)
+                if isinstance(node.capacitance, str) and parse(node.capacitance).names:  # names are known at the top only
+                    settings[f"{node.path}.capacitance"] = made.pop("capacitance")
+                    made["capacitance"] = "1 [J/K]"
+        submodels = {
+            name: {"use": model_from_dict({"title": name, "offers": list(nodes), "nodes": nodes})} for name, nodes in inner.items()
+        }
+        groups = {name: {**GROUP, "note": f"factor of {counted(n, 'conductor')}"} for name, n in self.groups().items()}
+        stated = {name: {"value": value, "source": "derived", "basis": str(span)} for name, (value, span) in self.parameters.items()}
+        deck = {
+            "title": self.title,
+            "needs": [node.path for node in self.nodes if node.held],
+            "parameters": stated | groups,
+            "submodels": submodels,
+            "set": settings,
+            "conductors": {each.name: self._conductor(each, at) for each in self.conductors},
+            "loads": {
+                each.name: {"into": _defined(at, each.into, "load", each), "power": _watts(each.power), **each.more} for each in self.loads
+            },
+        }
+        return model_from_dict(deck)
+
+    def _conductor(self, each: FileConductor, at: Mapping[tuple[str, str], str]) -> dict[str, Any]:
+        """Return the table of a conductor, times the factor of its group."""
+        table = {"between": [_defined(at, end, "conductor", each) for end in each.ends], **each.table}
+        key = SCALED[table["kind"]]
+        value = table.get(key, "1")
+        table[key] = {"value": f"{each.group}*{value}" if each.group else value, "source": "derived", "basis": str(each.where)}
+        return table
+
+    def case(self) -> dict[str, Any]:
+        """Return the tables of a scenario file: boundaries and starts of the deck, courses of loads, its length."""
+        followed = [(each, each.course) for each in self.loads if each.course is not None]
+        held = [node for node in self.nodes if node.held]
+        tables = {
+            "boundaries": {
+                node.path: self.courses[node.path].table("degC") if node.path in self.courses else f"{node.celsius!r} [degC]"
+                for node in held
+            },
+            "loads": {each.name: course.table("W", each.factor) for each, course in followed if not each.scales},
+            "commands": {each.name: course.table("") for each, course in followed if each.scales},
+            "initial": {node.path: f"{node.celsius!r} [degC]" for node in self.nodes if not node.held and node.capacitance is not None},
+        }
+        return {"title": self.title, "duration": f"{self.duration!r} [s]"} | {name: table for name, table in tables.items() if table}
+
+    def scenario(self) -> Scenario:
+        """Return the case as a scenario."""
+        return Scenario(**self.case())
+
+    def written_back(self, model: Model) -> dict[str, str]:
+        """Return the texts of the deck with the values of a model: equal but for the numbers that changed.
+
+        `not_written_back` names the changed values that have no number of their own in the files.
+
+        Parameters
+        ----------
+        model : Model   Made by `model` of this file, with other values of its parameters.
+
+        Returns
+        -------
+        dict            File -> text; files in which nothing changed are left out.
+
+        Raises
+        ------
+        DeckError       When the model lacks a parameter of this file.
+        """
+        edits: dict[str, list[tuple[TextSpan, str]]] = {}
+        for span, text in self._edits(model)[0].items():
+            edits.setdefault(span.file, []).append((span, text))
+        return {file: _edited(self.texts[file], changes, self.tool) for file, changes in edits.items()}
+
+    def not_written_back(self, model: Model) -> tuple[str, ...]:
+        """Return the paths of values of a model that differ from the deck's and that `written_back` cannot write; raises as that does."""
+        return self._edits(model)[1]
+
+    def _edits(self, model: Model) -> tuple[dict[TextSpan, str], tuple[str, ...]]:
+        """Return the numbers that changed where they stand, and the paths of changed values that have no number of their own."""
+        now = ParameterSet(model).evaluate({})
+        numbers = {name: float(value) for name, (value, _) in self.parameters.items() if isinstance(value, int | float)}
+        lacking = sorted({*numbers, *self.groups()} - now.keys())
+        if lacking:
+            raise DeckError(f"the deck has no '{lacking[0]}', so it is no import of this file. Import it again.", self.title)
+        named = {name: float(now[name]) for name in (*numbers, *self.groups())}
+        before = ParameterSet(self.model()).evaluate(named)  # what the files state with the changed parameters and groups
+        changed = {p for p in before.keys() | now.keys() if not _same(now.get(p, math.nan), before.get(p, math.nan))}
+        out = {self.parameters[n][1]: f"{named[n]:.7g}" for n, value in numbers.items() if not _same(named[n], value)}
+        places: dict[TextSpan, dict[str, float]] = {}  # a row that makes several conductors has one number for all of them
+        for path, span, group in self._places():
+            factor = named[group] if group else 1.0
+            ratio = now.get(path, math.nan) / before[path] if path in changed and before[path] else 1.0
+            places.setdefault(span, {})[path] = ratio * factor
+        for span, ratios in places.items():
+            ratio = next(iter(ratios.values()))
+            text = self.texts[span.file][span.begin : span.end]
+            if all(_same(ratio, each) for each in ratios.values()) and _scales(text):
+                changed -= {p for p in ratios if before[p]}
+                if not _same(ratio, 1.0):
+                    out[span] = _times(text, ratio)
+            else:
+                changed |= {p for p, each in ratios.items() if not _same(each, 1.0)}
+        return out, tuple(sorted(changed))
+
+    def _places(self) -> Iterator[tuple[str, TextSpan, str]]:
+        """Yield the values that stand in the files as a number or expression: path, place, group."""
+        for each in self.conductors:
+            yield f"{each.name}.{SCALED[each.table['kind']]}", each.where, each.group
+        for node in self.nodes:
+            if isinstance(node.capacitance, float | str):
+                yield f"{node.path}.capacitance", node.where, ""
+        for load in self.loads:
+            if load.course is None and not load.more:
+                yield f"{load.name}.power", load.where, ""
+
+
+def _same(a: float, b: float) -> bool:
+    """Return whether two values are one number written twice."""
+    return math.isclose(a, b, rel_tol=1e-9)
+
+
+def _scales(text: str) -> bool:
+    """Return whether a factor can stand beside a text of a file: a number, or an expression without an array or a list."""
+    return re.fullmatch(r"[\w.+\-*/() ]+", text) is not None and re.fullmatch(r"\s*S?A\d+\s*", text, re.IGNORECASE) is None
+
+
+SCALED: Final = {"conduction": "conductance", "radiation": "area", "table": "scale", "flow": "mass_flow"}
+"""Kind of a conductor -> field that a group's factor multiplies."""
+
+
+def _node(node: FileNode) -> dict[str, Any]:
+    """Return the table of a node."""
+    if node.capacitance is None:
+        return {}
+    if isinstance(node.capacitance, Mapping):
+        return dict(node.capacitance)
+    text = node.capacitance if isinstance(node.capacitance, str) else f"{node.capacitance!r} [J/K]"
+    return {"capacitance": {"value": text, "source": "derived", "basis": str(node.where), "note": node.title}}
+
+
+def _watts(power: float | str) -> str:
+    return power if isinstance(power, str) else f"{power!r} [W]"
+
+
+def _times(number: str, factor: float) -> str:
+    """Return a number of a file times a factor; an expression in brackets times it."""
+    try:
+        return f"{float(fortran(number)) * factor:.7g}"
+    except ValueError:
+        return f"({number.strip()}) * {factor:.7g}"
+
+
+def _edited(text: str, changes: list[tuple[TextSpan, str]], tool: str) -> str:
+    """Return a text with numbers replaced, each line that changed with a comment of the tool's language."""
+    mark = "$" if tool == "SINDA" else "#"
+    lines: dict[int, list[str]] = {}
+    for span, new in sorted(changes, key=lambda change: change[0].begin, reverse=True):
+        old = text[span.begin : span.end]
+        text = text[: span.begin] + new + text[span.end :]
+        lines.setdefault(span.line, []).insert(0, old.strip())
+    rows = text.split("\n")
+    for line, before in lines.items():
+        row, tail = rows[line - 1], ""
+        if row.endswith("\r"):
+            row, tail = row[:-1], "\r"
+        rows[line - 1] = f"{row} {mark} fitted, was {', '.join(before)}{tail}"
+    return "\n".join(rows)
+
+
+_EXPONENT = re.compile(r"(?<=[\d.])[dD](?=[-+]?\d)")
+
+
+def fortran(text: str) -> str:
+    """Return a number or expression of Fortran with exponents as Python has them."""
+    return _EXPONENT.sub("e", text.strip())
+
+
+def identifier(text: str) -> str:
+    """Return a name for a model from words of a deck: letters, digits and underscores, not beginning with a digit."""
+    name = re.sub(r"\W+", "_", text, flags=re.ASCII).strip("_").lower()
+    return f"n_{name}" if not name or name[0].isdigit() else name
+
+
+@dataclass(frozen=True, eq=False)
+class FileCourse:
+    """A quantity over time: straight lines between points [s], repeated after a period [s] or held beyond its ends (period 0)."""
+
+    seconds: np.ndarray
+    numbers: np.ndarray
+    period: float
+    where: str
+
+    def __post_init__(self) -> None:
+        """Refuse points that are no course."""
+        t = self.seconds
+        if t.size != self.numbers.size or t.size == 0:
+            raise DeckError(f"{counted(t.size, 'time')} and {counted(self.numbers.size, 'value')} do not form a table.", self.where)
+        if self.period and t[-1] - t[0] > self.period * (1.0 + 1e-9):
+            raise DeckError(f"times over {t[-1] - t[0]:g} s exceed the period of {self.period:g} s.", self.where)
+
+    def table(self, unit: str, factor: float = 1.0, offset: float = 0.0) -> dict[str, Any]:
+        """Return the course as a table of a scenario."""
+        t, v = self.seconds, self.numbers * factor + offset
+        if self.period and t.size > 1:
+            if t[0] + self.period - t[-1] > STEP * self.period:  # a straight line from the last point to the first of the next period
+                t, v = np.append(t, t[0] + self.period), np.append(v, v[0])
+            elif v[-1] != v[0]:  # the end of the cycle steps to its beginning
+                t, v = np.append(t[:-1], (t[0] + (1.0 - STEP) * self.period, t[0] + self.period)), np.append(v, v[0])
+        values = [f"{each!r} [{unit}]" if unit else each for each in v.tolist()]
+        table: dict[str, Any] = {"times": [f"{each!r} [s]" for each in t.tolist()], "values": values}
+        return table | ({"after": "repeat"} if self.period and t.size > 1 else {"after": "hold", "before": "hold"})

@@ -1,0 +1,619 @@
+"""Decks of SINDA/G and SINDA/FLUINT, as Thermal Desktop writes them: nodes, conductors, sources, arrays, registers, heaters.
+
+Conventions of SINDA/FLUINT's user manual: a boundary node has a negative number, a node without mass a negative capacitance; a radiation
+conductor has a negative number, its heat is ``SIGMA G (T_a^4 - T_b^4)``; a minus before a node of a conductor makes it one-way.
+"""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Generator, Iterator
+from dataclasses import dataclass, field, replace
+from pathlib import Path
+from typing import Final
+
+import numpy as np
+
+from thermid.base.errors import DeckError, ThermidError
+from thermid.base.units import counted
+from thermid.interop._decks.network_file import FileConductor, FileCourse, FileLoad, FileNode, NetworkFile, TextSpan, fortran, identifier
+from thermid.interop._decks.statements import DeckReading, Line, fields, numbered, stream, with_unit
+from thermid.physics.constants import ICE_POINT, STEFAN_BOLTZMANN
+
+BTU: Final = 1055.05585262
+"""International table British thermal unit. [J]"""
+HOUR: Final = 3600.0
+RANKINE: Final = 5.0 / 9.0
+"""A degree of Rankine or Fahrenheit. [K]"""
+_ENERGY: Final = {"J": 1.0, "KJ": 1e3, "BTU": BTU, "CAL": 4.184, "W-HR": HOUR, "W*S": 1.0}
+_TIME: Final = {"S": 1.0, "SEC": 1.0, "MIN": 60.0, "HR": HOUR, "H": HOUR}
+_LENGTH: Final = {"M": 1.0, "MM": 1e-3, "CM": 1e-2, "IN": 0.0254, "FT": 0.3048}
+Cells = list[tuple[str, TextSpan]]
+"""What stands between the commas of a row, each with its place."""
+_SILENT: Final = (
+    "OPTIONS",
+    "OUTPUT",
+    "SUBROUTINE",
+    "OPERATION",
+    "SOLVER",
+    "VARIABLES 2",
+    "USER DATA",
+    "DESIGN",
+    "PROCEDURE",
+    "RELIABILITY",
+)
+"""Blocks that say how SINDA runs or prints, not what the network is."""
+
+
+@dataclass
+class Units:
+    """Units of a file: what its numbers are in SI, and its absolute zero."""
+
+    energy: float = 1.0
+    time: float = 1.0
+    degree: float = 1.0
+    length: float = 1.0
+    zero: float = 0.0
+    sigma: float | None = None
+
+    @property
+    def power(self) -> float:
+        """A unit of power. [W]"""
+        return self.energy / self.time
+
+    def celsius(self, number: float) -> float:
+        """Return a temperature in degC."""
+        return (number - self.zero) * self.degree - ICE_POINT
+
+    def exchange_area(self) -> float:
+        """Return the area that a radiation conductor of 1 exchanges over. [m^2]"""
+        if self.sigma is None:
+            return self.length**2
+        return self.sigma * self.power / self.degree**4 / STEFAN_BOLTZMANN
+
+
+@dataclass
+class SindaDeck:
+    """What has been read so far."""
+
+    reading: DeckReading = field(default_factory=DeckReading)
+    units: Units = field(default_factory=Units)
+    title: str = ""
+    nodes: list[FileNode] = field(default_factory=list)
+    conductors: list[FileConductor] = field(default_factory=list)
+    loads: list[FileLoad] = field(default_factory=list)
+    arrays: dict[tuple[str, str], list[float]] = field(default_factory=dict)
+    registers: dict[str, tuple[float | str, TextSpan]] = field(default_factory=dict)
+    control: dict[str, float] = field(default_factory=dict)
+    logic: list[tuple[str, list[Line]]] = field(default_factory=list)
+    steps: list[tuple[str, str, list[Line]]] = field(default_factory=list)
+
+
+def read_sinda(path: str | Path) -> NetworkFile:
+    """Return the network of a SINDA deck: a case (.inp) with what it inserts, or one of its files (.cc, .k).
+
+    Raises
+    ------
+    DeckError   With file and line: a file is missing, includes itself, is binary or too large; a row is no node, no conductor or no number.
+    """
+    path = Path(path)
+    deck = SindaDeck()
+    text = deck.reading.open(path)
+    deck.title = path.stem
+    for header, submodel, lines in _blocks(deck, path, text, ()):
+        deck.steps.append((header, submodel, lines))
+    if not any(header.startswith("NODE") for header, _, _ in deck.steps):
+        raise DeckError("no HEADER NODE DATA found: this is not a SINDA deck.", str(path))
+    for wanted in ("CONTROL", "REGISTER", "ARRAY", "NODE", "CONDUCTOR", "SOURCE", "VARIABLES 0", "VARIABLES 1"):
+        for header, submodel, lines in deck.steps:
+            if header.startswith(wanted):
+                _READERS[wanted](deck, submodel, lines)
+    _name_what_is_left(deck)
+    if deck.units.sigma is None and any(c.table["kind"] == "radiation" for c in deck.conductors):
+        first = next(c for c in deck.conductors if c.table["kind"] == "radiation")
+        deck.reading.remark(
+            first.where,
+            f"SIGMA is defined in the case's .inp file, which was not read; {STEFAN_BOLTZMANN:.6g} W/(m^2 K^4) is assumed. Compare it "
+            "with the file",
+            dropped=False,
+        )
+    parameters = {deck.reading.names[name]: value for name, value in deck.registers.items()}
+    return NetworkFile(
+        identifier(deck.title), "SINDA", tuple(deck.nodes), tuple(deck.conductors), tuple(_unique(deck.loads)), parameters,
+        deck.control.get("TIMEND", 0.0) * deck.units.time, tuple(deck.reading.remarks), deck.reading.texts,
+        zero_and_degree=(deck.units.zero, deck.units.degree),
+    )  # fmt: skip
+
+
+Blocks = Generator[tuple[str, str, list[Line]], None, tuple[str, str]]
+"""Header, submodel and lines of every block; at the end the header and submodel that what follows belongs to."""
+
+
+def _blocks(deck: SindaDeck, path: Path, text: str, inside: tuple[Path, ...], at: tuple[str, str] = ("", "")) -> Blocks:
+    """Yield the blocks of a text that begins in the block `at`, following INSERT and INCLUDE as if their text stood there."""
+    (header, submodel), lines = at, list[Line]()
+    words: list[str] = []
+    for line in numbered(text, str(path)):
+        row = line.text
+        if row[:1] in ("C", "c", "*") and not row[1:2].isalnum():
+            words.append(row[1:].strip())
+            _stated_unit(deck, row)
+            continue
+        row = row.split("$", 1)[0].rstrip()
+        if not row.strip() or row.strip().upper() in ("PSTOP", "PSTART"):
+            words = [] if not row else words
+            continue
+        found = re.match(r"\s*HEADER\s+([A-Z]+(?:\s+(?:DATA|CALLS|\d))?)\s*,?\s*(\w*)", row, re.IGNORECASE)
+        inserted = re.match(r"\s*(?:INSERT|INCLUDE)\s+'?([^'\s]+)'?\s*$", row, re.IGNORECASE)
+        if inserted:
+            yield header, submodel, lines
+            lines = []
+            header, submodel = yield from _inserted(deck, path, inserted[1], line, (*inside, path), (header, submodel))
+        elif found:
+            yield header, submodel, lines
+            header, submodel, lines = " ".join(found[1].upper().split()), found[2].upper(), []
+        else:
+            lines.append(replace(line, text=row, before=tuple(words)))
+        words = []
+    yield header, submodel, lines
+    return header, submodel
+
+
+def _inserted(deck: SindaDeck, path: Path, name: str, line: Line, inside: tuple[Path, ...], at: tuple[str, str]) -> Blocks:
+    """Yield the blocks of an inserted file; the text beside a binary one (.k for .k_in) takes its place."""
+    target = path.parent / name.replace("\\", "/").rsplit("/", 1)[-1]
+    try:
+        text = deck.reading.open(target, inside, str(line.where))
+    except DeckError as error:
+        beside = target.with_suffix(".k")
+        if "binary" not in error.message or target.suffix != ".k_in" or not beside.is_file():
+            if "each other" in error.message:
+                raise
+            deck.reading.remark(line.part(0, len(line.text)), f"INSERT {name}: {error.message}")
+            return at
+        deck.reading.remark(line.part(0, len(line.text)), f"{name} is binary; the text file {beside.name} was read instead", dropped=False)
+        target, text = beside, deck.reading.open(beside, inside, str(line.where))
+    return (yield from _blocks(deck, target, text, inside, at))
+
+
+def _stated_unit(deck: SindaDeck, row: str) -> None:
+    """Take the units that Thermal Desktop states in comments."""
+    found = re.match(r"C\s+TDUNITS,\s*(\w+)\s*=\s*(\S+)", row)
+    if not found:
+        return
+    what, unit = found[1], found[2].upper()
+    if what == "Energy" and unit in _ENERGY:
+        deck.units.energy = _ENERGY[unit]
+    elif what == "Time" and unit in _TIME:
+        deck.units.time = _TIME[unit]
+    elif what == "Length" and unit in _LENGTH:
+        deck.units.length = _LENGTH[unit] if unit in ("FT", "IN") else 1.0  # radiation conductors stay in m^2 under mm
+    elif what == "Temp":
+        deck.units.degree = RANKINE if unit in ("F", "R") else 1.0
+        deck.units.zero = {"C": -ICE_POINT, "F": -459.67}.get(unit, 0.0)
+
+
+def _control(deck: SindaDeck, _: str, lines: list[Line]) -> None:
+    """Read CONTROL DATA: absolute zero, Stefan-Boltzmann constant, unit system, end of the transient."""
+    for line in lines:
+        for found in re.finditer(r"(\w+)\s*=\s*([^\s,]+)", line.text):
+            name, word = found[1].upper(), found[2]
+            if name == "UID" and word.upper().startswith("E"):
+                deck.units.energy, deck.units.time, deck.units.degree, deck.units.length = BTU, HOUR, RANKINE, 0.3048
+                continue
+            try:
+                deck.control[name] = float(fortran(word))
+            except ValueError:
+                continue
+    deck.units.zero = deck.control.get("ABSZRO", deck.units.zero)
+    deck.units.sigma = deck.control.get("SIGMA", deck.units.sigma)
+
+
+def _registers(deck: SindaDeck, _: str, lines: list[Line]) -> None:
+    """Read REGISTER DATA: name = number or arithmetic of earlier names."""
+    for line in lines:
+        found = re.match(r"\s*(?:INT:|REAL:)?\s*(\w+)\s*=\s*(.+?)\s*$", line.text, re.IGNORECASE)
+        if not found:
+            deck.reading.remark(line.where, f"'{line.text.strip()}' is not a register")
+            continue
+        where = line.part(found.start(2), found.end(2))
+        value = deck.reading.value(found[2], where)
+        deck.reading.name(found[1])
+        deck.registers[found[1].upper()] = (value, where)
+
+
+def _arrays(deck: SindaDeck, submodel: str, lines: list[Line]) -> None:
+    """Read ARRAY DATA: number = values, over as many lines as they take."""
+    key = ""
+    for line in lines:
+        row = line.text
+        found = re.match(r"\s*(\d+)\s*=", row)
+        if found:
+            key, row = found[1], row[found.end() :]
+            deck.arrays[submodel, key] = []
+        for word in re.split(r"[\s,]+", row.strip()):
+            if not word or word.upper() == "END":
+                continue
+            try:
+                deck.arrays[submodel, key].append(float(fortran(word)))
+            except (ValueError, KeyError):
+                raise DeckError(f"'{word}' is not a number of an array.", str(line.where)) from None
+
+
+def _nodes(deck: SindaDeck, submodel: str, lines: list[Line]) -> None:
+    """Read NODE DATA: number, temperature, capacitance; GEN, SIV and SPV."""
+    for line in lines:
+        (head, _), *rest = fields(line)
+        word, _, first = head.partition(" ")
+        kind = word.upper() if first else ""
+        try:
+            cells = [(first.strip(), rest[0][1]), *rest] if kind else [(head, line.where), *rest]
+            if kind == "":
+                deck.nodes.append(_node(deck, submodel, line, cells))
+            elif kind == "GEN":
+                deck.nodes.extend(_generated(deck, submodel, line, cells))
+            elif kind in ("SIV", "SPV"):
+                deck.nodes.append(_tabulated_node(deck, submodel, line, kind, cells))
+            else:
+                deck.reading.remark(line.where, f"node option {kind}: '{line.text.strip()}'")
+        except ThermidError:
+            raise
+        except (ValueError, IndexError):
+            raise DeckError(f"'{line.text.strip()}' is not a node. Write number, temperature, capacitance.", str(line.where)) from None
+
+
+def _node(deck: SindaDeck, submodel: str, line: Line, cells: Cells) -> FileNode:
+    number = int(cells[0][0])
+    celsius = deck.units.celsius(float(fortran(cells[1][0])))
+    text, where = cells[2]
+    mass = deck.reading.value(text, where)
+    held, massless = number < 0, isinstance(mass, float) and mass < 0.0
+    capacitance = None if held or massless else with_unit(mass, "J/K", deck.units.energy / deck.units.degree)
+    return FileNode(submodel, f"T{abs(number)}", capacitance, celsius, held, where, " ".join(line.before[-1:]))
+
+
+def _generated(deck: SindaDeck, submodel: str, line: Line, cells: Cells) -> Iterator[FileNode]:
+    """Yield the nodes of GEN number, count, increment, temperature, capacitance."""
+    first, count, step = (int(cells[k][0]) for k in range(3))
+    for k in range(count):
+        yield _node(deck, submodel, line, [(str(first + k * step), cells[0][1]), *cells[3:5]])
+
+
+def _tabulated_node(deck: SindaDeck, submodel: str, line: Line, kind: str, cells: Cells) -> FileNode:
+    """Return a node whose capacitance is an array over temperature (SIV) or a polynomial of it (SPV), times a factor."""
+    number, celsius = int(cells[0][0]), deck.units.celsius(float(fortran(cells[1][0])))
+    factor = float(fortran(cells[3][0])) if len(cells) > 3 else 1.0
+    points = _points(deck, submodel, kind, cells[2][0], line)
+    unit = deck.units.energy / deck.units.degree
+    table = {"points": [[f"{t!r} [degC]", f"{c * unit!r} [J/(kg K)]"] for t, c in points], "source": "derived", "basis": str(line.where)}
+    return FileNode(submodel, f"T{abs(number)}", {"mass": f"{factor!r} [kg]", "specific_heat": table}, celsius, False, cells[2][1])
+
+
+def _points(deck: SindaDeck, submodel: str, kind: str, word: str, line: Line) -> list[tuple[float, float]]:
+    """Return temperature [degC] and value of an array of pairs, or of a polynomial every 5 K."""
+    values = deck.arrays.get((submodel, word.upper().removeprefix("A")))
+    if values is None:
+        raise DeckError(f"array {word} is not in ARRAY DATA of {submodel}.", str(line.where))
+    if kind == "SIV":
+        if len(values) % 2:
+            raise DeckError(
+                f"array {word} has {counted(len(values), 'number')}, but needs pairs of temperature and value.", str(line.where)
+            )
+        return [(deck.units.celsius(t), v) for t, v in zip(values[::2], values[1::2], strict=True)]
+    grid = np.arange(-270.0, 230.1, 5.0)
+    deck.reading.remark(line.where, "polynomial over temperature as a table every 5 K from -270 to 230 degC", dropped=False)
+    native = (grid + 273.15) / deck.units.degree + deck.units.zero
+    return list(zip(grid.tolist(), np.polynomial.polynomial.polyval(native, values).tolist(), strict=True))
+
+
+def _conductors(deck: SindaDeck, submodel: str, lines: list[Line]) -> None:
+    """Read CONDUCTOR DATA: number, pairs of nodes, value; GEN, SIV and SPV. A contactor named in a comment makes a group of its rows."""
+    group = _Group()
+    for line in lines:
+        (head, _), *rest = fields(line)
+        word, _, first = head.partition(" ")
+        kind = word.upper() if first else ""
+        cells = [(first.strip(), line.where), *rest] if kind else [(head, line.where), *rest]
+        try:
+            if kind == "GEN":
+                deck.conductors.extend(_generated_conductors(deck, submodel, cells, group, line))
+            elif kind in ("", "SIV", "SPV"):
+                deck.conductors.extend(_row(deck, submodel, kind, cells, group, line))
+            else:
+                deck.reading.remark(line.where, f"conductor option {kind}: '{line.text.strip()}'")
+        except ThermidError:
+            raise
+        except (ValueError, IndexError):
+            raise DeckError(f"'{line.text.strip()}' is not a conductor. Write number, node, node, value.", str(line.where)) from None
+
+
+class _Group:
+    """The contactor that comments name, as long as its rows last.
+
+    Rows belong to it until their pair of submodels changes; inside one submodel until their first node does.
+    """
+
+    def __init__(self) -> None:
+        self.name, self.key = "", ("", "")
+
+    def of(self, line: Line, ends: tuple[tuple[str, str], tuple[str, str]]) -> str:
+        (sub_a, a), (sub_b, _) = ends
+        key = (sub_a, sub_b) if sub_a != sub_b else (sub_a, a)
+        made = [_contactor(each) for each in line.before if re.match(r"(?:Contact|Conductor) - ", each)]
+        if made:
+            self.name, self.key = "_and_".join(dict.fromkeys(made)), key
+        elif key != self.key:
+            self.name = ""
+        return self.name
+
+
+def _contactor(words: str) -> str:
+    """Return the name of a group: `Contact - Face Contactor-Chip to board[SUB][7]::738` -> `contact_chip_to_board_738`."""
+    name = re.sub(r"^\w+ - |(?:Face|Edge) Contactor-?|\[[^\]]*\]", "", words)
+    return f"contact_{identifier(name).removeprefix('n_')}"
+
+
+def _end(word: str, submodel: str) -> tuple[tuple[str, str], bool]:
+    """Return the node that a word names, and whether a minus makes it the upstream end of a one-way conductor."""
+    oneway = word.startswith("-")
+    owner, _, number = word.lstrip("-").rpartition(".")
+    return ((owner.upper() or submodel), f"T{int(number)}"), oneway
+
+
+def _row(deck: SindaDeck, submodel: str, kind: str, cells: Cells, group: _Group, line: Line) -> Iterator[FileConductor]:
+    """Yield the conductors of a row: one for each pair of nodes."""
+    number = int(cells[0][0])
+    many = 1 if not kind else 2
+    pairs, values = cells[1:-many], cells[-many:]
+    if kind and len(cells) % 2 == 0:
+        pairs, values = cells[1:-1], cells[-1:]
+    if not pairs or len(pairs) % 2:
+        raise ValueError
+    for k in range(0, len(pairs), 2):
+        (a, minus_a), (b, minus_b) = _end(pairs[k][0], submodel), _end(pairs[k + 1][0], submodel)
+        name = f"{submodel}_{'R' if number < 0 else 'G'}{abs(number)}" + (f"_{k // 2 + 1}" if len(pairs) > 2 else "")
+        where = values[-1][1]  # of an array and its factor: the factor
+        if minus_a or minus_b:
+            if kind or number < 0 or (minus_a and minus_b):
+                deck.reading.remark(line.where, f"{name} is one-way, and not a plain number of W/K: '{line.text.strip()}'")
+                continue
+            value = deck.reading.value(values[0][0], where)
+            ends = (a, b) if minus_a else (b, a)
+            yield FileConductor(name, ends, stream(value, deck.units.power / deck.units.degree), where, group.of(line, (a, b)))
+            continue
+        yield FileConductor(name, (a, b), _law(deck, submodel, kind, number, values, line), where, group.of(line, (a, b)))
+
+
+def _law(deck: SindaDeck, submodel: str, kind: str, number: int, values: Cells, line: Line) -> dict[str, object]:
+    """Return the kind of a conductor and its number."""
+    text, where = values[0]
+    units = deck.units
+    if kind:
+        factor = float(fortran(values[1][0])) if len(values) > 1 else 1.0
+        points = _points(deck, submodel, kind, text, line)
+        table = [[f"{t!r} [degC]", f"{g * units.power / units.degree!r} [W/K]"] for t, g in points]
+        return {"kind": "table", "table": {"points": table}, "scale": f"{factor!r}"}
+    value = deck.reading.value(text, where)
+    if number < 0:
+        ratio = units.exchange_area()
+        return {"kind": "radiation", "exchange_factor": 1.0, "area": with_unit(value, "m^2", ratio)}
+    return {"kind": "conduction", "conductance": with_unit(value, "W/K", units.power / units.degree)}
+
+
+def _generated_conductors(deck: SindaDeck, submodel: str, cells: Cells, group: _Group, line: Line) -> Iterator[FileConductor]:
+    """Yield the conductors of GEN number, count, increment, node, increment, node, increment, value."""
+    first, count, step = (int(cells[k][0]) for k in range(3))
+    owner_a, _, a = cells[3][0].rpartition(".")
+    owner_b, _, b = cells[5][0].rpartition(".")
+    step_a, step_b = int(cells[4][0]), int(cells[6][0])
+    for k in range(count):
+        ends = [f"{owner_a or submodel}.{int(a) + k * step_a}", f"{owner_b or submodel}.{int(b) + k * step_b}"]
+        number = first + k * step if first > 0 else first - k * step
+        row = [(str(number), cells[0][1]), (ends[0], cells[3][1]), (ends[1], cells[5][1]), cells[7]]
+        yield from _row(deck, submodel, "", row, group, line)
+
+
+def _sources(deck: SindaDeck, submodel: str, lines: list[Line]) -> None:
+    """Read SOURCE DATA: node, power."""
+    for line in lines:
+        cells = fields(line)
+        try:
+            node, power = int(cells[0][0]), deck.reading.value(cells[1][0], cells[1][1])
+        except ThermidError:
+            raise
+        except (ValueError, IndexError):
+            deck.reading.remark(line.where, f"source '{line.text.strip()}'")
+            continue
+        deck.loads.append(FileLoad(f"{submodel}_Q{node}", (submodel, f"T{node}"), with_unit(power, "W", deck.units.power), cells[1][1]))
+
+
+_ADDED: Final = re.compile(r"\s*(?:(\w+)\.)?Q(\d+)\s*=\s*(?:(\w+)\.)?Q(\d+)\s*\+\s*(.+?)\s*$", re.IGNORECASE)
+_CYCLIC: Final = re.compile(
+    r"\s*CALL\s+DA11MC\s*\(\s*([^,]+),\s*TIME[MN]\s*,\s*A(\d+)\s*,\s*A(\d+)\s*,\s*([^,]+),\s*(\w+)\s*\)", re.IGNORECASE
+)
+_PAIRED: Final = re.compile(r"\s*CALL\s+(D11MCY|D1DEG1)\s*\(\s*(.+?)\s*\)\s*$", re.IGNORECASE)
+
+
+@dataclass
+class _CourseVariable:
+    """A course over time that a call put into a variable: times [s] and values without unit, its period or nothing."""
+
+    course: FileCourse
+    variable: str
+
+
+def _joined(lines: list[Line]) -> Iterator[Line]:
+    """Yield statements, their continuation lines joined."""
+    pending: Line | None = None
+    for line in lines:
+        if pending is not None and re.match(r"     [+&]|\s*[+&]", line.text):
+            pending = replace(pending, text=pending.text + " " + line.text.lstrip().lstrip("+&"))
+            continue
+        if pending is not None:
+            yield pending
+        pending = line
+    if pending is not None:
+        yield pending
+
+
+def _logic(deck: SindaDeck, submodel: str, lines: list[Line]) -> None:
+    """Read VARIABLES 0 and 1: powers, powers of time, heaters; every other statement is named."""
+    lines = list(_heaters(deck, submodel, lines))
+    course: _CourseVariable | None = None
+    branch, label, unknown = "", "", list[Line]()
+    for line in _joined(lines):
+        text = " ".join(line.text.split())
+        label = next((_label(words) for words in line.before if words.startswith("Heat Load")), label)
+        if re.fullmatch(r"IF ?\( ?NSOL \.GT\. 1 ?\) THEN", text, re.IGNORECASE):
+            branch = "transient"
+        elif branch and text.upper() == "ELSE":
+            branch = "steady"
+        elif branch and text.upper().replace(" ", "") == "ENDIF":
+            branch = ""
+        elif found := _CYCLIC.match(line.text):
+            course = _cyclic(deck, submodel, found, line)
+        elif found := _PAIRED.match(line.text):
+            course = _paired(deck, submodel, found, line)
+        elif (
+            (found := _ADDED.match(line.text)) and (found[1] or submodel).upper() == (found[3] or submodel).upper() and found[2] == found[4]
+        ):
+            _power(deck, (found[1] or submodel).upper(), found, line, course, branch, label)
+        else:
+            unknown.append(line)
+    for begin, end in _runs(unknown):
+        rows = f"lines {begin.where.line} to {end.where.line}" if begin is not end else "line"
+        deck.reading.remark(begin.where, f"logic not taken over ({rows}): '{begin.text.strip()[:60]}'")
+
+
+def _label(words: str) -> str:
+    """Return the name of a heat load: `Heat Load-chips[SUB]::3EA` -> `chips_3ea`."""
+    return identifier(re.sub(r"^Heat Load-?|\[[^\]]*\]", "", words)).removeprefix("n_")
+
+
+def _runs(lines: list[Line]) -> Iterator[tuple[Line, Line]]:
+    """Yield first and last of lines that follow each other."""
+    first = last = None
+    for line in lines:
+        if first is None or last is None or line.where.file != last.where.file or line.where.line > last.where.line + 4:
+            if first is not None and last is not None:
+                yield first, last
+            first = line
+        last = line
+    if first is not None and last is not None:
+        yield first, last
+
+
+def _cyclic(deck: SindaDeck, submodel: str, found: re.Match[str], line: Line) -> _CourseVariable | None:
+    """Return the course of DA11MC(period, time, array of times, array of values, factor, result)."""
+    times, values = (deck.arrays.get((submodel, found[k])) for k in (2, 3))
+    if times is None or values is None or len(times) != len(values):
+        deck.reading.remark(line.where, f"'{line.text.strip()}': its arrays are not in ARRAY DATA of {submodel}")
+        return None
+    period, factor = float(fortran(found[1])), float(fortran(found[4]))
+    unit = deck.units.time
+    return _CourseVariable(FileCourse(np.array(times) * unit, np.array(values) * factor, period * unit, str(line.where)), found[5].upper())
+
+
+def _paired(deck: SindaDeck, submodel: str, found: re.Match[str], line: Line) -> _CourseVariable | None:
+    """Return the course of D11MCY(period, time, array of pairs, factor, result) or D1DEG1(time, array of pairs, result)."""
+    words = [word.strip() for word in found[2].split(",")]
+    cyclic = found[1].upper() == "D11MCY"
+    at = 1 if cyclic else 0
+    values = deck.arrays.get((submodel, words[at + 1].upper().removeprefix("A"))) if len(words) > at + 1 else None
+    if values is None or words[at].upper() not in ("TIMEM", "TIMEN") or len(values) % 2:
+        deck.reading.remark(line.where, f"'{line.text.strip()}' is not a function of time by an array of pairs")
+        return None
+    times, powers = np.array(values[::2]) * deck.units.time, np.array(values[1::2])
+    if cyclic:
+        powers = powers * float(fortran(words[3]))
+        return _CourseVariable(FileCourse(times, powers, float(fortran(words[0])) * deck.units.time, str(line.where)), words[-1].upper())
+    return _CourseVariable(FileCourse(times, powers, 0.0, str(line.where)), words[-1].upper())
+
+
+def _power(deck: SindaDeck, owner: str, found: re.Match[str], line: Line, course: _CourseVariable | None, branch: str, label: str) -> None:
+    """Add the power of one statement: a constant, or a course times constants."""
+    node, text = f"T{int(found[2])}", found[5]
+    where = line.part(found.start(5), found.end(5))
+    name = f"{owner}_Q{int(found[2])}" + (f"_{label}" if label else "")
+    if course is not None and course.variable in text.upper():
+        rest = re.sub(re.escape(course.variable), "1.0", text, flags=re.IGNORECASE)
+        factor = deck.reading.value(rest, where)
+        if not isinstance(factor, float):
+            deck.reading.remark(line.where, f"a register times a function of time: '{line.text.strip()}'")
+            return
+        watts = factor * deck.units.power
+        mean = float(np.mean(course.course.numbers)) * watts
+        deck.loads.append(FileLoad(name, (owner, node), mean, where, label, course.course, factor=watts))
+        return
+    power = with_unit(deck.reading.value(text, where), "W", deck.units.power)
+    if branch == "steady":
+        k = next(
+            (k for k, each in enumerate(deck.loads) if each.course is not None and each.into == (owner, node) and each.group == label), None
+        )
+        if k is not None:
+            deck.loads[k] = replace(deck.loads[k], power=power)
+            return
+    deck.loads.append(FileLoad(name, (owner, node), power, where, label))
+
+
+def _heaters(deck: SindaDeck, submodel: str, lines: list[Line]) -> Iterator[Line]:
+    """Take the heaters out that Thermal Desktop writes by a template, each as loads with a thermostat; yield all other lines."""
+    block: list[Line] = []
+    for line in lines:
+        if any(re.match(r"Heater\b", words) for words in line.before):
+            yield from _heater(deck, submodel, block)
+            block = [line]
+        elif block:
+            block.append(line)
+        else:
+            yield line
+    yield from _heater(deck, submodel, block)
+
+
+def _heater(deck: SindaDeck, submodel: str, block: list[Line]) -> list[Line]:
+    """Add the loads of one heater; return its lines where they are not the template."""
+    text = "\n".join(line.text for line in _joined(block))
+    power = re.search(r"\bPO(\w+)\s*=\s*([-\d.eEdD+]+)\s*$", text, re.MULTILINE)
+    sensed = re.search(r"T__TD\s*=\s*1\.?\s*\*\s*(?:(\w+)\.)?T(\d+)\s*$", text, re.MULTILINE)
+    on, off = (re.search(rf"\b{name}__TD\s*=\s*([-\d.eEdD+]+)\s*$", text, re.MULTILINE) for name in "OF")
+    if not block or power is None or sensed is None or on is None or off is None:
+        return block
+    shares = dict.fromkeys(re.findall(rf"(\w+)\.Q(\d+)\s*=\s*\1\.Q\2\s*\+\s*PO{power[1]}\s*\*\s*([\d.]+)", text, re.IGNORECASE))
+    limits = [deck.units.celsius(float(fortran(each[1]))) for each in (on, off)]
+    sensor = f"{(sensed[1] or submodel).upper()}.T{int(sensed[2])}"
+    for owner, node, share in shares:
+        watts = float(fortran(power[2])) * float(share) * deck.units.power
+        control = {"thermostat": {"sensor": sensor, "on_below": f"{limits[0]!r} [degC]", "off_above": f"{limits[1]!r} [degC]"}}
+        name = f"{owner.upper()}_heater{power[1]}_Q{int(node)}"
+        deck.loads.append(FileLoad(name, (owner.upper(), f"T{int(node)}"), watts, block[0].where, "", None, control))
+    return [] if shares else block
+
+
+def _unique(loads: list[FileLoad]) -> Iterator[FileLoad]:
+    """Yield loads with names of their own: a node may have several."""
+    seen: dict[str, int] = {}
+    for load in loads:
+        seen[load.name] = seen.get(load.name, 0) + 1
+        yield load if seen[load.name] == 1 else replace(load, name=f"{load.name}_{seen[load.name]}")
+
+
+def _name_what_is_left(deck: SindaDeck) -> None:
+    """Name the blocks that were not read and are more than printing and solving."""
+    known = tuple(_READERS)
+    for header, submodel, lines in deck.steps:
+        if not lines or not header or header.startswith((*known, *_SILENT)):
+            continue
+        what = "FLUINT (fluid submodels)" if header.startswith(("FLOW", "FPROP")) else f"HEADER {header} {submodel}".rstrip()
+        deck.reading.remark(lines[0].where, f"{what}: {counted(len(lines), 'line')}")
+
+
+_READERS = {
+    "CONTROL": _control,
+    "REGISTER": _registers,
+    "ARRAY": _arrays,
+    "NODE": _nodes,
+    "CONDUCTOR": _conductors,
+    "SOURCE": _sources,
+    "VARIABLES 0": _logic,
+    "VARIABLES 1": _logic,
+}

@@ -1,0 +1,146 @@
+"""What readers of decks share: files that include each other, numbers with their places, expressions of names, and what was left out."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Final
+
+from thermid.base.errors import DeckError, ThermidError, cap, raising
+from thermid.base.expression import parse
+from thermid.base.files import read_bytes
+from thermid.interop._decks.network_file import DeckRemark, TextSpan, fortran, identifier
+
+ABSOLUTE_ZERO: Final = -273.15
+"""0 K in degC."""
+
+
+@dataclass(frozen=True)
+class Line:
+    """A line of a deck without its comment: text, place, and the words of the comment lines that stand right before it."""
+
+    text: str
+    where: TextSpan
+    before: tuple[str, ...] = ()
+
+    def part(self, begin: int, end: int) -> TextSpan:
+        """Return the place of some characters of the text."""
+        return TextSpan(self.where.file, self.where.line, self.where.begin + begin, self.where.begin + end)
+
+
+@dataclass
+class DeckReading:
+    """The state of a reader: texts of files as opened, names of parameters, remarks."""
+
+    texts: dict[str, str] = field(default_factory=dict)
+    names: dict[str, str] = field(default_factory=dict)
+    remarks: list[DeckRemark] = field(default_factory=list)
+
+    def open(self, path: Path, inside: tuple[Path, ...] = (), asked: str = "") -> str:
+        """Return the text of a file, byte for byte as Latin-1.
+
+        Raises
+        ------
+        DeckError   When it is missing, too large, binary, or includes itself.
+        """
+        if not path.is_file():
+            raise DeckError(f"there is no file '{path.name}' in {path.parent.name or 'this folder'}.", asked or str(path))
+        if path in inside or len(inside) >= cap("includes"):
+            chain = " -> ".join(each.name for each in (*inside, path))
+            raise DeckError(f"files include each other endlessly: {chain}.{'' if path in inside else raising('includes')}", asked)
+        if path.stat().st_size > cap("deck"):
+            raise DeckError(f"the file has more than {cap('deck') / 1e6:.0f} MB. Split it into include files.{raising('deck')}", str(path))
+        text = read_bytes(path).decode("latin-1")
+        if "\0" in text:
+            raise DeckError("this is a binary file, but a deck is a text. Give its text file (.cc, .k, .inp, .d).", str(path))
+        self.texts[str(path)] = text
+        return text
+
+    def remark(self, where: TextSpan, what: str, dropped: bool = True) -> None:
+        """Keep what was not taken over, or was assumed."""
+        self.remarks.append(DeckRemark(where, what, dropped))
+
+    def value(self, text: str, where: TextSpan) -> float | str:
+        """Return a number, or an expression of the deck's names as a model has it.
+
+        Raises
+        ------
+        DeckError   When it is neither; an unknown name is stated.
+        """
+        words = fortran(text)
+        try:
+            return float(words)
+        except ValueError:
+            pass
+        written = re.sub(r"(?<![\w.])[A-Za-z_]\w*", lambda found: self._name(found[0], where), words)
+        try:
+            expression = parse(written)
+        except ThermidError as error:
+            raise DeckError(
+                f"'{text.strip()}' is neither a number nor arithmetic of numbers and names: {error.message}", str(where)
+            ) from None
+        return written if expression.names else float(expression.evaluate(lambda name: 0.0))
+
+    def _name(self, word: str, where: TextSpan) -> str:
+        """Return what a name of the file is called in the model."""
+        known = self.names.get(word.upper())
+        if known is None:
+            function = FUNCTIONS.get(word.upper())
+            if function is None:
+                raise DeckError(f"'{word}' is not defined before it is used.", str(where))
+            return function
+        return known
+
+    def name(self, word: str) -> str:
+        """Return the name of a parameter for a name of the file, and remember it."""
+        made, n = identifier(word), 2
+        while made in {*self.names.values()} or made in RESERVED:
+            made, n = f"{identifier(word)}_{n}", n + 1
+        self.names[word.upper()] = made
+        return made
+
+
+FUNCTIONS: Final[Mapping[str, str]] = {
+    "SQRT": "sqrt", "DSQRT": "sqrt", "EXP": "exp", "DEXP": "exp", "ABS": "abs", "DABS": "abs", "MIN": "min", "MAX": "max", "AMIN1": "min",
+    "AMAX1": "max", "PI": "pi",
+}  # fmt: skip
+"""Function of Fortran -> of an expression here."""
+RESERVED: Final = frozenset({"pi", "sqrt", "exp", "abs", "min", "max"})
+
+
+def with_unit(value: float | str, unit: str, factor: float = 1.0) -> str:
+    """Return a value of a deck in SI: a number with its unit, or an expression times the unit."""
+    if isinstance(value, float | int):
+        return f"{value * factor!r} [{unit}]"
+    return f"({value}) * {factor!r} [{unit}]" if factor != 1.0 else f"({value}) * 1 [{unit}]"
+
+
+def numbered(text: str, path: str) -> Iterator[Line]:
+    """Yield the lines of a text with their places, without line ends."""
+    begin = 0
+    for n, row in enumerate(text.split("\n"), 1):
+        yield Line(row.removesuffix("\r"), TextSpan(path, n, begin, begin + len(row)))
+        begin += len(row) + 1
+
+
+def fields(line: Line) -> list[tuple[str, TextSpan]]:
+    """Return what stands between the commas of a line, with its place; commas inside parentheses do not part."""
+    parts, depth, start = [], 0, 0
+    for k, mark in enumerate([*line.text, ","]):
+        depth += (mark == "(") - (mark == ")")
+        if mark == "," and depth <= 0:
+            word = line.text[start:k]
+            lead = len(word) - len(word.lstrip())
+            parts.append((word.strip(), line.part(start + lead, start + lead + len(word.strip()))))
+            start = k + 1
+    return parts[:-1] if parts and not parts[-1][0] else parts
+
+
+def stream(value: float | str, ratio: float = 1.0) -> dict[str, object]:
+    """Return the table of a one-way conductor of so many W/K times a ratio, from its first end to its second.
+
+    Files give the product of mass flow and specific heat; with 1 J/(kg K) the mass flow has its number.
+    """
+    return {"kind": "flow", "mass_flow": with_unit(value, "kg/s", ratio), "specific_heat": "1 [J/(kg K)]"}

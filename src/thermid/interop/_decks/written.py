@@ -1,0 +1,272 @@
+"""A model in a scenario as a deck of SINDA or ESATAN; what the language has no row for is refused in words."""
+
+from __future__ import annotations
+
+import os
+import re
+from collections.abc import Iterator, Mapping
+from typing import Final
+
+from thermid.base.arguments import takes_objects
+from thermid.base.dual import value_of
+from thermid.base.errors import DeckError
+from thermid.base.files import EXPORT, write_text
+from thermid.interop._wired import HeatSource, Wired, number_text, one_line, table_points, wired
+from thermid.model.laws import Constant, Drawn, TableSignal
+from thermid.model.tree import Model
+from thermid.physics.constants import ICE_POINT, STEFAN_BOLTZMANN
+from thermid.simulation.network import ConductorRow
+from thermid.simulation.scenarios import Scenario
+
+LONGEST: Final = 24
+"""Letters of a submodel's name; SINDA/FLUINT takes 32."""
+
+
+@takes_objects
+def to_sinda(model: Model, scenario: Scenario, path: str | os.PathLike[str] | None = None) -> str:
+    """Return a model in a scenario as a deck of SINDA/FLUINT in SI units and degC.
+
+    Linear and radiation conductors are rows, tables over temperature SIV with an array, powers SOURCE DATA, courses over time D1DEG1.
+
+    Parameters
+    ----------
+    model, scenario     As in `simulate`; the scenario needs a duration.
+    path : path         Where to write it too.
+
+    Raises
+    ------
+    DeckError       When a law, a load or a boundary cannot be written.
+    ScenarioError   When the scenario does not fit the model or follows a schedule.
+    """
+    text = "\n".join(_Sinda(wired(model, scenario, "SINDA")).lines()) + "\n"
+    if path is not None:
+        write_text(path, text, EXPORT, "C ")
+    return text
+
+
+@takes_objects
+def to_esatan(model: Model, scenario: Scenario, path: str | os.PathLike[str] | None = None) -> str:
+    """Return a model in a scenario as a deck of ESATAN-TMS.
+
+    Conductors are GL and GR, powers QI, courses INTRP1 in $VARIABLES1. Tables over temperature are refused.
+
+    Parameters
+    ----------
+    model, scenario     As in `simulate`; the scenario needs a duration.
+    path : path         Where to write it too.
+
+    Raises
+    ------
+    DeckError       When a law, a load or a boundary cannot be written.
+    ScenarioError   When the scenario does not fit the model or follows a schedule.
+    """
+    text = "\n".join(_Esatan(wired(model, scenario, "ESATAN")).lines()) + "\n"
+    if path is not None:
+        write_text(path, text, EXPORT, "#")
+    return text
+
+
+class _Deck:
+    """What both languages share: numbers of nodes, points of courses."""
+
+    tool = ""
+
+    def __init__(self, w: Wired) -> None:
+        self.w = w
+        self.numbers: dict[str, tuple[str, int]] = {}
+        taken: set[tuple[str, int]] = set()
+        for node in (*w.network.nodes, *w.network.boundaries):
+            # what an import named keeps its submodel and number; everything else is counted
+            found = re.fullmatch(r"(?:(\w+)[._])?T(\d+)", node)
+            owner = (found[1] if found and found[1] else self.main).upper()[:LONGEST]
+            number = int(found[2]) if found else 0
+            while number == 0 or (owner, number) in taken:
+                number = 1 + max((n for o, n in taken if o == owner), default=0)
+            taken.add((owner, number))
+            self.numbers[node] = (owner, number)
+
+    main = "MAIN"
+
+    def radiation(self, row: ConductorRow) -> float:
+        """Return the exchange area of a radiation row. [m^2]"""
+        return value_of(row.coefficients[0]) / STEFAN_BOLTZMANN
+
+    def constant(self, boundary: str) -> float:
+        """Return the temperature of a boundary. [degC]"""
+        signal = self.w.boundaries[boundary]
+        if not isinstance(signal, Constant):
+            raise DeckError(f"the boundary '{boundary}' changes in time, which is not written to {self.tool}.", self.w.network.title)
+        return round(signal.value - ICE_POINT, 12)
+
+    def course(self, source: HeatSource) -> TableSignal | None:
+        """Return the table of a source; None where its power is constant."""
+        if source.curve is not None:
+            raise DeckError(f"the load '{source.load}' depends on temperature, which is not written to {self.tool}.", self.w.network.title)
+        signal: Drawn = source.signal
+        if isinstance(signal, Constant) or (isinstance(signal, TableSignal) and signal.times.size == 1):
+            return None
+        if not isinstance(signal, TableSignal) or signal.hold:
+            raise DeckError(
+                f"the load '{source.load}' follows steps or a sine; only straight lines between points are written to {self.tool}.",
+                self.w.network.title,
+            )
+        return signal
+
+    def watts(self, source: HeatSource) -> float:
+        """Return the power of a source that does not change. [W]"""
+        signal = source.signal
+        return float(source.power) * (signal.value if isinstance(signal, Constant) else float(signal.values[0]))  # type: ignore[union-attr]
+
+    def refused(self, label: str, row: ConductorRow) -> DeckError:
+        """Return the refusal of a law."""
+        what = "changes with the pressure of its gas in time" if row.signal else f"is of a form ({row.form})"
+        return DeckError(f"'{label}' {what}, which is not written to {self.tool}.", self.w.network.title)
+
+
+class _Sinda(_Deck):
+    tool = "SINDA"
+
+    def lines(self) -> Iterator[str]:
+        """Yield the lines of the deck."""
+        w, arrays = self.w, list[tuple[int, list[float]]]()
+        courses = [(source, self.course(source)) for source in w.sources]
+        yield "HEADER OPTIONS"
+        yield f"C    {one_line(w.network.title)}, {one_line(w.scenario.title)}: W, J, s, degC, m"
+        yield f"TITLE {one_line(w.network.title)}"
+        yield "HEADER CONTROL DATA, GLOBAL"
+        yield from (f"      {name} = {value}" for name, value in self._control().items())
+        for owner in dict.fromkeys(owner for owner, _ in self.numbers.values()):
+            yield f"HEADER NODE DATA, {owner}"
+            yield from (self._node(node, number) for node, (o, number) in self.numbers.items() if o == owner)
+        conductors = [self._conductor(k, label, row, arrays) for k, (label, row) in enumerate(w.conductors, 1)]
+        yield f"HEADER CONDUCTOR DATA, {self.main}"
+        yield from conductors
+        rows = [(source, *self.numbers[source.node]) for source, table in courses if table is None]
+        for owner in dict.fromkeys(owner for _, owner, _ in rows):
+            yield f"HEADER SOURCE DATA, {owner}"
+            yield from (f"      {n}, {number_text(self.watts(s))} $ {one_line(s.load)}" for s, o, n in rows if o == owner)
+        logic = [line for source, table in courses if table is not None for line in self._followed(source, table, arrays)]
+        if arrays:
+            yield f"HEADER ARRAY DATA, {self.main}"
+            for k, values in arrays:
+                yield f"      {k} = {number_text(values[0])}" + ("," if len(values) > 1 else "")
+                yield from (f"          {', '.join(map(number_text, values[i : i + 6]))}" for i in range(1, len(values), 6))
+        if logic:
+            yield f"HEADER VARIABLES 0, {self.main}"
+            yield from logic
+
+    def _control(self) -> Mapping[str, str]:
+        return {
+            "ABSZRO": number_text(-ICE_POINT),
+            "SIGMA": number_text(STEFAN_BOLTZMANN),
+            "TIMEND": number_text(self.w.scenario.seconds),
+            "UID": "SI",
+        }
+
+    def _node(self, node: str, number: int) -> str:
+        capacitance = self.w.capacitances.get(node)
+        if node in self.w.boundaries:
+            return f"      -{number}, {number_text(self.constant(node))}, 0. $ {one_line(node)}"
+        start = number_text(round(self.w.initial.get(node, ICE_POINT + 20.0) - ICE_POINT, 12))
+        return f"      {number}, {start}, {number_text(float(capacitance)) if capacitance is not None else '-1.'} $ {one_line(node)}"
+
+    def _conductor(self, k: int, label: str, row: ConductorRow, arrays: list[tuple[int, list[float]]]) -> str:
+        ends = ", ".join(f"{owner}.{number}" for owner, number in (self.numbers[end] for end in row.ends))
+        tail = f"$ {one_line(label)}"
+        if row.signal:
+            raise self.refused(label, row)
+        if row.form == "linear":
+            return f"      {k}, {ends}, {number_text(value_of(row.coefficients[0]))} {tail}"
+        if row.form == "radiation":
+            return f"      -{k}, {ends}, {number_text(self.radiation(row))} {tail}"
+        if row.form == "table" and row.curve is not None and row.curve.over != "difference" and not row.curve.film:
+            x, y, held = table_points(row.curve)
+            if not held:
+                raise DeckError(
+                    f"'{label}' has outside = 'refuse', but SINDA uses its last value there. Use outside = 'hold'.", self.w.network.title
+                )
+            arrays.append((len(arrays) + 1, [v for t, g in zip(x, y, strict=True) for v in (round(t - ICE_POINT, 12), g)]))
+            return f"      SIV {k}, {ends}, A{len(arrays)}, {number_text(value_of(row.coefficients[0]))} {tail}"
+        raise self.refused(label, row)
+
+    def _followed(self, source: HeatSource, table: TableSignal, arrays: list[tuple[int, list[float]]]) -> Iterator[str]:
+        """Yield the statements of a course, and put its array down."""
+        owner, number = self.numbers[source.node]
+        pairs = [v for t, p in zip(table.times.tolist(), table.values.tolist(), strict=True) for v in (t, p)]
+        arrays.append((len(arrays) + 1, pairs))
+        array, power = f"A{len(arrays)}", number_text(float(source.power))
+        yield f"      CALL D1DEG1(TIMEM, {array}, Q__TD)"
+        yield f"      {owner}.Q{number} = {owner}.Q{number} + Q__TD*{power}"
+
+
+class _Esatan(_Deck):
+    tool = "ESATAN"
+
+    def __init__(self, w: Wired) -> None:
+        self.main = re.sub(r"\W", "_", w.network.title).upper()[:LONGEST] or "MODEL"
+        super().__init__(w)
+        # one model: numbers must differ over all of it
+        seen: set[int] = set()
+        for node, (_, number) in self.numbers.items():
+            while number in seen:
+                number = 1 + max(seen)
+            seen.add(number)
+            self.numbers[node] = (self.main, number)
+
+    def lines(self) -> Iterator[str]:
+        """Yield the lines of the deck."""
+        w = self.w
+        courses = [(source, self.course(source)) for source in w.sources]
+        powers: dict[str, float] = {}
+        for source, table in courses:
+            if table is None:
+                powers[source.node] = powers.get(source.node, 0.0) + self.watts(source)
+        yield f"$MODEL {self.main}"
+        yield f"# {one_line(w.network.title)}, {one_line(w.scenario.title)}"
+        yield from ("$CONSTANTS", "$REAL", f"STEFAN = {number_text(STEFAN_BOLTZMANN)};", "$NODES")
+        for node, (_, number) in self.numbers.items():
+            yield self._node(node, number, powers)
+        yield "$CONDUCTORS"
+        for label, row in w.conductors:
+            yield self._conductor(label, row)
+        followed = [(source, table) for source, table in courses if table is not None]
+        if followed:
+            yield from ("$ARRAYS", "$REAL")
+            for k, (_, table) in enumerate(followed, 1):
+                pairs = [v for t, p in zip(table.times.tolist(), table.values.tolist(), strict=True) for v in (t, p)]
+                rows = ",\n  ".join(", ".join(map(number_text, pairs[i : i + 6])) for i in range(0, len(pairs), 6))
+                yield f"COURSE{k}(2, {table.times.size}) = {rows};"
+            yield "$VARIABLES1"
+            yield from self._logic(followed)
+        yield from ("$EXECUTION", f"  TIMEND = {number_text(w.scenario.seconds)}", f"$ENDMODEL {self.main}")
+
+    def _node(self, node: str, number: int, powers: Mapping[str, float]) -> str:
+        label = one_line(node).replace("'", " ")
+        if node in self.w.boundaries:
+            return f"B{number} = '{label}', T = {number_text(self.constant(node))};"
+        capacitance = self.w.capacitances[node]
+        start = number_text(round(self.w.initial.get(node, ICE_POINT + 20.0) - ICE_POINT, 12))
+        mass = f", C = {number_text(float(capacitance))}" if capacitance is not None else ""
+        power = f", QI = {number_text(powers[node])}" if node in powers else ""
+        return f"D{number} = '{label}', T = {start}{mass}{power};"
+
+    def _conductor(self, label: str, row: ConductorRow) -> str:
+        a, b = (self.numbers[end][1] for end in row.ends)
+        if row.signal or row.form not in ("linear", "radiation"):
+            raise self.refused(label, row)
+        if row.form == "linear":
+            return f"GL({a}, {b}) = {number_text(value_of(row.coefficients[0]))}; # {one_line(label)}"
+        return f"GR({a}, {b}) = {number_text(self.radiation(row))}; # {one_line(label)}"
+
+    def _logic(self, followed: list[tuple[HeatSource, TableSignal]]) -> Iterator[str]:
+        """Yield the statements of courses; ESATAN adds QA, QE, QS and QR of a node, so each takes one."""
+        free: dict[str, list[str]] = {}
+        for k, (source, _) in enumerate(followed, 1):
+            names = free.setdefault(source.node, ["QR", "QE", "QA", "QS"])
+            if not names:
+                raise DeckError(
+                    f"more than four loads of '{source.node}' change in time, but ESATAN has only four. Combine some of them.",
+                    self.w.network.title,
+                )
+            number, power = self.numbers[source.node][1], number_text(float(source.power))
+            yield f"  {names.pop()}{number} = INTRP1(TIMEM, COURSE{k}, 1) * {power}"

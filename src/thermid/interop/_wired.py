@@ -1,0 +1,583 @@
+"""A model in a scenario as exporters need it: rows with formulas, signals, the start; what cannot be exported is refused in words."""
+
+from __future__ import annotations
+
+import math
+import operator
+import re
+from collections.abc import Callable, Iterable, Mapping, Sequence
+from dataclasses import dataclass, field
+from functools import cached_property
+from typing import Any, Final
+
+import numpy as np
+
+from thermid.base.dual import real_power, value_of
+from thermid.base.errors import DeckError, ScenarioError
+from thermid.base.units import NAMES, describe, unit
+from thermid.model.elements import HINGES
+from thermid.model.laws import Constant, Curve, Drawn, TableSignal, slopes, whole
+from thermid.model.tree import Model
+from thermid.simulation.network import SMOOTHING, ConductorRow, Network, Numbers, refuse_controls, signal_of
+from thermid.simulation.runs import network_for
+from thermid.simulation.scenarios import Scenario
+from thermid.simulation.solver import Engine, Wiring
+
+MOVING = tuple(HINGES.values())
+
+
+@dataclass(frozen=True)
+class Writer:
+    """What a format can hold beyond linear conductors, radiation, powers of differences, tables of straight lines and loads in time.
+
+    Parameters
+    ----------
+    name : str          What it is called in messages.
+    gas : bool          Laws of gas at a pressure, which rest on tables.
+    hinges : bool       Tables that follow values.
+    smooth : bool       Tables of cubic pieces.
+    loads : bool        Loads that follow a temperature, thermostats, proportional control.
+    schedules : bool    Parameters that follow signals.
+    """
+
+    name: str
+    gas: bool = False
+    hinges: bool = False
+    smooth: bool = False
+    loads: bool = False
+    schedules: bool = False
+
+
+@dataclass(frozen=True, eq=False)
+class HeatSource:
+    """Heat into a node: a law times a signal, let through by a control.
+
+    Parameters
+    ----------
+    load, node : str    Path of the load; node that it heats.
+    power : Formula or float    First coefficient of the law, which the signal is multiplied by. [W]
+    signal : Signal     [-], or in watts where `power` is one.
+    curve : Curve       Power over the temperature of a node, times both; None where it does not depend on one. [W]
+    sensor : str        Node whose temperature the law follows; empty where it follows none.
+    form : str          Its law, one of `thermid.simulation._network.rows.LOADS`.
+    rest : tuple        Further coefficients of the law.
+    control : str       One of `thermid.simulation._network.rows.CONTROLS`; empty for none.
+    settings : tuple    Coefficients of the control; a proportional one without its third has full power, `power` times the signal, for it.
+    watched : str       Node whose temperature the control follows.
+    """
+
+    load: str
+    node: str
+    power: Formula | float
+    signal: Drawn
+    curve: Curve | None = None
+    sensor: str = ""
+    form: str = "signal"
+    rest: tuple[Formula | float, ...] = ()
+    control: str = ""
+    settings: tuple[Formula | float, ...] = ()
+    watched: str = ""
+
+    @property
+    def coefficients(self) -> tuple[Formula | float, ...]:
+        """All of the law and the control."""
+        return (self.power, *self.rest, *self.settings)
+
+
+@dataclass(frozen=True, eq=False)
+class ExportedParameter:
+    """A parameter that the rows of a network need.
+
+    Parameters
+    ----------
+    path : str          Its path in the model.
+    value : float       [SI]
+    formula : Formula   What it is computed from; None for a number, which a user of the export may change.
+    unit : str          SI unit: ``W/(m^2 K)``, ``-`` for a plain number.
+    note : str          What its author says of it.
+    """
+
+    path: str
+    value: float
+    formula: Formula | None
+    unit: str
+    note: str
+
+
+@dataclass(frozen=True, eq=False)
+class Wired:
+    """A model in a scenario.
+
+    Parameters
+    ----------
+    network : Network           The compiled model.
+    scenario : Scenario         With canonical names.
+    capacitances : dict         Node -> formula [J/K]; None for a massless node.
+    conductors : tuple          (label, row): rows with formulas as coefficients, labels unique.
+    sources : tuple of HeatSource   Every heat load that is not zero.
+    boundaries : dict           Boundary -> its temperature. [K]
+    gas : dict                  Signal name -> presence of a gas in time, for rows that follow it.
+    initial : dict              Massive node -> its temperature at the start. [K]
+    courses : dict              Parameter path -> what it follows in time; formulas hold its name. [SI]
+    """
+
+    network: Network
+    scenario: Scenario
+    capacitances: Mapping[str, Formula | float | None]
+    conductors: tuple[tuple[str, ConductorRow], ...]
+    sources: tuple[HeatSource, ...]
+    boundaries: Mapping[str, Drawn]
+    gas: Mapping[str, Drawn]
+    initial: Mapping[str, float]
+    courses: Mapping[str, Drawn] = field(default_factory=dict)
+
+    @cached_property
+    def parameters(self) -> tuple[ExportedParameter, ...]:
+        """Parameters that the rows need, each after what it is computed from; those that follow signals are left out."""
+        table = self.network.flat.parameters
+        values = self.network.numbers().values
+        formulas: list[object] = [c for _, row in self.conductors for c in row.coefficients]
+        formulas += [*self.capacitances.values(), *(c for s in self.sources for c in s.coefficients)]
+        wanted = {path for f in formulas if isinstance(f, Formula) for path in f.paths()}
+        for path in reversed(table.order):
+            if path in wanted and path not in self.courses:
+                entry = table.table[path]
+                wanted |= {entry.scope + n for n in entry.parameter.expression.names}
+        out = []
+        for path in table.order:
+            if path not in wanted or path in self.courses:
+                continue
+            entry = table.table[path]
+            written = entry.parameter
+            formula = None
+            if not written.is_literal:
+                formula = written.expression.evaluate(lambda n, s=entry.scope: named(s + n, float(values[s + n])))  # type: ignore[misc]
+            note = one_line(written.note or written.basis)
+            out.append(ExportedParameter(path, float(values[path]), formula, si_unit(table.dimension(path)), note))
+        return tuple(out)
+
+    @property
+    def massive(self) -> tuple[str, ...]:
+        """Nodes with a capacitance, in the network's order."""
+        return tuple(n for n in self.network.nodes if self.capacitances[n] is not None)
+
+    @property
+    def massless(self) -> tuple[str, ...]:
+        """Nodes without."""
+        return tuple(n for n in self.network.nodes if self.capacitances[n] is None)
+
+    def breaks(self) -> list[float]:
+        """Return the times within the run at which a signal jumps or bends. [s]"""
+        signals = (*self.boundaries.values(), *self.gas.values(), *self.courses.values(), *(s.signal for s in self.sources))
+        times = {float(t) for s in signals if isinstance(s, TableSignal) for t in s.times}
+        return sorted(t for t in times if 0.0 < t < self.scenario.seconds)
+
+
+def si_unit(dimension: Any) -> str:
+    """Return the SI unit of a dimension: ``W/(m^2 K)``, ``-`` for a plain number."""
+    text = next((t for t in NAMES if unit(t).dimension == dimension), "")
+    return {"1": "-", "": describe(dimension).removeprefix("a quantity in ")}.get(text, text)
+
+
+def wired(model: Model, scenario: Scenario, what: str | Writer) -> Wired:
+    """Return a model in a scenario, ready to be written for another tool.
+
+    Parameters
+    ----------
+    model, scenario     As in `simulate`; the scenario needs a duration.
+    what : str or Writer    The tool, for messages, and what it can hold.
+
+    Raises
+    ------
+    ScenarioError   When something of the scenario cannot be written, such as a schedule.
+    DeckError       When a law or a load of the model cannot be written.
+    """
+    writer = what if isinstance(what, Writer) else Writer(what)
+    if scenario.schedule and not writer.schedules:
+        raise ScenarioError(
+            f"'{next(iter(scenario.schedule))}' follows a schedule, which is not written to {writer.name}. Export one run for each value.",
+            scenario.title,
+        )
+    if scenario.seconds <= 0:
+        raise ScenarioError('an export of a run needs a duration above zero: duration = "5 [h]", or --for "5 [h]".', scenario.title)
+    network = network_for(model, scenario)
+    refuse_controls(network.controls, writer.name, "Export the model without it, or one run for each share.")
+    wiring = Wiring(network, scenario)
+    numbers = wiring.flowing(with_formulas(network), {})
+    _refuse_laws(network, numbers, writer)
+    sources = _sources(network, wiring, numbers, writer)
+    rows = named_rows(row for row in numbers.conductors if row.ends[0] != row.ends[1])
+    engine = Engine(wiring)
+    start = dict(zip(engine.nodes, engine.started(wiring.assemble(gradients=False)).initial.tolist(), strict=True))
+    capacitances: dict[str, Formula | float | None] = dict(numbers.capacitances)  # type: ignore[arg-type]
+    massive = {n: start[n] for n, c in capacitances.items() if c is not None}
+    out = Wired(
+        network,
+        wiring.scenario,
+        capacitances,
+        rows,
+        sources,
+        {b: wiring.signals[f"boundary {b}"] for b in network.boundaries},
+        {name: curve.drawn(wiring.scenario.seconds) for name, curve in network.media.signals().items()}
+        | {name: curve for name, curve in wiring.signals.items() if name.startswith(signal_of(""))},
+        massive,
+        _courses(wiring),
+    )
+    _refuse_bent_courses(out, writer)
+    return out
+
+
+def _refuse_laws(network: Network, numbers: Numbers, writer: Writer) -> None:
+    """Refuse laws of conductors and stores that a format does not hold."""
+    for row in numbers.conductors:
+        if (row.form in MOVING and not writer.hinges) or (row.form in ("gas", "natural") and not writer.gas):
+            kind = "a table that depends on parameters" if row.form in MOVING else "a law of gas at a pressure, which uses tables"
+            raise DeckError(f"'{row.name}' is {kind}, which is not written to {writer.name}.", network.title)
+    curves = {c.path: c.curve for c in network.flat.conductors} | {load.path: load.curve for load in network.flat.loads}
+    for name, curve in curves.items():
+        if curve is not None and not (curve.film[-1] if curve.film else curve).straight and not writer.smooth:
+            raise DeckError(
+                f"'{name}' is a smooth table, which is not written to {writer.name}. Use interpolation = 'linear'.", network.title
+            )
+    for node in network.stores:
+        raise DeckError(f"the specific heat of '{node}' changes with temperature, which is not written to {writer.name}.", network.title)
+
+
+def _sources(network: Network, wiring: Wiring, numbers: Numbers, writer: Writer) -> tuple[HeatSource, ...]:
+    """Return every heat load that is not zero."""
+    sources = []
+    for load in numbers.loads:
+        plain = load.fixed or (load.form == "table" and not load.control and load.curve is not None)
+        if not plain and not writer.loads:
+            law = load.control or load.form
+            raise DeckError(f"the load '{load.name}' depends on temperature ({law}), which is not written to {writer.name}.", network.title)
+        signal = wiring.signals[load.signal] if load.signal else Constant(1.0)
+        power: Formula | float = load.coefficients[0]  # type: ignore[assignment]  # formulas stand where numbers do
+        if load.signal.startswith("load ") and load.form != "table":
+            gain = wiring.scenario.gains.get(load.name)
+            power = numbers.values[gain] if gain else 1.0 if f"watts {load.name}" in wiring.signals else power
+        if load.node not in network.nodes or (load.form == "signal" and (signal == Constant(0.0) or float(power) == 0.0)):
+            continue
+        sensor = "" if load.form == "signal" else load.node
+        rest: Any = load.own[1:]
+        settings: Any = load.settings
+        watched = load.sensor if load.control else ""
+        sources.append(
+            HeatSource(load.name, load.node, power, signal, load.curve, sensor, load.form, rest, load.control, settings, watched)
+        )
+    return tuple(sources)
+
+
+def _courses(wiring: Wiring) -> dict[str, Drawn]:
+    """Return parameter path -> what it follows in time."""
+    if wiring.schedule is None:
+        return {}
+    return {path: given.drawn(wiring.scenario.seconds) for path, given in wiring.schedule.signals.items()}
+
+
+MOST_DEGREE: Final = 99
+"""Degree of what is no polynomial."""
+
+
+def _degree(formula: Formula | float, known: Mapping[str, int]) -> int:
+    """Return the degree of a formula in what changes in time, by the degrees of the names in it."""
+    if not isinstance(formula, Formula) or formula.operator == "number":
+        return 0
+    if formula.operator == "name":
+        return known.get(formula.parts[0], 0)
+    several = [_degree(part, known) for part in formula.parts]
+    if formula.operator in ("+", "-", "neg"):
+        return max(several)
+    if formula.operator == "*":
+        return sum(several)
+    if formula.operator == "/" and several[1] == 0:
+        return several[0]
+    return MOST_DEGREE if any(several) else 0
+
+
+def _refuse_bent_courses(w: Wired, writer: Writer) -> None:
+    """Refuse a coefficient that is no straight line in time where the parameter that it follows is one.
+
+    A run joins the values of the coefficient, and a format those of the parameter, by straight lines; of held values both are equal.
+    """
+    bent = [path for path, given in w.courses.items() if not given.held]
+    if not bent:
+        return
+    known = dict.fromkeys(bent, 1)
+    for each in w.parameters:
+        if each.formula is not None:
+            known[each.path] = _degree(each.formula, known)
+    for name, formulas in (*((label, row.coefficients) for label, row in w.conductors), *((s.load, s.coefficients) for s in w.sources)):
+        if any(_degree(f, known) > 1 for f in formulas):  # type: ignore[arg-type]
+            raise ScenarioError(
+                f"'{name}' follows '{bent[0]}' otherwise than in proportion, and its schedule is made of straight lines, which is not "
+                f"written to {writer.name}. Give the schedule as steps: hold = true.",
+                w.scenario.title,
+            )
+
+
+def named_rows(rows: Iterable[ConductorRow]) -> tuple[tuple[str, ConductorRow], ...]:
+    """Return rows with unique labels: a conductor of several rows is numbered."""
+    counts: dict[str, int] = {}
+    out = []
+    for row in rows:
+        counts[row.name] = counts.get(row.name, 0) + 1
+        out.append((row.name if counts[row.name] == 1 else f"{row.name}.{counts[row.name]}", row))
+    return tuple(out)
+
+
+def refuse_crooked(w: Wired, what: str) -> None:
+    """Refuse laws that are not linear at massless nodes, whose temperatures have no formula then.
+
+    Raises
+    ------
+    DeckError   With the conductor and the node.
+    """
+    for label, row in w.conductors:
+        at = [end for end in row.ends if end in w.massless]
+        if at and not row.kernel.linear:
+            raise DeckError(
+                f"'{label}' is not linear ({row.form}) and ends at the massless node '{at[0]}', whose temperature has no formula then. "
+                f"Give the node a capacitance to write the model to {what}.",
+                w.network.title,
+            )
+    for source in w.sources:
+        at = [end for end in (source.node, source.sensor) if end in w.massless]
+        if source.curve is not None and at:
+            raise DeckError(
+                f"the load '{source.load}' depends on temperature and acts on the massless node '{at[0]}', whose temperature has no formula"
+                f" then. Give the node a capacitance to write the model to {what}.",
+                w.network.title,
+            )
+    _check_reached(w)
+
+
+def conductance_text(row: ConductorRow, coefficients: Sequence[str], a: str, b: str, read: Callable[[Curve, str], str]) -> str:
+    """Return the conductance of a row as text, by the temperatures of its ends, in signs that Octave and SPICE share. [W/K]
+
+    Parameters
+    ----------
+    coefficients : sequence of str  Those of the row; each binds as strongly as a product.
+    a, b : str                      Temperatures of the ends. [K]
+    read : callable                 Table, and where it is read -> text.
+
+    Raises
+    ------
+    DeckError   When the law has no such text.
+    """
+    first, *rest = coefficients
+    if row.form in ("linear", "flow", "potential"):  # of a potential, what its integrals are multiplied by
+        return first
+    if row.form == "power":
+        return f"{first}*(({a} - {b})^2 + {SMOOTHING}^2)^({rest[0]}/2)"
+    if row.form == "radiation":
+        return f"{first}*({a}^2 + {b}^2)*({a} + {b})"
+    if row.form == "table" and row.curve is not None:
+        return f"{first}*{read(row.curve, f'{a} - {b}' if row.curve.over == 'difference' else f'({a} + {b})/2')}"
+    raise DeckError(f"'{row.name}' is of a form that is not written to this format: {row.form}. Export an FMU, which has every law.")
+
+
+def table_points(curve: Curve) -> tuple[list[float], list[float], bool]:
+    """Return abscissae and ordinates of a table of straight lines, or of the integrand of a potential, as far as it reaches.
+
+    Third: whether it is held outside; a table that is refused has no values there.
+    """
+    if curve.film:
+        return curve.x.tolist(), slopes(curve).tolist(), curve.limits is None
+    x, y, _ = whole(curve)
+    return x.tolist(), y.tolist(), curve.limits is None
+
+
+def _check_reached(w: Wired) -> None:
+    """Refuse a massless node that nothing leads to."""
+    for node in w.massless:
+        if not any(value_of(row.coefficients[0]) > 0 for _, row in w.conductors if node in row.ends):
+            raise DeckError(
+                f"the massless node '{node}' has no conductance to any node, so its temperature is undefined. Connect it.", w.network.title
+            )
+
+
+def one_line(text: str) -> str:
+    """Return a title or note on one line, so that it cannot leave its comment."""
+    return " ".join(text.split())
+
+
+LONGEST = 50
+"""Letters of a path that a word keeps."""
+
+
+def identifiers(paths: Iterable[str], caseless: bool = False) -> dict[str, str]:
+    """Return path -> a word of letters, digits and ``_`` that begins with a letter, no two alike; `caseless` without capitals."""
+    out: dict[str, str] = {}
+    taken: set[str] = set()
+    for path in paths:
+        word = re.sub(r"\W", "_", path)[:LONGEST]
+        word = word if word[0].isalpha() else f"x{word}"
+        name, k = word, 1
+        while (name.lower() if caseless else name) in taken:
+            k += 1
+            name = f"{word}_{k}"
+        taken.add(name.lower() if caseless else name)
+        out[path] = name
+    return out
+
+
+_COMPUTE: dict[str, Callable[[float, float], float]] = {
+    "+": operator.add,
+    "-": operator.sub,
+    "*": operator.mul,
+    "/": operator.truediv,
+    "**": real_power,
+}
+_RANK = {"+": 1, "-": 1, "*": 2, "/": 2, "neg": 3, "**": 4, "name": 5, "number": 5}
+FUNCTIONS: Final[Mapping[str, Callable[..., float]]] = {"exp": math.exp, "log": math.log, "sqrt": math.sqrt, "min": min, "max": max}
+"""Functions of a formula by name; the last two take two values."""
+_UFUNCS = {
+    "maximum": "max",
+    "minimum": "min",
+    "add": "+",
+    "subtract": "-",
+    "multiply": "*",
+    "divide": "/",
+    "power": "**",
+    "negative": "neg",
+}
+"""What numpy calls an operator or a function otherwise than a formula does."""
+
+
+Binary = Callable[["Formula", Any], "Formula"]
+
+
+def _operator(sign: str) -> tuple[Binary, Binary]:
+    """Return the methods of a sign: the formula on its left, and on its right."""
+    return lambda own, other: _made(sign, own, other), lambda own, other: _made(sign, other, own)
+
+
+@dataclass(frozen=True, eq=False)
+class Formula:
+    """A number and the arithmetic that it comes from.
+
+    Parameters
+    ----------
+    value : float       The number. [SI]
+    operator : str      ``name``, ``number``, ``neg``, one of ``+ - * / **``, or a function: one of `FUNCTIONS`.
+    parts : tuple       The operands; the path for a name; empty for a number.
+    """
+
+    value: float
+    operator: str
+    parts: tuple[Any, ...] = ()
+
+    def __float__(self) -> float:
+        """The number."""
+        return self.value
+
+    __add__, __radd__ = _operator("+")
+    __sub__, __rsub__ = _operator("-")
+    __mul__, __rmul__ = _operator("*")
+    __truediv__, __rtruediv__ = _operator("/")
+    __pow__, __rpow__ = _operator("**")
+
+    def __neg__(self) -> Formula:
+        """Negative."""
+        return Formula(-self.value, "neg", (self,))
+
+    def __pos__(self) -> Formula:
+        """Itself."""
+        return self
+
+    def __array_ufunc__(self, ufunc: Any, method: str, *inputs: Any, **options: Any) -> Any:
+        """Return the formula of a function or operator of numpy, which recipes and expressions use."""
+        name = _UFUNCS.get(ufunc.__name__, ufunc.__name__)
+        several = [x.item() if isinstance(x, np.ndarray) and x.size == 1 else x for x in inputs]
+        if method != "__call__" or options or not all(isinstance(x, (Formula, float, int)) for x in several):
+            return NotImplemented
+        if name in FUNCTIONS:
+            parts = tuple(_formula(x) for x in several)
+            return Formula(float(FUNCTIONS[name](*(x.value for x in parts))), name, parts)
+        if name == "neg":
+            return -_formula(several[0])
+        if name in _COMPUTE:
+            return _made(name, *several)
+        return NotImplemented
+
+    def paths(self) -> set[str]:
+        """Return the names it holds."""
+        if self.operator == "name":
+            return {self.parts[0]}
+        return {path for part in self.parts for path in part.paths()}
+
+
+def _formula(x: Any) -> Formula:
+    """Return a plain number as a formula, a formula as it is."""
+    return x if isinstance(x, Formula) else Formula(float(x), "number")
+
+
+def _made(operator: str, left: Any, right: Any) -> Formula:
+    """Return the formula of two operands; a plain number becomes a formula, and a factor of one goes."""
+    a, b = _formula(left), _formula(right)
+    if operator in "*/" and b.operator == "number" and b.value == 1.0:
+        return a
+    if operator == "*" and a.operator == "number" and a.value == 1.0:
+        return b
+    return Formula(_COMPUTE[operator](a.value, b.value), operator, (a, b))
+
+
+def named(path: str, value: float) -> Formula:
+    """Return the formula that is one name."""
+    return Formula(value, "name", (path,))
+
+
+def number_text(value: float) -> str:
+    """Return the shortest text that is read as the same number."""
+    if value in (float("inf"), -float("inf")):
+        return "Inf" if value > 0 else "-Inf"
+    return repr(int(value)) if value == int(value) and abs(value) < 1e15 else repr(float(value))
+
+
+@dataclass(frozen=True)
+class Text:
+    """How formulas are written in one language.
+
+    Parameters
+    ----------
+    name : callable     Path -> how it is written.
+    power : str         The sign of a power; the name of a function of two values where it is a word.
+    number : callable   Number -> how it is written.
+    functions : dict    Function -> how it is written, where that is otherwise.
+    """
+
+    name: Callable[[str], str]
+    power: str = "^"
+    number: Callable[[float], str] = field(default_factory=lambda: number_text)
+    functions: Mapping[str, str] = field(default_factory=dict)
+
+    def of(self, formula: Formula | float, above: int = 0) -> str:
+        """Return a formula as text, in parentheses where its surroundings bind as strongly as `above`."""
+        if not isinstance(formula, Formula):
+            return self.number(float(formula)) if formula >= 0 or not above else f"({self.number(float(formula))})"
+        if formula.operator in FUNCTIONS or (formula.operator == "**" and self.power.isalpha()):
+            called = self.power if formula.operator == "**" else self.functions.get(formula.operator, formula.operator)
+            return f"{called}({', '.join(self.of(part) for part in formula.parts)})"
+        rank = _RANK[formula.operator]
+        if formula.operator == "name":
+            return self.name(formula.parts[0])
+        if formula.operator == "number":
+            return self.of(formula.value, above)
+        if formula.operator == "neg":
+            text = f"-{self.of(formula.parts[0], rank)}"
+        else:
+            left, right = formula.parts
+            # equal ranks: a - (b - c) needs its parentheses, (a - b) - c does not; powers get them on both sides
+            tight = formula.operator == "**"
+            sign = self.power if tight else f" {formula.operator} " if rank == 1 else formula.operator
+            firm = rank + (formula.operator in "-/" or tight)
+            text = f"{self.of(left, rank + tight)}{sign}{self.of(right, firm)}"
+        return f"({text})" if rank < above else text
+
+
+def with_formulas(network: Network) -> Numbers:
+    """Return the rows of a network with formulas over parameter paths as coefficients and capacitances."""
+    values = network.numbers().values
+    expressions: dict[str, Any] = {path: named(path, value_of(value)) for path, value in values.items()}
+    return network.numbers(expressions)

@@ -1,0 +1,497 @@
+"""Logs in binary files as cells: NI TDMS, MATLAB, HDF5, netCDF and workbooks, each read by a library of its own.
+
+Numbers become text with all their digits, so that units, clocks and faults are read in one place for every format.
+"""
+
+from __future__ import annotations
+
+import io
+import re
+import struct
+import warnings
+import zipfile
+import zlib
+from collections.abc import Iterator, Mapping, Sequence
+from datetime import datetime, timedelta
+from typing import Any, Final, cast
+
+import numpy as np
+
+from thermid.base.errors import RecordError, UnitError, cap, raising
+from thermid.base.extensions import optional
+from thermid.base.units import require, unit as parsed_unit
+from thermid.measure._readers.headers import spelt
+from thermid.measure._readers.matlab_objects import objects_of, series_of
+from thermid.measure._readers.textfile import Cells, ChannelSeries, Layout, cells_of_text, merged, text_of
+
+OLD_OFFICE: Final = b"\xd0\xcf\x11\xe0\xa1\xb1\x1a\xe1"
+"""Signature of Microsoft's compound files, such as .xls."""
+
+_TIMES: Final = ("time", "t", "time_s", "timestamp", "datetime", "tout", "zeit", "tempo", "date_time", "x_value", "tempos", "elapsed")
+_SINCE: Final = re.compile(r"(?P<unit>\w+) since (?P<stamp>.+)\Z")
+
+_DAMAGE: Final = (
+    ArithmeticError,
+    AttributeError,
+    EOFError,
+    LookupError,
+    MemoryError,
+    NameError,
+    NotImplementedError,
+    OSError,
+    RuntimeError,
+    TypeError,
+    ValueError,
+    struct.error,
+    zlib.error,
+)
+"""What libraries raise on a damaged file."""
+
+Vectors = dict[str, tuple[Any, str]]
+"""Name -> samples (samples,), unit as text; both empty where unknown."""
+
+
+def _small(size: float, file: str) -> None:
+    """Refuse what unpacks to more than a machine should have to hold.
+
+    Raises
+    ------
+    RecordError   With the cap.
+    """
+    if size > cap("unpacked"):
+        raise RecordError(f"it unpacks to {size / 1e6:.0f} MB or more. Save the channels that are needed.{raising('unpacked')}", file)
+
+
+def _inflated(data: bytes, most: int) -> int:
+    """Return the length of what zlib packed, counted no further than just beyond `most`."""
+    engine, out = zlib.decompressobj(), 0
+    while out <= most and data and not engine.eof:
+        out += len(engine.decompress(data, 1 << 20))
+        data = engine.unconsumed_tail
+    return out
+
+
+def tdms(data: bytes, file: str, separator: str | None) -> Cells:
+    """Return the cells of an NI TDMS file; channels of groups with other samples are put on one axis of times.
+
+    Raises
+    ------
+    RecordError   When a channel has neither a waveform's times nor a time channel in its group.
+    """
+    library = optional("nptdms", "this kind of file", file)
+    try:
+        with library.TdmsFile.read(io.BytesIO(data)) as opened:
+            cut = bool(opened.file_status.incomplete_final_segment)
+            groups = [(group.name, {c.name: c for c in group.channels() if len(c)}) for group in opened.groups()]
+            groups = [(name, channels) for name, channels in groups if channels]
+            begun = _beginning(channels for _, channels in groups)
+            series: list[ChannelSeries] = []
+            for name, channels in groups:
+                series += _tdms_series(name if len(groups) > 1 else "", channels, begun, file)
+    except _DAMAGE as error:
+        raise RecordError(f"the TDMS file is damaged or cut short ({error}).", file) from None
+    if not series:
+        raise RecordError("the TDMS file has no samples.", file)
+    start = None if begun is None else str(begun.isoformat())
+    notes = ("the last segment of the file is cut short; the samples before it were read",) if cut else ()
+    return merged(series, file, "time [s]", notes, Layout("NI TDMS", ""), start)
+
+
+def _beginning(groups: Iterator[Mapping[str, Any]]) -> datetime | None:
+    """Return the first start of a waveform or the first stamp of a time channel."""
+    out = []
+    for channels in groups:
+        for channel in channels.values():
+            start = channel.properties.get("wf_start_time")
+            if start is not None and "wf_increment" in channel.properties:
+                out.append(_moment(start))
+            elif np.issubdtype(channel.dtype, np.datetime64):
+                out.append(_moment(channel[0]))
+    return min(out) if out else None
+
+
+def _moment(value: Any) -> datetime:
+    """Return an instant of numpy or of a TDMS property. [UTC]"""
+    return cast("datetime", np.datetime64(value, "us").astype(datetime))
+
+
+def _tdms_series(group: str, channels: Mapping[str, Any], begun: datetime | None, file: str) -> list[ChannelSeries]:
+    own = next((n for n, c in channels.items() if np.issubdtype(c.dtype, np.datetime64)), None)
+    own = own or next((n for n in channels if n.lower().partition(" ")[0].partition("[")[0] in _TIMES), None)
+    out = []
+    for name, channel in channels.items():
+        if name == own:
+            continue
+        times = _tdms_times(channel, channels.get(own) if own else None, begun)
+        if times is None or len(times) != len(channel):
+            raise RecordError(
+                f"channel '{name}' has no times: neither wf_increment nor a time channel of as many samples in its group.", file
+            )
+        unit = str(channel.properties.get("unit_string", "") or channel.properties.get("NI_UnitDescription", "")).strip()
+        shown = f"{group}/{name}" if group else name
+        texts = [text_of(v) for v in channel[:].tolist()]
+        out.append(ChannelSeries(_named(shown, unit), texts, times, [repr(t) for t in times], range(1, len(times) + 1)))
+    return out
+
+
+def _tdms_times(channel: Any, clock: Any, begun: datetime | None) -> list[float] | None:
+    """Return times of a channel from the start of the file. [s]"""
+    if channel.properties.get("wf_increment"):
+        offset = float(channel.properties.get("wf_start_offset", 0.0))
+        start = channel.properties.get("wf_start_time")
+        shift = (_moment(start) - begun).total_seconds() if start is not None and begun is not None else 0.0
+        step = float(channel.properties["wf_increment"])
+        return [round(shift + offset + step * k, 9) for k in range(len(channel))]
+    if clock is None:
+        return None
+    if np.issubdtype(clock.dtype, np.datetime64):
+        assert begun is not None
+        return [float(t) for t in (clock[:] - np.datetime64(begun)) / np.timedelta64(1, "s")]
+    return [float(t) for t in clock[:]]
+
+
+def _named(name: str, unit: str) -> str:
+    """Return a name with its unit, where it does not end with one."""
+    return f"{name} [{unit}]" if unit and not name.rstrip().endswith(("]", ")")) else name
+
+
+def matlab(data: bytes, file: str, separator: str | None) -> Cells:
+    """Return the cells of a MATLAB file of version 5 to 7.2: vectors of one length, also in structures and objects of time and data.
+
+    Raises
+    ------
+    RecordError   When it has no time beside vectors of its length, or only objects that no published layout describes.
+    """
+    from scipy.io import loadmat
+    from scipy.io.matlab import MatReadError, MatReadWarning
+
+    try:
+        _small(_matlab_size(data), file)
+        with warnings.catch_warnings():
+            warnings.simplefilter("ignore", MatReadWarning)  # objects have no names there; `objects_of` reads them
+            held = loadmat(cast("Any", io.BytesIO(data)), squeeze_me=True, struct_as_record=True)
+    except RecordError:
+        raise
+    except (MatReadError, *_DAMAGE) as error:
+        raise RecordError(f"the MATLAB file cannot be read ({error}). Save it again with save -v7.", file) from None
+    opaque = any("MatlabOpaque" in type(value).__name__ for value in held.values())
+    return of_variables(held, file, _of_series(objects_of(data, file), file) if opaque else {})
+
+
+def _matlab_size(data: bytes) -> int:
+    """Return the bytes of a MATLAB file of version 5 when unpacked, counted no further than just beyond the cap."""
+    if len(data) < 128 or data[126:128] not in (b"IM", b"MI"):
+        return len(data)
+    order, at, out = "<" if data[126:128] == b"IM" else ">", 128, 128
+    while at + 8 <= len(data) and out <= cap("unpacked"):
+        kind, size = struct.unpack_from(f"{order}II", data, at)
+        packed = kind == 15  # miCOMPRESSED
+        out += _inflated(data[at + 8 : at + 8 + size], int(cap("unpacked"))) if packed else 8 + size
+        at += 8 + size + (0 if packed else -size % 8)
+    return out
+
+
+def _of_series(objects: Mapping[str, Mapping[str, Any]], file: str) -> Vectors:
+    """Return the time and the columns of `timeseries` objects.
+
+    Raises
+    ------
+    RecordError   When two of them have times of their own.
+    """
+    out: Vectors = {}
+    clock = ""
+    for name, properties in objects.items():
+        series = series_of(properties)
+        if series is None or len(series["Time"]) < 2:
+            continue
+        if clock and not np.array_equal(out["Time"][0], series["Time"]):
+            raise RecordError(
+                f"'{clock}' and '{name}' have different times. Save one of them in a separate file: save('log.mat', '{clock}').", file
+            )
+        clock = clock or name
+        out["Time"] = series["Time"], "s"
+        out |= _flattened(name, series["Data"])
+    return out
+
+
+def of_variables(held: Mapping[str, Any], file: str, series: Vectors | None = None) -> Cells:
+    """Return the cells of the variables of a MATLAB file, and of the columns of its objects; see `matlab`."""
+    vectors: Vectors = dict(series or {})
+    objects = [name for name, value in held.items() if "MatlabOpaque" in type(value).__name__ or "Function" in type(value).__name__]
+    for name, value in held.items():
+        if not name.startswith("__") and name not in objects:
+            vectors |= _flattened(name, value)
+    if objects and not _clock_of(vectors):
+        raise RecordError(
+            f"'{objects[0]}' is a MATLAB object (timetable, table, or a timeseries without numbers), "
+            "whose layout is not published. In MATLAB: "
+            f"t = {objects[0]}.Time; T = {objects[0]}.Data; save('log.mat', 't', 'T', '-v7').",
+            file,
+        )
+    return _of_vectors(vectors, file, "MATLAB")
+
+
+def _flattened(name: str, value: Any) -> Vectors:
+    """Return the vectors of a variable: columns of a matrix, fields of a structure, signals of a Simulink log."""
+    if isinstance(value, np.ndarray | np.void) and value.dtype.names:
+        if value.ndim == 0 or value.size == 1:
+            fields = np.asarray(value).reshape(-1)[0]
+            out: Vectors = {}
+            for field in value.dtype.names:
+                label = _label(fields) if field == "values" else ""
+                inner = label or ("" if field in ("values", "signals") else field)
+                out |= _flattened(f"{name}.{inner}" if inner and not label else label or name, fields[field])
+            return out
+        made: Vectors = {}
+        for k, row in enumerate(value.reshape(-1)):
+            made |= _flattened(f"{name}.{k + 1}", np.array(row, dtype=value.dtype))
+        return made
+    if not isinstance(value, np.ndarray) or value.dtype.kind not in "fiub" or value.size < 2:
+        return {}
+    if value.ndim == 1:
+        return {name: (value, "")}
+    if value.ndim == 2:
+        return {f"{name}_{k + 1}": (value[:, k], "") for k in range(value.shape[1])}
+    return {}
+
+
+def _label(fields: Any) -> str:
+    names = fields.dtype.names or ()
+    return str(fields["label"]) if "label" in names and isinstance(fields["label"], str | np.str_) else ""
+
+
+def _clock_of(vectors: Vectors) -> str:
+    """Return the name of the only vector that is called a time, or an empty text."""
+    hits = [name for name in vectors if re.split(r"[./]", name)[-1].lower().partition(" ")[0] in _TIMES]
+    return hits[0] if hits else ""
+
+
+def _of_vectors(vectors: Vectors, file: str, kind: str) -> Cells:
+    """Return the cells of vectors: those as long as the time.
+
+    Raises
+    ------
+    RecordError   When none is called a time, or none is as long as it.
+    """
+    clock = _clock_of(vectors)
+    if not clock:
+        held = ", ".join(f"{n} ({len(v)})" for n, (v, _) in vectors.items()) or "no numeric vectors"
+        raise RecordError(
+            f"no vector has the name of a time ({', '.join(_TIMES[:6])}); it holds {held}. Rename the vector with the times.", file
+        )
+    times, unit = vectors.pop(clock)
+    alike = {name: each for name, each in vectors.items() if len(each[0]) == len(times)}
+    other = [name for name in vectors if name not in alike]
+    if not alike:
+        raise RecordError(f"no vector is as long as '{clock}' ({len(times)} samples); there are {', '.join(vectors) or 'none'}.", file)
+    texts, unit, start, name = _clock_texts(times, unit, re.split(r"[./]", clock)[-1], kind)
+    header = (f"{name} [{unit}]" if unit else name, *(_named(n, u) for n, (_, u) in alike.items()))
+    columns = [texts, *(tuple(text_of(v) for v in np.asarray(values).tolist()) for values, _ in alike.values())]
+    notes = (f"left out, because their length differs from that of '{clock}': {', '.join(other)}",) if other else ()
+    return Cells(
+        file, header, columns, list(range(1, len(times) + 1)), notes, time=name, start=start, layout=Layout(kind, ""), commas=False
+    )
+
+
+def _clock_texts(times: Any, unit: str, name: str, kind: str) -> tuple[tuple[str, ...], str, str | None, str]:
+    """Return times as cells with their unit, start and name; days of MATLAB and times since a date are understood."""
+    values = np.asarray(times)
+    if values.dtype.kind == "M":
+        return tuple(np.datetime_as_string(values).tolist()), "", None, name
+    if values.dtype.kind in "SUO":
+        return tuple(v.decode() if isinstance(v, bytes) else str(v) for v in values.tolist()), "", None, name
+    since = _SINCE.match(unit)
+    if since:
+        return _since(values, since, name)
+    first, last = float(values[0]), float(values[-1])
+    if kind.startswith("MATLAB") and not unit and 715000.0 < first <= last < 770000.0:
+        day = datetime(1899, 12, 30) + timedelta(days=first - 693960.0)
+        # a day since year 0 has room for 1e-5 s
+        return tuple(repr(round(v, 4)) for v in ((values - first) * 86400.0).tolist()), "s", day.isoformat(), name
+    return tuple(repr(v) for v in values.tolist()), unit, None, name
+
+
+def _since(values: Any, since: re.Match[str], name: str) -> tuple[tuple[str, ...], str, str | None, str]:
+    """Return times since a date, as netCDF's conventions write them, from the first one."""
+    unit, stamp = spelt(since["unit"]), since["stamp"].strip().removesuffix("UTC").strip()
+    try:
+        of = parsed_unit(unit)
+        require(of.dimension, "s", unit)
+        first = datetime.fromisoformat(stamp) + timedelta(seconds=float(values[0]) * float(of.factor))
+    except (ValueError, UnitError):
+        return tuple(repr(v) for v in values.tolist()), unit, stamp, name
+    return tuple(repr(v) for v in (values - values[0]).tolist()), unit, first.isoformat(), name
+
+
+def hdf5(data: bytes, file: str, separator: str | None) -> Cells:
+    """Return the cells of an HDF5 file (also netCDF 4 and MATLAB 7.3): data sets of one dimension and one length, units from attributes.
+
+    Raises
+    ------
+    RecordError   When it has no time, or is damaged.
+    """
+    library = optional("h5py", "this kind of file", file)
+    vectors: Vectors = {}
+    unpacked = 0
+
+    def visit(name: str, item: Any) -> None:
+        nonlocal unpacked
+        if not isinstance(item, library.Dataset) or "#" in name or item.ndim == 0 or item.size < 2:
+            return
+        unpacked += item.size * item.dtype.itemsize
+        _small(unpacked, file)
+        values = np.squeeze(item[()])
+        unit = next((_plain(item.attrs[key]) for key in ("units", "unit", "Units", "Unit") if key in item.attrs), "")
+        if item.dtype.names:
+            vectors.update({field: (values[field], "") for field in item.dtype.names})
+        elif values.ndim == 1:
+            vectors[name] = (values, unit)
+        elif values.ndim == 2 and values.dtype.kind in "fiu":
+            rows = values if values.shape[0] > values.shape[1] else values.T
+            vectors.update({f"{name}_{k + 1}": (rows[:, k], unit) for k in range(rows.shape[1])})
+
+    try:
+        with library.File(io.BytesIO(data), "r") as opened:
+            opened.visititems(visit)
+    except RecordError:
+        raise
+    except _DAMAGE as error:
+        raise RecordError(f"the HDF5 file is damaged or cut short ({error}).", file) from None
+    kind = "MATLAB 7.3" if data[:10] == b"MATLAB 7.3" else "HDF5"
+    return _of_vectors(vectors, file, kind)
+
+
+def _plain(value: Any) -> str:
+    if isinstance(value, np.ndarray):
+        value = value.reshape(-1)[0] if value.size else ""
+    return (value.decode() if isinstance(value, bytes) else str(value)).strip()
+
+
+def netcdf(data: bytes, file: str, separator: str | None) -> Cells:
+    """Return the cells of a netCDF file of version 3: variables of one dimension, units from attributes.
+
+    Raises
+    ------
+    RecordError   When it has no time, or is damaged.
+    """
+    from scipy.io import netcdf_file
+
+    try:
+        with netcdf_file(io.BytesIO(data), mmap=False) as opened:
+            vectors: Vectors = {
+                name: (np.array(v[:]).astype(v[:].dtype.newbyteorder("=")), _plain(getattr(v, "units", "")))
+                for name, v in opened.variables.items()
+                if len(v.shape) == 1 and v.shape[0] > 1
+            }
+    except _DAMAGE as error:
+        raise RecordError(f"the netCDF file is damaged or cut short ({error}).", file) from None
+    return _of_vectors(vectors, file, "netCDF classic")
+
+
+def is_workbook(head: bytes) -> bool:
+    """Whether bytes begin as a zip archive that may be a workbook."""
+    return head[:4] == b"PK\x03\x04" and any(name in head for name in (b"xl/", b"[Content_Types].xml", b"opendocument.spreadsheet"))
+
+
+def workbook(data: bytes, file: str, separator: str | None) -> Cells:
+    """Return the cells of a workbook (.xlsx, .xls, .ods): the sheet with the most numbers.
+
+    Raises
+    ------
+    RecordError   When no sheet has samples, or the file is damaged.
+    """
+    try:
+        if data[:2] == b"PK":
+            _small_workbook(zipfile.ZipFile(io.BytesIO(data)), file)
+    except zipfile.BadZipFile:
+        raise RecordError("this is a binary file, not a text log (a workbook or archive). Export it as CSV.", file) from None
+    library = optional("python_calamine", "this kind of file", file)
+    try:
+        book = library.CalamineWorkbook.from_filelike(io.BytesIO(data))
+        sheets = {name: book.get_sheet_by_name(name).to_python() for name in book.sheet_names}
+    except (library.CalamineError, *_DAMAGE) as error:
+        raise RecordError(f"the workbook cannot be read ({error}).", file) from None
+    best = max(sheets, key=lambda name: _numbers(sheets[name]), default="")
+    if not best or not _numbers(sheets[best]):
+        raise RecordError("no sheet of the workbook holds numbers.", file)
+    text = "\n".join("\t".join(_cell(cell) for cell in row) for row in sheets[best]) + "\n"
+    cells = cells_of_text(text, file, "\t")
+    others = [name for name in sheets if name != best and _numbers(sheets[name])]
+    notes = (f"sheet '{best}' was read; not read: {', '.join(others)}",) if others else ()
+    layout = Layout("workbook", "", "cells of a sheet", cells.layout.preamble, cells.layout.units_row)
+    return Cells(
+        file, cells.header, cells.columns, cells.lines, (*cells.notes, *notes), cells.synthetic, commas=cells.commas, layout=layout
+    )
+
+
+_CELL: Final = re.compile(rb'\br="([A-Z]{1,3})(\d{1,7})"')
+SPARSE: Final = 50
+"""Bytes of memory that each place of a sheet takes, empty ones too, between its first cell and its last."""
+
+
+def _small_workbook(book: zipfile.ZipFile, file: str) -> None:
+    """Refuse a workbook that unpacks to too much, or whose last cell stands so far out that the empty ones before it would."""
+    most = int(cap("unpacked"))
+    _small(sum(part.file_size for part in book.infolist()), file)
+    for part in book.infolist():
+        if not part.filename.startswith("xl/worksheets/") and part.filename != "content.xml":
+            continue
+        with book.open(part) as sheet:
+            text = sheet.read(most + 1)
+        _small(len(text), file)
+        _small(SPARSE * (_open_places(text) if part.filename == "content.xml" else _places(text)), file)
+
+
+def _places(sheet: bytes) -> int:
+    """Return how many places a sheet of .xlsx spans, from its first cell to its last."""
+    wide = high = 0
+    for column, row in _CELL.findall(sheet):
+        high = max(high, int(row))
+        wide = max(wide, _column(column))
+    return wide * high
+
+
+_TABLE_TAG: Final = re.compile(rb"<table:(table|table-row|(?:covered-)?table-cell)(?=[\s/>])([^>]*)>")
+_REPEATED: Final = re.compile(rb'table:number-(?:rows|columns)-repeated="(\d{1,9})"')
+
+
+def _open_places(content: bytes) -> int:
+    """Return how many places the largest sheet of .ods spans; what is written once may be said to stand there a million times."""
+    most = wide = high = row = column = 0
+    for name, rest in _TABLE_TAG.findall(content):
+        repeated = _REPEATED.search(rest)
+        many = int(repeated[1]) if repeated else 1
+        if name == b"table":
+            most, wide, high, row = max(most, wide * high), 0, 0, 0
+        elif name == b"table-row":
+            row, column = row + many, 0
+        else:
+            column += many
+            if not rest.endswith(b"/") or b"office:value" in rest:  # an empty cell takes no place behind the last filled one
+                wide, high = max(wide, column), max(high, row)
+    return max(most, wide * high)
+
+
+def _column(letters: bytes) -> int:
+    """Return the number of a column, from 1.
+
+    >>> _column(b"A"), _column(b"AA")
+    (1, 27)
+    """
+    number = 0
+    for letter in letters:
+        number = 26 * number + letter - 64
+    return number
+
+
+def _numbers(rows: Sequence[Sequence[Any]]) -> int:
+    return sum(isinstance(cell, int | float) and not isinstance(cell, bool) for row in rows for cell in row)
+
+
+def _cell(value: Any) -> str:
+    """Return a cell as text; whole numbers without a point, as they are seen."""
+    if isinstance(value, float) and value.is_integer() and abs(value) < 1e15:
+        return str(int(value))
+    if isinstance(value, timedelta):
+        return repr(value.total_seconds())
+    return re.sub(r"[\t\r\n]+", " ", text_of(value))

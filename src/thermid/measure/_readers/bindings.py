@@ -1,0 +1,200 @@
+"""What `channels`, `noise`, `accuracy` and `units` of `read_record` ask for, column by column."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Mapping
+from dataclasses import dataclass, replace
+from typing import Any, Final
+
+from thermid.base.errors import NameNotFoundError, RecordError, ThermidError, errors_at, refuse_unknown
+from thermid.base.units import DIMENSIONLESS, TEMPERATURE, describe, require, unit
+from thermid.measure._record.channel import SAMPLES
+from thermid.measure._record.sensor import KEYS, SensorCertificate, SensorPart
+from thermid.measure.amounts import amount
+
+_ROLE_KEYS: Final = ("node", "boundary", "load", "command", "prescribed")
+_KEYS: Final = (*_ROLE_KEYS, "gain", "full_scale", "noise", "accuracy", "resolution", "unit", "prompt", "samples", *KEYS)
+
+
+@dataclass(frozen=True)
+class Binding:
+    """What is asked of one column; units and errors still as written."""
+
+    name: str
+    column: str
+    role: str = "auto"
+    target: str | None = None
+    gain: str | None = None
+    full_scale: str | float | None = None
+    noise: str | float | None = None
+    accuracy: str | float | None = None
+    resolution: str | float | None = None
+    unit: str | None = None
+    prompt: bool = False
+    samples: str = ""
+    part: SensorPart | None = None
+    certificate: SensorCertificate | None = None
+
+
+def bindings(channels: Mapping[str, object], extra: Mapping[str, Mapping[str, str | float]], where: str) -> list[Binding]:
+    """Return a binding for each channel.
+
+    Parameters
+    ----------
+    channels : mapping   Target to column name, or column name to table.
+    extra : mapping      'noise', 'accuracy' and 'unit', each by channel name.
+    where : str          The file, for messages.
+
+    Raises
+    ------
+    RecordError         When a table has an unknown key, two roles, or a value that was also given elsewhere.
+    NameNotFoundError   When `extra` names a channel that is not read.
+    """
+    if not channels:
+        raise RecordError("no channel is requested. Give channels={'node': 'column'}.", where)
+    out = {key: _one(key, given, f"{where}, channels.{key}") for key, given in channels.items()}
+    for word, values in extra.items():
+        for name, value in values.items():
+            refuse_unknown(
+                [name], out, where, f"{word} is given for '{{}}', which is not a channel. Channels: {{known}}.", NameNotFoundError
+            )
+            if getattr(out[name], word) is not None:
+                raise RecordError(f"its {word} is given twice. Give it either in the table or as an argument.", f"{where}, channels.{name}")
+            field: dict[str, Any] = {word: value}
+            out[name] = replace(out[name], **field)
+    return list(out.values())
+
+
+def _one(key: str, given: object, where: str) -> Binding:
+    """Return one binding, from a column name or a table."""
+    if isinstance(given, str):
+        return Binding(key, given, target=key)
+    if not isinstance(given, Mapping):
+        raise RecordError(f"{given!r} is neither the name of a column nor a table. Write 'column' or {{ column = 'column' }}.", where)
+    refuse_unknown(given, _KEYS, where)
+    for word in (*_ROLE_KEYS, "gain", "unit"):
+        if word in given and not (isinstance(given[word], str) and given[word].strip()):
+            raise RecordError(f"{word} = {given[word]!r} is not a text.", where)
+    for word in ("full_scale", "noise", "accuracy", "resolution"):
+        if word in given and (isinstance(given[word], bool) or not isinstance(given[word], str | int | float)):
+            raise RecordError(f"{word} = {given[word]!r} is neither a text with a unit nor a number.", where)
+    roles = [word for word in _ROLE_KEYS if word in given]
+    if len(roles) > 1:
+        raise RecordError(f"it has the roles {' and '.join(roles)}. Give a channel one role.", where)
+    role = roles[0] if roles else "auto"
+    if "gain" in given and role not in ("load", "command"):
+        raise RecordError("a gain converts a command into a power, so it needs load = '...' or command = '...' too.", where)
+    if "full_scale" in given and (role != "load" or "gain" in given):
+        raise RecordError("full_scale is the power of a load at 100 %, so it needs load = '...' too, and no gain.", where)
+    if not isinstance(given.get("prompt", False), bool):
+        raise RecordError(f"prompt = {given['prompt']!r} is neither true nor false.", where)
+    if given.get("prompt") and role not in ("load", "command"):
+        raise RecordError(
+            "prompt states that a power or command was logged at every change, so it applies to a load or command only.", where
+        )
+    refuse_unknown([given.get("samples", "instant")], SAMPLES, where, "samples = '{}' is neither 'instant' nor 'average'.")
+    if "samples" in given and role in ("auto", "node"):
+        raise RecordError("samples applies to inputs of the model only: a boundary, load, command or prescribed node.", where)
+    words = ("gain", "full_scale", "noise", "accuracy", "resolution", "unit", "prompt", "samples")
+    rest = {word: given[word] for word in words if word in given}
+    certificate = SensorCertificate.read(given["certificate"], f"{where}, certificate") if "certificate" in given else None
+    return Binding(key, key, role, given[role] if roles else None, **rest, part=SensorPart.read(given, where), certificate=certificate)
+
+
+def unit_and_quantity(binding: Binding, header_unit: str | None, where: str) -> tuple[str, str]:
+    """Return the unit of a column and what it measures.
+
+    The unit is the one given, else the one in the header, else degC for temperatures, W for loads, % for commands and for loads with a gain
+    or a full scale. A column in per cent is a load only with one of these.
+
+    Raises
+    ------
+    UnitError     When the unit does not fit the role.
+    RecordError   When the unit given and the one in the header differ.
+    """
+    drives = binding.role == "command" or binding.gain is not None or binding.full_scale is not None
+    text = binding.unit or header_unit or ("%" if drives else "W" if binding.role == "load" else "degC")
+    if binding.unit is None and header_unit is None:
+        _refuse_by_name(binding, drives, where)
+    with errors_at(where):
+        of = unit(text)
+        if binding.role == "load" and not drives and of.dimension == DIMENSIONLESS:
+            raise RecordError(_PER_CENT.format(f"it is in {text}"))
+        if binding.unit and header_unit and _known(header_unit) and unit(header_unit) != replace(of, text=unit(header_unit).text):
+            raise RecordError(f"its header has the unit [{header_unit}], but its unit is given as '{binding.unit}'. Correct one of them.")
+        if binding.role in ("node", "boundary", "prescribed"):
+            require(of.dimension, TEMPERATURE, text, of.absolute)
+        elif binding.role == "load" and not drives:
+            require(of.dimension, "W", text)
+        elif binding.full_scale is not None and of.dimension != DIMENSIONLESS:
+            raise RecordError(f"full_scale is for a column in per cent, and it is in {text}. Leave full_scale out.")
+    if drives:
+        return text, "command"
+    for quantity, known in (("temperature", "K"), ("power", "W"), ("command", "1")):
+        if of.dimension == unit(known).dimension:
+            return text, quantity
+    return text, describe(of.dimension).removeprefix("an ").removeprefix("a ")
+
+
+_PER_CENT: Final = "{}, and a load needs watts. Give full_scale = '... [W]', its power at 100 %, or gain, the path of a parameter."
+_DUTY: Final = re.compile(r"pct|percent|per_cent|duty|pwm|%", re.IGNORECASE)
+_LETTER: Final = re.compile(r".*[a-z0-9]_([FK])\Z")
+
+
+def _refuse_by_name(binding: Binding, drives: bool, where: str) -> None:
+    """Refuse a column without a unit whose name says another one than that which would be taken."""
+    if binding.role == "load" and not drives and _DUTY.search(binding.column):
+        raise RecordError(_PER_CENT.format("by its name it is in per cent"), where)
+    letter = _LETTER.match(binding.column)
+    if letter and binding.role in ("node", "boundary", "prescribed", "auto"):
+        scale = "degF" if letter[1] == "F" else "K"
+        raise RecordError(
+            f"its name ends in '_{letter[1]}', so its unit is unclear: without one it is read in degC. Give "
+            f"units={{'{binding.name}': '{scale}'}} or "
+            "'degC'; in a campaign, unit of the channel.",
+            where,
+        )
+
+
+def full_scale(binding: Binding, where: str) -> float | None:
+    """Return the power of a load at 100 %, where it is asked for by it. [W]
+
+    Raises
+    ------
+    RecordError   When it is not a power above zero.
+    """
+    if binding.full_scale is None:
+        return None
+    watts = amount(binding.full_scale, "W", f"{where}, full_scale")
+    if not watts > 0.0:
+        raise RecordError(f"its full_scale is {watts:g} W. Give a power above zero.", where)
+    return watts
+
+
+def _known(text: str) -> bool:
+    """Whether a text is a unit."""
+    try:
+        unit(text)
+    except ThermidError:
+        return False
+    return True
+
+
+def channel_schema() -> dict[str, Any]:
+    """Return the JSON Schema of a channel's table, for editors; values are texts with units, or numbers in SI."""
+    text, amount_ = {"type": "string"}, {"type": ["string", "number"]}
+
+    def table(keys: tuple[str, ...], required: tuple[str, ...]) -> dict[str, Any]:
+        return {"type": "object", "properties": dict.fromkeys(keys, amount_), "required": list(required), "additionalProperties": False}
+
+    nested = {
+        "prompt": {"type": "boolean"},
+        "samples": {"enum": list(SAMPLES)},
+        "lead": table(("conductance", "to"), ("conductance", "to")),
+        "certificate": table(("offset", "uncertainty", "at", "date"), ("offset", "uncertainty")),
+        "range": {"type": "array", "items": amount_, "minItems": 2, "maxItems": 2},
+    }
+    plain = (*_ROLE_KEYS, "gain", "unit")
+    own = {key: nested.get(key) or (text if key in plain else amount_) for key in _KEYS}
+    return {"type": "object", "properties": own, "additionalProperties": False}

@@ -1,0 +1,150 @@
+"""What the columns of a log seem to be. A guess is shown with its reason and never used by itself: a campaign says what a column is."""
+
+from __future__ import annotations
+
+import re
+from collections import Counter
+from dataclasses import dataclass, field, replace
+from typing import Final
+
+import numpy as np
+
+from thermid.base.errors import ThermidError
+from thermid.base.units import DIMENSIONLESS, describe, from_si, unit
+from thermid.measure._readers.columns import kelvin_sized, numbers
+from thermid.measure._readers.headers import name_and_unit
+from thermid.measure._readers.textfile import Cells
+from thermid.measure._record.channel import OVERLOAD, BoolArray, FloatArray, codes_of
+
+_SURROUNDINGS: Final = re.compile(
+    r"room|amb|air\b|_air|luft|raum|umgebung|sala|ambiente|\bar\b|shroud|bath|coolant|water|chamber|outdoor|outside|inlet|sky|sink|plate_ref|forno",
+    re.IGNORECASE,
+)
+_TEMPERATURE: Final = re.compile(r"t($|[\d_ ]|[A-Z])|temp|tc\d|rtd|pt100|ds18|ntc|thermo", re.IGNORECASE)
+_POWER: Final = re.compile(r"p($|[\d_ ])|power|watt|leistung|pot[eê]ncia|heat_?load", re.IGNORECASE)
+_DUTY: Final = re.compile(r"duty|pwm|pct|percent|heater|q\d|u\d|throttle", re.IGNORECASE)
+_HUMID: Final = re.compile(r"\brh\b|humid|feucht|umidade", re.IGNORECASE)
+_STATE: Final = re.compile(r"alarm|record|status|flag|diag|scan|index|#|count|number|stopped|connected|button|end of file", re.IGNORECASE)
+
+
+@dataclass(frozen=True, eq=False)
+class Column:
+    """One column of a log, and what it seems to be.
+
+    Parameters
+    ----------
+    header, name : str          As written; and without its unit.
+    unit : str                  Its unit; empty where none is known.
+    assumed : bool              Whether the unit is the usual one, because the log names none.
+    guess : str                 'time', 'temperature', 'boundary', 'power', 'duty' or 'ignored'.
+    why : str                   What the guess rests on.
+    values : array (samples,)   Readings in the unit of the column; NaN where there is none.
+    missing : int               How many readings are missing.
+    faults : dict               How many are no readings, by reason.
+    codes : dict                Values that are no readings -> what they stand for. [the column's unit]
+    jumps : array (jumps,)      Positions of readings that leap against the usual change between samples.
+    """
+
+    header: str
+    name: str
+    unit: str
+    assumed: bool
+    guess: str
+    why: str
+    values: FloatArray = field(default_factory=lambda: np.zeros(0))
+    missing: int = 0
+    faults: dict[str, int] = field(default_factory=dict)
+    codes: dict[float, str] = field(default_factory=dict)
+    jumps: np.ndarray = field(default_factory=lambda: np.zeros(0, dtype=np.int64))
+
+    @property
+    def good(self) -> BoolArray:
+        """Where a reading is one (samples,)."""
+        return np.asarray(np.isfinite(self.values) & (np.abs(self.values) < OVERLOAD) & ~np.isin(self.values, list(self.codes)))
+
+
+def columns_of(cells: Cells, decimal: str, times: tuple[int, ...]) -> list[Column]:
+    """Return every column of a log with a guess.
+
+    Parameters
+    ----------
+    cells : Cells    The log.
+    decimal : str    Its decimal sign.
+    times : tuple    Places of the time column, or of the date and the time.
+    """
+    out = []
+    for at, header in enumerate(cells.header):
+        name, text = name_and_unit(header)
+        if at in times:
+            out.append(Column(header, name, text or "", False, "time", "its cells are the times"))
+            continue
+        parsed = numbers(cells.columns[at], decimal)
+        if isinstance(parsed, int):
+            out.append(Column(header, name, text or "", False, "ignored", f"text, such as '{cells.columns[at][parsed].strip()[:20]}'"))
+            continue
+        guess, unit_text, why = _guess(name, text, parsed)
+        assumed = text is None and bool(unit_text) and "ends in" not in why
+        out.append(_with_faults(Column(header, name, unit_text, assumed, guess, why, parsed, int(np.isnan(parsed).sum()))))
+    return out
+
+
+def _guess(name: str, text: str | None, values: FloatArray) -> tuple[str, str, str]:
+    """Return the guess, the unit and the reason."""
+    known = values[np.isfinite(values)]
+    if not known.size:
+        return "ignored", text or "", "empty"
+    if text is None:
+        return _by_name(name, known)
+    try:
+        dimension = unit(text).dimension
+    except ThermidError:
+        return "ignored", text, f"unknown unit '{text}': give unit = '...'"
+    if dimension == unit("K").dimension:
+        return _temperature(name, text, f"its unit is {text}")
+    if dimension == unit("W").dimension:
+        return "power", text, f"its unit is {text}"
+    if dimension == DIMENSIONLESS and text == "%":
+        return ("ignored", text, "a humidity") if _HUMID.search(name) else ("duty", text, "in per cent: a load needs full_scale or gain")
+    return "ignored", text, describe(dimension)
+
+
+def _temperature(name: str, text: str, why: str) -> tuple[str, str, str]:
+    if match := _SURROUNDINGS.search(name):
+        return "boundary", text, f"{why}, and '{match[0]}' names surroundings"
+    return "temperature", text, why
+
+
+def _by_name(name: str, known: FloatArray) -> tuple[str, str, str]:
+    """Return the guess for a column without a unit."""
+    if _STATE.search(name) or (known.size > 2 and np.all(np.diff(known) == 1) and not _TEMPERATURE.match(name)):
+        return "ignored", "", "counts rows or states"
+    letter = re.match(r".*[a-z0-9]_([CFK])\Z", name)
+    if letter:
+        return _temperature(name, "K" if letter[1] == "K" else f"deg{letter[1]}", f"its name ends in _{letter[1]}")
+    if re.match(r".*[a-z0-9]_W\Z", name):
+        return "power", "W", "its name ends in _W"
+    if _POWER.match(name):
+        return "power", "W", "by its name"
+    if _DUTY.search(name):
+        return "duty", "%", "by its name"
+    if _TEMPERATURE.match(name) or _SURROUNDINGS.search(name):
+        hot = kelvin_sized(known)
+        return _temperature(name, "K" if hot else "degC", "by its name" + (" and size" if hot else ""))
+    return "ignored", "", "no unit, and its name gives none"
+
+
+def _with_faults(column: Column) -> Column:
+    """Return a column with its faults and jumps counted."""
+    values, heat = column.values, column.guess in ("temperature", "boundary")
+    codes = codes_of(values, float(from_si(0.0, column.unit))) if heat else {}
+    faults = Counter(codes[v] for v in values.tolist() if v in codes)
+    if not heat and (over := int(np.count_nonzero(np.isfinite(values) & (np.abs(values) >= OVERLOAD)))):
+        faults["overload or open sensor"] = over
+    column = replace(column, codes=codes)
+    good = np.flatnonzero(column.good)
+    jumps = np.zeros(0, dtype=np.int64)
+    if heat and good.size > 3:
+        steps = np.abs(np.diff(values[good]))
+        usual = max(float(np.quantile(steps, 0.9)), 0.25)
+        jumps = good[1:][steps > 8.0 * usual]
+    return replace(column, faults=dict(faults), jumps=jumps)

@@ -1,0 +1,369 @@
+"""A log as a record, and as a plain table whose columns are read in the units that its header or its reader names."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, replace
+from functools import cached_property
+from pathlib import Path
+from typing import Final
+
+import numpy as np
+
+from thermid.base.errors import NameNotFoundError, RecordError, errors_at, refuse_unknown
+from thermid.base.units import in_si, require, unit
+from thermid.measure._readers.bindings import Binding, bindings, full_scale, unit_and_quantity
+from thermid.measure._readers.columns import decimal_sign, find_column, kelvin_sized, numbers
+from thermid.measure._readers.formats import log_cells
+from thermid.measure._readers.headers import name_and_unit
+from thermid.measure._readers.stamps import Clock, Times, clock_column, read_times
+from thermid.measure._readers.textfile import Cells
+from thermid.measure._record.channel import BoolArray, Channel, FloatArray, Origin, digest, with_sensor
+from thermid.measure._record.record import Record
+from thermid.measure.amounts import amount
+
+OVERLOAD: Final = 9.9e36
+"""What instruments with SCPI write for an overload or an open sensor is 9.9e37, of either sign; it is masked as infinite."""
+_SCALES: Final = ("degC", "K", "degF", "°C")
+
+
+def read_record(
+    path: str | Path,
+    channels: Mapping[str, str | Mapping[str, object]],
+    *,
+    time: str | None = None,
+    noise: Mapping[str, str | float] | None = None,
+    accuracy: Mapping[str, str | float] | None = None,
+    units: Mapping[str, str] | None = None,
+    name: str | None = None,
+    separator: str | None = None,
+    decimal: str | None = None,
+    clock: str | None = None,
+) -> Record:
+    """Return the channels of a log, in any format of docs/logs.md; the format is told by what stands in the file.
+
+    Parameters
+    ----------
+    path : str or Path       A log with a header line: commas, semicolons or tabs, plain or gzip; lines that start with '#' are comments.
+                             Or one of a logger, a workbook, a binary file, or of the bench as ``thermid log`` writes it.
+    channels : mapping       Target to column, ``{"case": "ACC_X"}``, or column to table,
+                             ``{"T1": {"node": "h1.sensor", "noise": "0.3 [K]"}}``. A table has one of node,
+                             boundary, load, command (a path in the model), and gain, noise, accuracy, resolution, unit; of a
+                             temperature sensor also what `SensorPart` and `SensorCertificate` hold. `full_scale`, a power, is what
+                             a load in per cent has at 100 %.
+    time : str or None       The time column; by default the only one called time, time_s, t, t_s, timestamp, datetime or seconds, else the
+                             only one with another usual name or with stamps. Date and time in two columns are one time.
+    noise, accuracy : mapping   Standard deviation of one sample, and of the constant error, by channel name.
+    units : mapping          Unit by channel name, or of the time column. Without it, and without one in the header (``T1 [degC]``,
+                             ``T1 (°F)``, ``P, mW``): seconds or time since 1970, degC for temperatures, W for loads, % for commands and
+                             for loads with a gain or full scale.
+    name : str or None       Name of the record; by default the file's.
+    separator, decimal : str or None   Separator of the columns and decimal sign, where the file leaves them open.
+    clock : str or None      Form of the stamps for `datetime.strptime`, where it is not known or leaves the day and the month open.
+
+    Raises
+    ------
+    MissingDataError    When there is no such file.
+    NameNotFoundError   When a column or channel does not exist.
+    RecordError         When the log cannot be read for certain; the message gives the line.
+    UnitError           When a unit does not fit.
+
+    Notes
+    -----
+    Samples of one stamp are averaged; of a power or command the last one holds. Empty cells, NaN, NA, N/A, #N/A, null and the words of
+    instruments for an overload (OL, OVLD, OPEN, 1.#QNAN) are masked as 'not a number'.
+    """
+    _check_tables(path, channels=channels, noise=noise or {}, accuracy=accuracy or {}, units=units or {})
+    cells = log_cells(_path(path), separator)
+    clock_at = clock_column(cells, time)
+    time_unit, given = clock_at.unit, dict(units or {})
+    asked_unit = next((given.pop(key) for key in (clock_at.header, clock_at.name) if key in given and key not in channels), None)
+    asked = bindings(channels, {"noise": noise or {}, "accuracy": accuracy or {}, "unit": given}, cells.file)
+    sign = decimal_sign(cells, decimal)
+    read_at = read_times(cells, clock_at, sign, clock, asked_unit or time_unit, asked_unit is not None)
+    times = read_at.values
+    if times[0] == times[-1]:
+        found = "one sample" if times.size == 1 else f"{times.size} samples with one time stamp"
+        raise RecordError(f"the log has {found}; a record needs at least two times.", cells.file)
+    parsed = [numbers(column, sign) if place not in clock_at.places else times for place, column in enumerate(cells.columns)]
+    read = [(_channel(cells, each, parsed), each) for each in asked]
+    sensors = [
+        with_sensor(made, each.part, each.certificate or cells.certificates.get(made.column), f"{cells.file}, channels.{each.name}")
+        for made, each in read
+    ]
+    made = [each for each, _ in sensors]
+    origin = _origin(cells, clock_at, read_at, parsed)
+    notes = [*cells.notes, *read_at.notes, *(note for _, said in sensors for note in said)] + (
+        [f"read with decimal '{sign}'"] if sign == "," and decimal is None else []
+    )
+    stem = Path(path).name.removesuffix(".gz")
+    times, made, repeated = _one_per_stamp(times, made)
+    if repeated:
+        notes.append(repeated)
+    for each in made:
+        try:
+            each.checked()
+        except RecordError as error:
+            raise RecordError(error.message, cells.where(None, each.column)) from None
+    return Record(name or stem.rpartition(".")[0] or stem, times, {each.name: each for each in made}, origin, tuple(notes))
+
+
+def _check_tables(path: str | Path, **tables: Mapping[str, object]) -> None:
+    """Refuse arguments that are no dictionaries, and units that are no texts."""
+    for word, given in tables.items():
+        if not isinstance(given, Mapping):
+            raise RecordError(f"`{word}` takes a dictionary, not {given!r}.", str(path))
+    for channel, unit_text in tables["units"].items():
+        if not isinstance(unit_text, str):
+            raise RecordError(f"its unit is a text, not {unit_text!r}.", f"{path}, {channel}")
+
+
+def _path(path: str | Path) -> Path:
+    """Return the path, and refuse what is in memory."""
+    if not isinstance(path, str | Path):
+        raise RecordError(
+            f"a {type(path).__name__} is not a file. For columns in memory use Record.from_arrays, with temperatures in kelvin.",
+            "read_record",
+        )
+    return Path(path)
+
+
+def temperature_columns(path: str | Path) -> list[str]:
+    """Return the columns of a log that are temperatures by their unit, or by a name that begins with T and is not the time's."""
+    cells = log_cells(Path(path))
+    times = clock_column(cells, None).places
+    named = [name_and_unit(header) for at, header in enumerate(cells.header) if at not in times]
+    return [name for name, unit in named if unit in _SCALES or (unit is None and name[:1] in ("T", "t"))]
+
+
+def _channel(cells: Cells, binding: Binding, parsed: list[FloatArray | int]) -> Channel:
+    """Return one channel in SI.
+
+    Raises
+    ------
+    RecordError   When its column holds text.
+    """
+    at = find_column(cells.header, binding.column, f"{cells.file}, channels.{binding.name}")
+    column, header_unit = name_and_unit(cells.header[at])
+    where = cells.where(None, column)
+    unit_text, quantity = unit_and_quantity(binding, header_unit, where)
+    watts = full_scale(binding, where)
+    samples = parsed[at]
+    if isinstance(samples, int):
+        text = cells.columns[at][samples]
+        raise RecordError(
+            f"'{text}' is not a number. Write missing samples as empty, NaN or NA; for decimal commas give decimal=','.",
+            cells.where(samples, column),
+        )
+    samples = np.where(np.abs(samples) >= OVERLOAD, np.inf, samples)
+    stated = binding.unit is not None or header_unit is not None
+    if not stated and watts is None:
+        _refuse_by_size(samples, quantity, binding.name, where)
+    scale = 1.0 if watts is None else watts
+    difference = "K" if quantity == "temperature" else unit_text
+
+    def size(given: str | float | None, word: str) -> float | None:
+        """Return an error or step of the column in SI; one in per cent is a share of the full scale."""
+        return None if given is None else amount(given, difference, f"{where}, {word}") * scale
+
+    made = Channel.of(
+        binding.name,
+        in_si(samples, unit_text) * scale,
+        quantity=quantity if watts is None else "power",
+        role=binding.role,
+        target=binding.target,
+        gain=binding.gain,
+        noise=size(binding.noise, "noise"),
+        accuracy=size(binding.accuracy, "accuracy"),
+        resolution=size(binding.resolution or cells.resolution.get(column), "resolution"),
+        column=column,
+        unit=unit_text if watts is None else "W",
+        assumed=not stated and not column.endswith(("_C", "_W")),
+        prompt=binding.prompt or column in cells.prompt,
+        samples=binding.samples,
+    )
+    return _masked(made, cells.reasons.get(column, {}))
+
+
+def _refuse_by_size(samples: FloatArray, quantity: str, name: str, where: str) -> None:
+    """Refuse readings without a unit that look like kelvin, and powers without one that run from 0 to exactly 100, as per cent do."""
+    finite = samples[np.isfinite(samples)]
+    if quantity == "temperature" and kelvin_sized(finite):
+        raise RecordError(
+            f"its readings, {finite.min():.1f} .. {finite.max():.1f}, look like kelvin, but without a unit they are read in degC. "
+            f"Give units={{'{name}': 'K'}} or 'degC'; in a campaign, unit = \"K\" of the channel.",
+            where,
+        )
+    if quantity == "power" and finite.size and finite.min() >= 0.0 and finite.max() == 100.0 and np.all(finite == np.round(finite)):
+        raise RecordError(
+            f"its readings, {finite.min():g} .. 100, look like per cent of a heater, but without a unit they are read in W. Give "
+            f"units={{'{name}': 'W'}} if they are watts; else full_scale = '... [W]' of the channel, or gain.",
+            where,
+        )
+
+
+def _masked(channel: Channel, reasons: Mapping[str, list[int]]) -> Channel:
+    """Return a channel with the rows masked that the log itself calls faults."""
+    valid, masks = channel.valid.copy(), {}
+    for reason, rows in reasons.items():
+        masks[reason] = np.zeros_like(valid)
+        masks[reason][rows] = True
+        valid[rows] = False
+    return replace(channel, valid=valid, masks=masks) if masks else channel
+
+
+def _origin(cells: Cells, clock: Clock, times: Times, parsed: list[FloatArray | int]) -> Origin:
+    """Return the origin, with the hash of the times and of every column that has numbers and no text."""
+    names = [name_and_unit(header)[0] for header in cells.header]
+    hashed = [
+        (names[place], each)
+        for place, each in enumerate(parsed)
+        if place not in clock.places and not isinstance(each, int) and not np.all(np.isnan(each))
+    ]
+    sha = digest([(clock.name, times.values), *hashed])
+    return Origin(cells.file, sha, times.start or cells.start, tuple(names), len(cells.lines), clock.name, cells.synthetic)
+
+
+def _one_per_stamp(times: FloatArray, channels: list[Channel]) -> tuple[FloatArray, list[Channel], str]:
+    """Return one sample for each stamp, and a note where several had one."""
+    new = np.diff(times, prepend=-np.inf) > 0
+    if new.all():
+        return times, channels, ""
+    first = np.flatnonzero(new)
+    last = np.append(first[1:], times.size) - 1
+    group = np.cumsum(new) - 1
+    out = []
+    for each in channels:
+        values, valid = _last_valid(each, group, last) if each.held else _mean_valid(each, group, first)
+        out.append(replace(each, values=values, valid=valid, masks={}))
+    note = (
+        f"{times.size - first.size} of {times.size} rows repeat a time stamp: temperatures are averaged, of powers and commands the "
+        "last one is used"
+    )
+    return times[first], out, note
+
+
+def _mean_valid(channel: Channel, group: np.ndarray, first: np.ndarray) -> tuple[FloatArray, BoolArray]:
+    """Return the mean of the valid samples of each group."""
+    count = np.bincount(group, channel.valid, minlength=first.size)
+    total = np.bincount(group, np.where(channel.valid, channel.values, 0.0), minlength=first.size)
+    return np.where(count > 0, total / np.maximum(count, 1), np.nan), count > 0
+
+
+def _last_valid(channel: Channel, group: np.ndarray, last: np.ndarray) -> tuple[FloatArray, BoolArray]:
+    """Return the last valid sample of each group."""
+    place = np.maximum.accumulate(np.where(channel.valid, np.arange(group.size), -1))[last]
+    valid = (place >= 0) & (group[place] == group[last])
+    return np.where(valid, channel.values[place], np.nan), valid
+
+
+@dataclass(frozen=True, eq=False)
+class PlainTable:
+    """A table of text.
+
+    Parameters
+    ----------
+    cells : Cells   What stands in it.
+    time : str      The time column; by default the only one with a usual name.
+    """
+
+    cells: Cells
+    time: str | None = None
+
+    @property
+    def file(self) -> str:
+        """The name of the file."""
+        return self.cells.file
+
+    @cached_property
+    def heads(self) -> list[tuple[str, str | None]]:
+        """Name and unit of every column."""
+        return [name_and_unit(h) for h in self.cells.header]
+
+    @property
+    def names(self) -> list[str]:
+        """Names of the columns."""
+        return [name for name, _ in self.heads]
+
+    @cached_property
+    def _decimal(self) -> str:
+        return decimal_sign(self.cells, None)
+
+    @cached_property
+    def _clock(self) -> tuple[FloatArray, str | None]:
+        try:
+            clock = clock_column(self.cells, self.time)
+        except NameNotFoundError:
+            if self.time is not None:
+                raise
+            raise RecordError(f"the time column is not clear. Give time = '...', one of {', '.join(self.names)}.", self.file) from None
+        read = read_times(self.cells, clock, self._decimal, None, clock.unit)
+        times, stamp = read.values, read.start
+        if times.size < 2:
+            raise RecordError("a table over time needs at least two times.", self.file)
+        back = np.flatnonzero(np.diff(times) <= 0)
+        if back.size:
+            k = int(back[0])
+            raise RecordError(
+                f"times must increase: {times[k]:g} s is followed by {times[k + 1]:g} s.", self.cells.where(k + 1, clock.name)
+            )
+        return times, stamp
+
+    @property
+    def times(self) -> FloatArray:
+        """Times (samples,); from the first stamp where the table has stamps. [s]"""
+        return self._clock[0]
+
+    @property
+    def stamp(self) -> str | None:
+        """The first stamp, or None where the table has seconds."""
+        return self._clock[1]
+
+    def _at(self, name: str) -> int:
+        refuse_unknown([name], self.names, self.file, "no column '{}'.", NameNotFoundError)
+        return self.names.index(name)
+
+    def column(self, name: str, slot: str, usual: str = "") -> FloatArray:
+        """Return the values (samples,) of a column, NaN where one is missing. [SI]
+
+        Parameters
+        ----------
+        name : str    The column.
+        slot : str    What it must be: a unit or `temperature`.
+        usual : str   Unit where the header names none; that of the slot by default.
+
+        Raises
+        ------
+        NameNotFoundError   When there is no such column.
+        RecordError         When a cell is no number.
+        UnitError           When the header's unit is of another dimension.
+        """
+        at = self._at(name)
+        parsed = numbers(self.cells.columns[at], self._decimal)
+        if isinstance(parsed, int):
+            raise RecordError(f"'{self.cells.columns[at][parsed]}' is not a number.", self.cells.where(parsed, name))
+        text = usual if usual and self.heads[at][1] is None else self.heads[at][1] or ("K" if slot == "temperature" else slot)
+        if slot == "1" and text in ("deg", "°"):
+            text = "1"
+        with errors_at(self.cells.where(None, name)):
+            of = unit(text)
+            require(of.dimension, slot, text, of.absolute)
+        return in_si(parsed, of)
+
+    def whole(self, name: str, slot: str, usual: str = "") -> FloatArray:
+        """Return the values (samples,) of a column without holes. [SI]
+
+        Raises
+        ------
+        RecordError   At the first hole; and as `column`.
+        """
+        values = self.column(name, slot, usual)
+        gone = np.flatnonzero(~np.isfinite(values))
+        if gone.size:
+            raise RecordError("the value is missing. Add it, or remove the line.", self.cells.where(int(gone[0]), name))
+        return values
+
+
+def read_plain(path: str | Path, time: str | None = None) -> PlainTable:
+    """Return a plain table of a file, in any format of `formats`; lines that start with '#' are comments."""
+    return PlainTable(log_cells(Path(path)), time)

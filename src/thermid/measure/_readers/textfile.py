@@ -1,0 +1,554 @@
+"""The cells of a text log, with their line numbers. What cannot be told from the file is asked for, never guessed."""
+
+from __future__ import annotations
+
+import codecs
+import csv
+import gzip
+import io
+import zlib
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Final, NamedTuple
+
+from thermid.base import files
+from thermid.base.errors import MissingDataError, RecordError, cap, errors_at, nearest, raising
+from thermid.base.units import counted
+from thermid.measure._readers.headers import (
+    MISSING,
+    MOST_NAMES,
+    TIMELY,
+    counts_columns,
+    is_number,
+    lines_of_names,
+    may_name,
+    may_number,
+    one_line_of_names,
+    refuse_two_units,
+    with_units_row,
+)
+from thermid.measure._record.sensor import SensorCertificate
+
+_SEPARATORS: Final = {",": "comma", ";": "semicolon", "\t": "tab"}
+_LOOKED_AT = 500
+UNFINISHED: Final = "is incomplete and was dropped"
+"""What is said of a last line that is still being written."""
+_MEND: Final = "Correct the line, put '#' before it, or give the separator."
+_HEAD: Final = MOST_NAMES + 4
+"""Lines in which a head ends: names, units, what was done with samples, and two of samples."""
+_LEAD: Final = frozenset({"", "#", " ", "\t", "\f"})
+"""How a line may begin that holds no cells."""
+_CONTROL: Final = bytes(set(range(32)) - set(b"\t\n\r\f")) + b"\x7f"
+"""Signs that no text log has."""
+
+
+@dataclass(frozen=True)
+class Layout:
+    """How a log is laid out.
+
+    Parameters
+    ----------
+    format : str       Name of the format.
+    encoding : str     Encoding of its text; empty where it is no text.
+    separator : str    Separator of its columns in words.
+    preamble : int     Lines above the header that hold no samples.
+    units_row : bool   Whether units stand in a row of their own.
+    """
+
+    format: str = "text"
+    encoding: str = "UTF-8"
+    separator: str = ""
+    preamble: int = 0
+    units_row: bool = False
+
+
+@dataclass(frozen=True)
+class Cells:
+    """The cells of a log.
+
+    Parameters
+    ----------
+    file : str                       Name of the file.
+    header : tuple of str            Names as written.
+    columns : list of tuples of str  Cells by column, in file order.
+    lines : list of int              Line number of each row.
+    notes : tuple of str             What a reader must know: encoding, separator, a dropped line.
+    synthetic : bool                 Whether its first lines state this.
+    reasons : mapping                Rows that are masked, by column and reason; of a log that names its faults.
+    resolution : mapping             Step of a sensor, as text, where the log itself says it, by column.
+    certificates : mapping           The same for its certificate.
+    prompt : frozenset of str        Columns with a row at every change.
+    commas : bool                    Whether a cell may hold a comma.
+    time : str                       Name of the time column, where the format itself says it.
+    start : str or None              When the times begin, where they are numbers and the format says it.
+    layout : Layout                  How the cells stand in the file, for a reader.
+    """
+
+    file: str
+    header: tuple[str, ...]
+    columns: list[tuple[str, ...]]
+    lines: list[int]
+    notes: tuple[str, ...]
+    synthetic: bool = False
+    reasons: Mapping[str, Mapping[str, list[int]]] = field(default_factory=dict)
+    resolution: Mapping[str, str] = field(default_factory=dict)
+    certificates: Mapping[str, SensorCertificate] = field(default_factory=dict)
+    prompt: frozenset[str] = frozenset()
+    commas: bool = True
+    time: str = ""
+    start: str | None = None
+    layout: Layout = field(default_factory=lambda: Layout())
+
+    def where(self, row: int | None = None, column: str = "") -> str:
+        """Return a place for a message: file, line, column."""
+        line = "" if row is None else f":{self.lines[row]}"
+        return f"{self.file}{line}" + (f", column '{column}'" if column else "")
+
+
+def _holds_cells(line: str) -> bool:
+    return bool(line.strip()) and not line.lstrip().startswith("#")
+
+
+def _plain_header(line: str, mark: str) -> str:
+    """Return a header without its quotation marks, where no name needs them."""
+    if line.count('"') % 2:
+        return line
+    try:
+        names = next(csv.reader([line], delimiter=mark), [])
+    except csv.Error:  # a name without end, which the reader of rows refuses
+        return line
+    plain = mark.join(names)
+    return plain if '"' not in plain and plain.count(mark) == len(names) - 1 else line
+
+
+def _columns(lines: list[tuple[int, str]], mark: str) -> list[tuple[str, ...]] | None:
+    """Return the columns, header included, of lines without quotation marks that all have as many cells; None where they do not."""
+    if len({line.count(mark) for _, line in lines}) != 1:
+        return None
+    cells = mark.join([line for _, line in lines]).split(mark)
+    width = lines[0][1].count(mark) + 1
+    return [tuple(cells[k::width]) for k in range(width)]
+
+
+def cells_of_text(text: str, file: str, separator: str | None, notes: Sequence[str] = ()) -> Cells:
+    """Return the cells of a text with plain line ends: commas, semicolons or tabs; lines that are blank or start with '#' left out.
+
+    Lines above the header (a preamble) are passed over where the samples below have another number of columns, and a row of units below the
+    header is joined to it.
+
+    Raises
+    ------
+    RecordError   When it is empty, binary, has no samples, or its columns cannot be told.
+    """
+    notes = list(notes)
+    whole = text.endswith("\n")
+    every = list(enumerate(text.split("\n"), 1))
+    lines = [(number, line) for number, line in every if line[:1] not in _LEAD or _holds_cells(line)]
+    if not lines:
+        raise RecordError("the file is empty." if not text.strip() else "the file has only comments.", file)
+    lines, again = _without_repeats(lines)
+    if again:
+        shown = ", ".join(map(str, again[:3])) + (", ..." if len(again) > 3 else "")
+        notes.append(f"the lines above the samples stand again in the middle (line {shown}): a restart of the logger, skipped")
+    above, lines, mark = _below_preamble(lines, separator)
+    mark = mark or _separator(lines, separator, file)
+    lines[0] = (lines[0][0], _plain_header(lines[0][1], mark))
+    columns = None if any('"' in line for _, line in lines) else _columns(lines, mark)
+    if columns is None:
+        rows, numbers = _rows(lines, mark, file)
+    else:  # all lines have as many cells, so the first ones and the last two tell the rest
+        rows, numbers = list(map(list, zip(*((*c[:_HEAD], *c[_HEAD:][-2:]) for c in columns), strict=True))), [n for n, _ in lines]
+    if above:
+        notes.append(f"{counted(above, 'line')} above the header in line {numbers[0]} skipped")
+    if all(is_number(name) for name in rows[0]) and lines_of_names(rows, numbers) == 1:
+        names = _comment_above(every, numbers[0], mark, len(rows[0]))
+        if names is None:
+            raise RecordError(
+                "the first line holds numbers. Add a header line with the names of the columns above it.", f"{file}:{numbers[0]}"
+            )
+        rows, numbers = _rows(lines, mark, file)
+        rows, numbers, columns = [names, *rows], [numbers[0] - 1, *numbers], None
+        notes.append("the header was read from the comment above the samples")
+    width = len(rows[0])
+    if ends := _ends_with_separator(rows):
+        rows[:ends], width, columns = [row[:-1] for row in rows[:ends]], width - 1, None
+    if len(rows) > 1 and all(len(row) == width + 1 and not row[-1].strip() for row in rows[1:]):
+        rows, columns = [rows[0], *(row[:-1] for row in rows[1:])], None  # samples that end with a separator, as their header does not
+    rows, numbers, columns, said = _with_one_line_of_names(rows, numbers, columns, file)
+    notes += said
+    header, extra = with_units_row(rows)
+    if header.units:
+        with errors_at(f"{file}:{numbers[1]}"):
+            refuse_two_units(rows[0], rows[1])
+    if extra:
+        notes.append(
+            f"line {numbers[extra]}: a row of units below the header"
+            if header.units
+            else f"line {numbers[extra]} below the header holds no samples"
+        )
+    rows, numbers = rows[extra + 1 :], numbers[extra + 1 :]
+    rows, cut = _without_cut_line(rows, width, whole)
+    if cut:
+        notes.append(f"line {numbers[-1]}, the last one, {UNFINISHED}")
+        numbers = numbers[:-1]
+    if columns is not None:
+        columns = [column[extra + 1 : len(numbers) + extra + 1] for column in columns]
+    if not rows:
+        raise RecordError("the file has a header but no samples below it. Export the log again, with its data.", file)
+    _refuse_odd_rows(rows, numbers, width, mark, file)
+    synthetic = any(
+        line.lstrip(' "#').startswith("SYNTHETIC") or ("#" in line[:3] and "SYNTHETIC" in line) for line in text.split("\n", 20)[:20]
+    )
+    commas = columns is None or mark != ","
+    layout = Layout(separator=_SEPARATORS.get(mark, mark), preamble=above, units_row=header.units, encoding=_encoding(notes))
+    return Cells(
+        file, header.names, columns or list(zip(*rows, strict=True)), numbers, tuple(notes), synthetic, commas=commas, layout=layout
+    )
+
+
+def _refuse_odd_rows(rows: list[list[str]], numbers: list[int], width: int, mark: str, file: str) -> None:
+    """Refuse samples that are not as wide as their header, and a first one that may number the columns."""
+    if counts_columns(rows):
+        raise RecordError(
+            f"'{mark.join(rows[0])}' may number the columns: only the lines below it have decimals. Put '#' before the line, or, if it "
+            "is a sample, write it with decimals.",
+            f"{file}:{numbers[0]}",
+        )
+    for row, number in zip(rows, numbers, strict=False):
+        if len(row) != width:
+            twice = mark == "," and len(row) == 2 * width
+            hint = "Commas seem to be the decimal sign too. Export the log with semicolons." if twice else _MEND
+            raise RecordError(f"{len(row)} cells in this line, {width} columns in the header. {hint}", f"{file}:{number}")
+
+
+def _ends_with_separator(rows: list[list[str]]) -> int:
+    """Return how many lines from the first on end with a separator that the samples below them do not end with."""
+    width = len(rows[0])
+    for at, row in enumerate(rows[:_HEAD]):
+        if len(row) == width - 1:
+            return at
+        if len(row) != width or row[-1].strip():
+            break
+    return 0
+
+
+def _with_one_line_of_names(
+    rows: list[list[str]], numbers: list[int], columns: list[tuple[str, ...]] | None, file: str
+) -> tuple[list[list[str]], list[int], list[tuple[str, ...]] | None, list[str]]:
+    """Return rows, line numbers and columns with one line of names where several stand above each other, and what was assumed.
+
+    Raises
+    ------
+    RecordError   When the lines contradict each other.
+    """
+    count = lines_of_names(rows, numbers)
+    if count == 1:
+        return rows, numbers, columns, []
+    with errors_at(f"{file}:{numbers[0]}"):
+        names, said = one_line_of_names(rows[:count], numbers[:count])
+    if columns is not None:
+        columns = [(name, *column[count:]) for name, column in zip(names, columns, strict=True)]
+    return [names, *rows[count:]], numbers[count - 1 :], columns, [said]
+
+
+def _encoding(notes: Sequence[str]) -> str:
+    return next((note.split()[2].rstrip(",") for note in notes if note.startswith("read as ")), "UTF-8")
+
+
+def _without_repeats(lines: list[tuple[int, str]]) -> tuple[list[tuple[int, str]], list[int]]:
+    """Return the lines without those that stood above the first samples already, and the numbers of what was left out."""
+    first = next((at for at, (_, line) in enumerate(lines[:_LOOKED_AT]) if TIMELY.search(line) or _has_number(line)), len(lines))
+    heads = {line for _, line in lines[:first]}
+    again = [number for number, line in lines[first:] if line in heads] if heads else []
+    return ([*lines[:first], *((n, line) for n, line in lines[first:] if line not in heads)] if again else lines), again
+
+
+def _has_number(line: str) -> bool:
+    return any(is_number(cell.strip('" ')) for mark in _SEPARATORS for cell in line.split(mark))
+
+
+def _below_preamble(lines: list[tuple[int, str]], separator: str | None) -> tuple[int, list[tuple[int, str]], str | None]:
+    """Return how many lines stand above the header, the lines from there on, and their separator where a preamble was passed over.
+
+    The samples are the longest run of lines with as many cells, numbers or stamps among them; the header is the nearest line above with
+    as many cells and without numbers. A first line that is as wide as the samples is the header itself.
+    """
+    looked = lines[:_LOOKED_AT]
+    found: list[tuple[int, int, int, str]] = []
+    for mark in _SEPARATORS if separator is None else [separator]:
+        if len(mark) != 1 or mark in '"\r\n':
+            return 0, lines, None
+        split = _cells_of_lines(looked, mark)
+        start, length = _longest_run(split)
+        if length > 1:
+            if _wordy(split[0]) and len(split[0]) in (len(split[start]), len(split[start]) + 1) and start < 4:
+                if not any(may_name(row, len(split[0])) for row in split[1:start]):
+                    return 0, lines, None  # the usual file: a header, and samples below
+            head = _first_of_names(split, [number for number, _ in looked], _header_above(split, start))
+            found.append((length * len(split[start]), start, head, mark))
+    _, _, head, mark = max(found, default=(0, 0, -1, ""))
+    return (0, lines, None) if head < 1 else (lines[head][0] - 1, lines[head:], mark)
+
+
+def _comment_above(every: list[tuple[int, str]], first: int, mark: str, width: int) -> list[str] | None:
+    """Return the names of the columns where the line above the samples is a comment with as many."""
+    if first < 2:
+        return None
+    line = every[first - 2][1].strip()
+    names = [name.strip() for name in line.lstrip("#%; ").split(mark)]
+    return names if line.startswith("#") and len(names) == width and not any(is_number(name) for name in names) else None
+
+
+def _cells_of_lines(lines: list[tuple[int, str]], mark: str) -> list[list[str]]:
+    """Return the cells of each line by itself; a quotation mark out of place divides nothing."""
+    out = []
+    for _, line in lines:
+        if '"' not in line:
+            out.append(line.split(mark))
+            continue
+        try:
+            out.append(next(csv.reader([line], delimiter=mark), []))
+        except csv.Error:
+            out.append([line])
+    return out
+
+
+def _holds_samples(row: Sequence[str]) -> bool:
+    return len(row) > 1 and any(is_number(cell) for cell in row)
+
+
+def _longest_run(rows: list[list[str]]) -> tuple[int, int]:
+    """Return the first line and the length of the longest run of lines with as many cells and a number in each."""
+    best, start = (0, 0), 0
+    for at in range(len(rows) + 1):
+        inside = at < len(rows) and _holds_samples(rows[at]) and (at == start or len(rows[at]) == len(rows[start]))
+        if not inside:
+            if at - start > best[1]:
+                best = (start, at - start)
+            start = at if at < len(rows) and _holds_samples(rows[at]) else at + 1
+    return best
+
+
+def _header_above(rows: list[list[str]], start: int) -> int:
+    """Return the nearest line above the samples that can be their header, or -1; rows of units between do not count."""
+    near = [at for at in range(start - 1, max(start - 4, -1), -1) if len(rows[at]) in (len(rows[start]), len(rows[start]) + 1)]
+    wordy = [at for at in near if _wordy(rows[at])]
+    if not wordy:
+        return -1
+    block = [wordy[0]]
+    for at in wordy[1:]:
+        if at == block[-1] - 1 and with_units_row([rows[at], rows[block[-1]], rows[start], rows[start]])[1]:
+            block.append(at)
+        else:
+            break
+    # of a header, a row of units and a row of what was done, the header is the highest
+    return next(
+        (at for at in reversed(block) if at + with_units_row([rows[at], *rows[at + 1 : start + 1], rows[start]])[1] + 1 >= start), block[0]
+    )
+
+
+def _first_of_names(rows: list[list[str]], numbers: list[int], head: int) -> int:
+    """Return the first of the lines of names directly above each other, of which `head` is the last."""
+    first = head
+    while 0 < first > head + 1 - MOST_NAMES and numbers[first] == numbers[first - 1] + 1 and may_name(rows[first], len(rows[head])):
+        above = rows[first - 1]
+        if may_name(above, len(rows[head])):
+            first -= 1
+        else:
+            return first - 1 if may_number(above, len(rows[head])) else first
+    return first
+
+
+def _wordy(row: Sequence[str]) -> bool:
+    """Whether a line holds names: no number or stamp among its cells, and half of them at least are not empty."""
+    return not any(is_number(cell) or (cell.lstrip()[:1].isdigit() and TIMELY.search(cell)) for cell in row) and 2 * sum(
+        bool(cell.strip()) for cell in row
+    ) >= len(row)
+
+
+def read_bytes(place: Path) -> bytes:
+    """Return the bytes of a file, unpacked where it is packed by gzip.
+
+    Raises
+    ------
+    MissingDataError   When it does not exist.
+    RecordError        When it is a folder, or a damaged gzip file.
+    """
+    if not place.exists():
+        near = (
+            nearest(place.name, [each.name for each in place.parent.iterdir()])
+            if place.parent.is_dir()
+            else " Its folder does not exist either."
+        )
+        raise MissingDataError(f"the file does not exist.{near} Check the path, or fetch the log first.", str(place))
+    if place.is_dir():
+        raise RecordError("this is a folder. Give the path of one log.", str(place))
+    data = files.read_bytes(place)
+    if data[:2] == b"\x1f\x8b":
+        try:
+            with gzip.GzipFile(fileobj=io.BytesIO(data)) as packed:
+                data = packed.read(int(cap("unpacked")) + 1)
+        except (EOFError, OSError, zlib.error) as error:
+            raise RecordError(f"the gzip file is damaged or cut short ({error}). Fetch it again.", place.name) from None
+        if len(data) > cap("unpacked"):
+            raise RecordError(
+                f"it unpacks to more than {cap('unpacked') / 1e6:.0f} MB. If that is right, unpack it and give the plain file."
+                f"{raising('unpacked')}",
+                place.name,
+            )
+    return data
+
+
+def decoded(data: bytes, file: str) -> tuple[str, list[str]]:
+    """Return the text of a file with plain line ends, and notes on how it was read."""
+    text, notes = _decoded(data, file)
+    return text.replace("\r\n", "\n").replace("\r", "\n"), notes
+
+
+def _decoded(data: bytes, file: str) -> tuple[str, list[str]]:
+    """Return the text of some bytes.
+
+    Raises
+    ------
+    RecordError   When they hold what no text holds.
+    """
+    binary = "this is a binary file, not a text log" + (" (a workbook or archive)" if data[:2] == b"PK" else "") + ". Export it as CSV."
+    try:
+        if data[:2] in (codecs.BOM_UTF16_LE, codecs.BOM_UTF16_BE):
+            text, notes = data.decode("utf-16"), ["read as UTF-16"]
+        elif (order := _unmarked(data)) is not None:
+            text, notes = data.decode(order), ["read as UTF-16"]
+        else:
+            text, notes = data.decode("utf-8-sig"), []
+    except UnicodeDecodeError:
+        # older loggers write the degree sign in Latin-1, which takes any byte; control characters still show a binary file
+        text, notes = data.decode("latin-1"), ["read as Latin-1, because it is not UTF-8"]
+    plain = text.encode() if notes == ["read as UTF-16"] else data
+    if len(plain.translate(None, _CONTROL)) < len(plain):
+        raise RecordError(binary, file)
+    return text, notes
+
+
+def _unmarked(data: bytes) -> str | None:
+    """Return the encoding of two bytes a letter that no mark states: of Latin letters the second byte is zero, or the first."""
+    for zero, order in ((1, "utf-16-le"), (0, "utf-16-be")):
+        if len(data) > 3 and not any(data[zero:200:2]) and all(data[1 - zero : 200 : 2]):
+            return order
+    return None
+
+
+def _split(lines: list[tuple[int, str]], mark: str) -> list[int]:
+    """Return the number of columns of each line."""
+    try:
+        return [len(row) for row in csv.reader((line for _, line in lines), delimiter=mark)]
+    except csv.Error:
+        return []
+
+
+def _separator(lines: list[tuple[int, str]], given: str | None, file: str) -> str:
+    """Return the separator: as given, or the only one that gives every line as many columns as the header.
+
+    Raises
+    ------
+    RecordError   When none or several do.
+    """
+    if given is not None:
+        if len(given) != 1 or given in '"\r\n':
+            raise RecordError(f"separator {given!r} is not a single character. Give ',' or ';' or '\\t'.", file)
+        return given
+    # the last line of a log is often cut short
+    looked = lines[:_LOOKED_AT] if len(lines) > _LOOKED_AT else lines[: max(2, len(lines) - 1)]
+    counts = {mark: found for mark in _SEPARATORS if (found := _split(looked, mark)) and found[0] > 1}
+    if not counts:
+        raise RecordError(
+            f"no comma, semicolon or tab divides the header '{lines[0][1][:60]}'. Give separator='...'.", f"{file}:{lines[0][0]}"
+        )
+    even = [mark for mark, found in counts.items() if all(count == found[0] for count in found)]
+    # one bad line must not hide the separator: it is named later, with its number
+    usual = even or [mark for mark, found in counts.items() if sum(count == found[0] for count in found) > 0.5 * len(found)] or list(counts)
+    if len(usual) == 1:
+        return usual[0]
+    names = " and ".join(f"{_SEPARATORS[mark]} ({counts[mark][0]} columns)" for mark in usual)
+    raise RecordError(
+        f"the separator is ambiguous: {names} are both possible. Give separator='{usual[0] if usual[0] != chr(9) else chr(92) + 't'}' "
+        "or the other.",
+        file,
+    )
+
+
+def _rows(lines: list[tuple[int, str]], mark: str, file: str) -> tuple[list[list[str]], list[int]]:
+    """Return the rows and their line numbers."""
+    reader = csv.reader((line for _, line in lines), delimiter=mark, strict=True)
+    rows, numbers = [], []
+    try:
+        for row in reader:
+            rows.append(row)
+            numbers.append(lines[reader.line_num - 1][0])
+    except csv.Error as error:
+        at = lines[min(len(rows), len(lines) - 1)][0]
+        raise RecordError(f"a quotation mark is misplaced ({error}). Correct the line.", f"{file}:{at}") from None
+    return rows, numbers
+
+
+def _without_cut_line(rows: list[list[str]], columns: int, whole: bool) -> tuple[list[list[str]], bool]:
+    """Drop the last row where writing stopped in the middle: columns are missing, or no line end follows and its last cell is no number."""
+    if not rows:
+        return rows, False
+    last = rows[-1]
+    cut = len(last) < columns
+    if not cut and not whole and len(rows) > 1 and len(last) == len(rows[-2]):
+        cut = is_number(rows[-2][-1]) and not is_number(last[-1]) and last[-1].strip().lower() not in MISSING
+    return (rows[:-1], True) if cut else (rows, False)
+
+
+class ChannelSeries(NamedTuple):
+    """Samples of one sensor.
+
+    Parameters
+    ----------
+    name : str                  With its unit in a bracket, where known.
+    texts : sequence of str     Its cells.
+    times : sequence of float   Their times on an axis common to all series; they need not be in order. [s]
+    stamps : sequence of str    The same as the file has them.
+    lines : sequence of int     Where they stand in the file.
+    """
+
+    name: str
+    texts: Sequence[str]
+    times: Sequence[float]
+    stamps: Sequence[str]
+    lines: Sequence[int]
+
+
+def merged(
+    series: Sequence[ChannelSeries], file: str, time: str, notes: tuple[str, ...], layout: Layout, start: str | None = None
+) -> Cells:
+    """Return one row for each time of any series; cells of the others are empty there, which the reader masks."""
+    rows: dict[float, tuple[str, int]] = {}
+    for each in series:
+        for t, stamp, line in zip(each.times, each.stamps, each.lines, strict=True):
+            rows.setdefault(t, (stamp, line))
+    axis = sorted(rows)
+    columns = [tuple(rows[t][0] for t in axis)]
+    for each in series:
+        values: Mapping[float, str] = dict(zip(each.times, each.texts, strict=True))
+        columns.append(tuple(values.get(t, "") for t in axis))
+    header = (time, *(each.name for each in series))
+    return Cells(file, header, columns, [rows[t][1] for t in axis], notes, time=_bare(time), start=start, layout=layout)
+
+
+def _bare(time: str) -> str:
+    return time.partition(" [")[0]
+
+
+def text_of(value: object) -> str:
+    """Return a number, stamp or text as a cell."""
+    if value is None:
+        return ""
+    if isinstance(value, bool):
+        return str(int(value))
+    if isinstance(value, int | float):
+        return "" if value != value else repr(value)
+    stamp = getattr(value, "isoformat", None)
+    return str(stamp()) if stamp is not None else str(value).strip()

@@ -1,0 +1,621 @@
+"""Measured channels: one with its sensor, and several on one axis of times."""
+
+from __future__ import annotations
+
+import hashlib
+import math
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import dataclass, field, replace
+from typing import Any, Final, NamedTuple
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from thermid.base.errors import NameNotFoundError, RecordError, nearest, refuse_unknown
+from thermid.base.units import format_value, from_si, unit
+from thermid.measure._record.sensor import KEYS, SensorCertificate, SensorPart
+from thermid.measure.amounts import amount, duration_text, positive_seconds
+
+FloatArray = NDArray[np.float64]
+BoolArray = NDArray[np.bool_]
+
+ROLES: Final = ("auto", "node", "boundary", "load", "command", "prescribed")
+HELD: Final = frozenset({"power", "command"})
+"""Quantities that keep their value until the next sample (zero-order hold); all others run straight from sample to sample."""
+
+SAMPLES: Final = ("instant", "average")
+"""What a sample of a log may be: the value at its stamp, or the mean over the interval that ends there."""
+
+_SI: Final = {"temperature": "K", "power": "W", "command": "1"}
+
+
+@dataclass(frozen=True)
+class Origin:
+    """Where a record came from. Trimmed, filtered and resampled copies keep it, so it is the identity of the data.
+
+    Parameters
+    ----------
+    file : str              Name of the file without its folder, or the name of a synthetic record.
+    sha256 : str            Hash of the parsed samples, see `digest`.
+    start : str or None     First stamp as written, where the log has stamps.
+    columns : tuple of str  Column names in file order, without their units.
+    rows : int              Lines with samples.
+    time : str              Name of the time column.
+    synthetic : bool        Whether the samples were made and not measured.
+    """
+
+    file: str
+    sha256: str
+    start: str | None
+    columns: tuple[str, ...]
+    rows: int
+    time: str = "time"
+    synthetic: bool = False
+
+
+def digest(columns: Iterable[tuple[str, ArrayLike]]) -> str:
+    """Return the SHA-256 of named columns: time first, then every numeric column in file order.
+
+    Each column is its name (UTF-8), a zero byte, and its samples as little-endian float64, with one form of NaN and of zero. Compression,
+    separator, decimal sign and number format of the file do not enter.
+    """
+    total = hashlib.sha256()
+    for name, values in columns:
+        samples = np.array(values, dtype="<f8") + 0.0  # -0.0 becomes 0.0
+        samples[np.isnan(samples)] = np.nan
+        total.update(name.encode() + b"\0" + samples.astype("<f8").tobytes())
+    return total.hexdigest()
+
+
+def frozen(values: ArrayLike, kind: Any) -> NDArray[Any]:
+    """Return a copy that cannot be written to."""
+    copy = np.array(values, dtype=kind)
+    copy.flags.writeable = False
+    return copy
+
+
+@dataclass(frozen=True, eq=False)
+class Channel:
+    """Samples of one sensor or command, and what they are bound to.
+
+    Parameters
+    ----------
+    name : str                      Its name in the record.
+    values : array (samples,)       Samples; a masked sample keeps its number, a missing one is NaN. [SI]
+    valid : array (samples,)        False where a sample is masked.
+    quantity : str                  'temperature', 'power', 'command' or another word.
+    role : str                      'auto', 'node', 'boundary', 'load', 'command' or 'prescribed' (a node that the reading drives).
+    target : str or None            Path in the model.
+    gain : str or None              Path of the parameter that turns a command into a power.
+    noise : float or None           Standard deviation of one sample. [SI]
+    accuracy : float or None        Standard deviation of the constant error. [SI]
+    resolution : float or None      Smallest step of the sensor, where known. [SI]
+    column : str                    Its column in the file.
+    unit : str                      Its unit in the file; SI when it was not read from one.
+    masks : mapping to arrays       Masked samples by reason, each (samples,).
+    correction : float              What a certificate has taken off the readings. [SI]
+    part : SensorPart or None       What else its sensor does: scale, lag, noise in time, mass, leads.
+    prompt : bool                   Whether a power or command has a sample at every change, so that the log has its moment.
+    samples : str                   Of what drives a model: ``instant`` or ``average`` (the mean over the interval up to the stamp), as
+                                    somebody said; empty where nobody did, which is taken as instants.
+    assumed : bool                  Whether nothing said its unit, so that the usual one was taken.
+    common : float or None          Standard deviation of an error that all samples share and no other record has, as that of a mean. [SI]
+
+    Raises
+    ------
+    RecordError   When arrays differ in length, a valid sample is not finite, or role, noise, accuracy or resolution make no sense.
+    """
+
+    name: str
+    values: FloatArray
+    valid: BoolArray
+    quantity: str = "temperature"
+    role: str = "auto"
+    target: str | None = None
+    gain: str | None = None
+    noise: float | None = None
+    accuracy: float | None = None
+    resolution: float | None = None
+    column: str = ""
+    unit: str = ""
+    masks: Mapping[str, BoolArray] = field(default_factory=dict)
+    correction: float = 0.0
+    part: SensorPart | None = None
+    prompt: bool = False
+    samples: str = ""
+    assumed: bool = False
+    common: float | None = None
+
+    def __post_init__(self) -> None:
+        """Check the parts against each other and lock the arrays."""
+        where = f"channel '{self.name}'"
+        values, valid = frozen(self.values, np.float64), frozen(self.valid, np.bool_)
+        masks = {reason: frozen(mask, np.bool_) for reason, mask in self.masks.items() if np.any(mask)}
+        if values.ndim != 1 or any(each.shape != values.shape for each in (valid, *masks.values())):
+            raise RecordError("values, valid and masks must be one-dimensional and of equal length.", where)
+        if np.any(valid & ~np.isfinite(values)):
+            raise RecordError("a valid sample is not finite. Mask it.", where)
+        bare = ~valid & ~np.any([np.zeros_like(valid), *masks.values()], axis=0)
+        for reason, part in (("not a number", np.isnan(values)), ("infinite", np.isinf(values)), ("masked", np.isfinite(values))):
+            if np.any(bare & part):
+                masks[reason] = frozen(masks.get(reason, False) | (bare & part), np.bool_)
+        if self.samples not in ("", *SAMPLES):
+            raise RecordError(f"its samples are 'instant' or 'average', not '{self.samples}'.", where)
+        refuse_unknown([self.role], ROLES, where, "no role '{}'; it is one of {known}.", RecordError)
+        for word, size, least in (
+            ("noise", self.noise, "above"),
+            ("accuracy", self.accuracy, "not below"),
+            ("resolution", self.resolution, "above"),
+        ):
+            if size is not None and not (np.isfinite(size) and (size > 0 or (size == 0 and least == "not below"))):
+                raise RecordError(f"its {word} is {size:g}; a finite number {least} zero is needed.", where)
+        for key, value in (("values", values), ("valid", valid), ("masks", masks), ("unit", self.unit or _SI.get(self.quantity, "1"))):
+            object.__setattr__(self, key, value)
+
+    @classmethod
+    def of(cls, name: str, values: ArrayLike, **fields: Any) -> Channel:
+        """Return a channel of an array in SI, with samples that are not finite masked."""
+        samples = np.asarray(values, dtype=np.float64)
+        return cls(name, samples, np.isfinite(samples), **fields)
+
+    @property
+    def flags(self) -> dict[str, int]:
+        """Masked samples, counted by reason."""
+        return {reason: int(np.count_nonzero(mask)) for reason, mask in self.masks.items()}
+
+    @property
+    def held(self) -> bool:
+        """Whether a sample holds until the next one."""
+        return self.quantity in HELD
+
+    def masked(self, where: ArrayLike, reason: str) -> Channel:
+        """Return the same channel with some valid samples masked.
+
+        Raises
+        ------
+        RecordError   When no valid sample would remain.
+        """
+        new = np.asarray(where, dtype=np.bool_) & self.valid
+        masks = dict(self.masks)
+        masks[reason] = masks.get(reason, np.zeros_like(self.valid)) | new
+        return replace(self, valid=self.valid & ~new, masks=masks).checked()
+
+    def checked(self) -> Channel:
+        """Return the channel itself.
+
+        Raises
+        ------
+        RecordError   When all samples are masked.
+        """
+        if not self.valid.any():
+            counts = ", ".join(f"{reason} {count}" for reason, count in self.flags.items())
+            raise RecordError(
+                f"all {self.valid.size} samples are masked ({counts}). Leave the channel out, or keep a part where it works.",
+                f"channel '{self.name}'",
+            )
+        return self
+
+    def taken(self, keep: BoolArray) -> Channel:
+        """Return the channel at some of its samples."""
+        masks = {reason: mask[keep] for reason, mask in self.masks.items()}
+        return replace(self, values=self.values[keep], valid=self.valid[keep], masks=masks).checked()
+
+
+def ranged(channel: Channel, part: SensorPart) -> tuple[Channel, str]:
+    """Return the channel with readings at or beyond the sensor's range masked, and what was masked, in words; empty for nothing."""
+    outside = channel.valid & ((channel.values <= part.low) | (channel.values >= part.high))
+    if not outside.any():
+        return channel, ""
+    shown = " to ".join(format_value(end, "degC") for end in (part.low, part.high))
+    return channel.masked(outside, "out of range"), f"{channel.name}: {np.count_nonzero(outside)} readings at or beyond its range {shown}"
+
+
+def certified(channel: Channel, certificate: SensorCertificate) -> tuple[Channel, str]:
+    """Return the channel with its readings corrected and its accuracy narrowed by a certificate, and what was done, in words."""
+    mean, sd = certificate.combined(channel.accuracy)
+    date = f" of {certificate.date}" if certificate.date else ""
+    said = f"{certificate.offset:+.3g} +- {certificate.uncertainty:.2g} K at {format_value(certificate.at, 'degC')}"
+    text = f"{channel.name}: certificate{date} {said}; readings corrected by {-mean:+.3g} K, accuracy {sd:.2g} K"
+    if channel.accuracy is not None:
+        far = abs(certificate.offset) / math.hypot(channel.accuracy, certificate.uncertainty)
+        text += f" (before {channel.accuracy:.2g} K)"
+        if far > 3.0:
+            text += f"; the offset is {far:.1f} times the accuracy of its type. Check that this is the right sensor."
+    return replace(channel, values=channel.values - mean, accuracy=sd, correction=channel.correction + mean), text
+
+
+def with_sensor(channel: Channel, part: SensorPart | None, certificate: SensorCertificate | None, where: str) -> tuple[Channel, list[str]]:
+    """Return a channel with its sensor's range and certificate applied, and what that did, in words.
+
+    Raises
+    ------
+    RecordError   When the channel holds no temperature, or all of its readings lie outside the range.
+    """
+    if part is None and certificate is None:
+        return channel, []
+    if channel.quantity != "temperature":
+        raise RecordError(f"it holds a {channel.quantity}; {', '.join(KEYS)} apply to temperature sensors only.", where)
+    notes = []
+    if part is not None:
+        channel, note = ranged(replace(channel, part=part), part)
+        notes.append(note)
+    if certificate is not None:
+        channel, note = certified(channel, certificate)
+        notes.append(note)
+    return channel, [note for note in notes if note]
+
+
+EVEN: Final = 0.01
+"""Share of the mean interval by which intervals of an even grid may differ from it."""
+
+
+def usual_step(times: FloatArray) -> float:
+    """Return the median of the intervals; zero for a single sample [s]."""
+    return float(np.median(np.diff(times))) if times.size > 1 else 0.0
+
+
+def gap_from(times: FloatArray) -> float:
+    """Return the interval from which on samples are missing: five times what nine of ten intervals reach [s].
+
+    A log may change its rate; the tenth longest interval follows that better than the median does.
+    """
+    return 5.0 * float(np.quantile(np.diff(times), 0.9, method="lower")) if times.size > 1 else 0.0
+
+
+def even_step(times: FloatArray) -> float | None:
+    """Return the step of an even grid (every interval within 1 % of their mean), or None [s]."""
+    steps = np.diff(times)
+    if steps.size == 0:
+        return None
+    mean = float(steps.mean())
+    return mean if np.all(np.abs(steps - mean) <= EVEN * mean) else None
+
+
+def gap_limit(times: FloatArray, valid: BoolArray, step: float, max_gap: str | float | None) -> float:
+    """Return the longest interval that is bridged [s].
+
+    It is as given, or else five times what nine of ten intervals between valid samples reach, and never less than two steps.
+    """
+    if max_gap is not None:
+        return positive_seconds(max_gap, "max_gap")
+    return max(gap_from(times[valid]), 2.0 * step)
+
+
+class SampleTable(NamedTuple):
+    """One channel as a signal.
+
+    Parameters
+    ----------
+    times : array (points,)    Times, from the start of the record to its end. [s]
+    values : array (points,)   Values: straight lines between them, or held where the channel is held. [SI]
+    bridged : float            Share of the record's duration that no pair of neighbouring valid samples covers. [-]
+    """
+
+    times: FloatArray
+    values: FloatArray
+    bridged: float
+
+
+@dataclass(frozen=True)
+class SecondClock:
+    """A clock beside a record's own, known within ranges only: a time t on it is ``offset + rate t``. A fit finds both.
+
+    Parameters
+    ----------
+    channels : tuple of str         What was logged on it.
+    offset, rate : (low, high)      Where they are looked for. [s, -]
+    at : (offset, rate)             Those at which the record holds these channels. [s, -]
+    times : (first, last)           Of the log with the other clock, to which the fit counts. [s]
+    step : float                    Median interval of the log on this clock. [s]
+    offset_is : str                 What its offset is called: a delay where the clock is the record's own.
+    """
+
+    channels: tuple[str, ...]
+    offset: tuple[float, float]
+    rate: tuple[float, float]
+    at: tuple[float, float]
+    times: tuple[float, float]
+    step: float
+    offset_is: str = "clock offset"
+
+
+@dataclass(frozen=True, eq=False, repr=False)
+class Samples:
+    """What a `Record` holds, with the same fields, and what of it is looked at without changing it."""
+
+    name: str
+    times: FloatArray
+    channels: Mapping[str, Channel]
+    origin: Origin
+    steps: tuple[str, ...] = ()
+    second: SecondClock | None = None
+
+    def __post_init__(self) -> None:
+        """Check the channels against the times and each other."""
+        where = f"record '{self.name}'"
+        times = frozen(self.times, np.float64)
+        if times.ndim != 1 or times.size < 2 or not np.all(np.isfinite(times)):
+            raise RecordError(f"its times have shape {times.shape}; at least two finite times in one row are needed.", where)
+        back = np.flatnonzero(np.diff(times) <= 0)
+        if back.size:
+            at = int(back[0])
+            raise RecordError(f"its times do not increase: {times[at]:g} s is followed by {times[at + 1]:g} s (sample {at + 2}).", where)
+        taken: dict[tuple[str, str], str] = {}
+        for key, channel in self.channels.items():
+            if key != channel.name:
+                raise RecordError(f"channel '{channel.name}' is stored under another name, '{key}'. Use one name.", where)
+            if channel.values.size != times.size:
+                raise RecordError(f"channel '{key}' has {channel.values.size} samples for {times.size} times.", where)
+            if channel.target is not None and channel.role != "node":
+                # one node may have several sensors, and be prescribed for beside them; what drives a run has one channel
+                kind = "load" if channel.role == "command" else channel.role
+                other = taken.setdefault((kind, channel.target), key)
+                if other != key:
+                    raise RecordError(
+                        f"channels '{other}' and '{key}' are both bound to {kind} '{channel.target}'. "
+                        "Bind one of them. For several sensors on one node use the role 'node'.",
+                        where,
+                    )
+        object.__setattr__(self, "times", times)
+        object.__setattr__(self, "channels", dict(self.channels))
+
+    @property
+    def duration(self) -> float:
+        """Time from the first to the last sample [s]."""
+        return float(self.times[-1] - self.times[0])
+
+    def channel(self, name: str) -> Channel:
+        """Return a channel.
+
+        Raises
+        ------
+        NameNotFoundError   When the record has none of that name.
+        """
+        if name not in self.channels:
+            known = ", ".join(self.channels) or "none"
+            raise NameNotFoundError(f"no channel '{name}'; it has {known}.{nearest(name, self.channels)}", f"record '{self.name}'")
+        return self.channels[name]
+
+    __getitem__ = channel
+
+    @property
+    def measured(self) -> list[str]:
+        """Names of the temperatures that are not those of a boundary."""
+        return [name for name, each in self.channels.items() if each.quantity == "temperature" and each.role != "boundary"]
+
+    @property
+    def step(self) -> float:
+        """Median interval of the channel with most readings; those of other clocks stand between its own [s]."""
+        read = (np.isfinite(c.values) for c in self.channels.values())
+        return usual_step(self.times[max(read, key=np.count_nonzero, default=slice(None))])
+
+    def table(self, name: str, max_gap: str | float | None = None) -> SampleTable:
+        """Return a channel as a signal over the whole record.
+
+        Masked stretches are bridged: by a straight line, or by holding the last value of a held channel. Before the first and after the
+        last valid sample the nearest one is taken. An interval longer than `max_gap` counts as bridged too. [s]
+        """
+        channel = self.channel(name).checked()
+        gap = gap_limit(self.times, channel.valid, 0.0, max_gap)
+        steps = np.diff(self.times)
+        covered = channel.valid[:-1] & (channel.valid[1:] | channel.held) & (steps <= gap)
+        keep = channel.valid.copy()
+        keep[[0, -1]] = True
+        first, last = np.flatnonzero(channel.valid)[[0, -1]]
+        values = channel.values.copy()
+        if not channel.valid[0]:
+            values[0] = values[first]
+        if not channel.valid[-1]:
+            values[-1] = values[last]
+        return SampleTable(self.times[keep], values[keep], float(1.0 - steps[covered].sum() / steps.sum()))
+
+
+def _moment(record: Samples, given: object, what: str) -> float:
+    """Return a time on the record's axis [s]."""
+    if isinstance(given, str) and given.strip() in ("start", "end"):
+        return float(record.times[0 if given.strip() == "start" else -1])
+    try:
+        return amount(given, "s", what)
+    except RecordError as error:
+        raise RecordError(f"{error.message} 'start' and 'end' are allowed too.", error.where) from None
+
+
+def stretch(record: Samples, start: object, end: object, what: str) -> tuple[BoolArray, str]:
+    """Return the samples from start to end, and the stretch in words.
+
+    Raises
+    ------
+    RecordError   When the end is not after the start, or no sample lies between.
+    """
+    low, high = _moment(record, start, what), _moment(record, end, what)
+    text = f"{format_value(low, 's')} to {format_value(high, 's')}"
+    if high < low:
+        raise RecordError(f"its end is before its start: {text}.", what)
+    # a time written with few digits must still meet the sample that it names
+    near = 1e-6 * record.step
+    inside = (record.times >= low - near) & (record.times <= high + near)
+    if not inside.any():
+        axis = f"{format_value(record.times[0], 's')} to {format_value(record.times[-1], 's')}"
+        raise RecordError(f"there is no sample from {text}; record '{record.name}' runs from {axis}.", what)
+    return inside, text
+
+
+def within_log(record: Samples, time: object, what: str) -> None:
+    """Refuse the time of a question that lies beyond the end of a log.
+
+    Raises
+    ------
+    RecordError   With where the log ends.
+    """
+    asked, last = _moment(record, time, what), float(record.times[-1])
+    if asked > last + record.step:
+        raise RecordError(f"nothing was logged at {duration_text(asked)}; the log ends at {duration_text(last)}. Ask for 'end'.", what)
+
+
+LEVELS: Final = 2
+"""Samples a level must have on average for readings to count as ones of steps."""
+ON_GRID: Final = 0.05
+"""Part of a step by which the distance of two levels may miss a whole number of steps; one in ten may miss it by more, as spikes do."""
+DIGITS: Final = 6
+"""Decimals down to which the last digit of a constant reading is looked for."""
+ORDERS: Final = (2, 4, 6)
+"""Orders of the differences by which noise is told from what a signal does."""
+SWITCHED: Final = 8
+"""Samples a level of a power has on average from which it is switched between levels and does not scatter; fewer samples show no noise."""
+
+
+def step_of(channel: Channel) -> float:
+    """Return the smallest step of a sensor: as stated, or as its readings show it; zero where they show none. [SI]
+
+    Readings that are all one number have the step of its last digit, in the unit of the file.
+    """
+    if channel.resolution is not None:
+        return channel.resolution
+    seen = channel.values[channel.valid]
+    levels, count = np.unique(np.round(seen, 6), return_counts=True)
+    if levels.size == 1 and channel.quantity == "temperature" and seen.size >= SWITCHED:
+        return _last_digit(float(seen[0]), channel.unit)
+    if not 1 < levels.size <= seen.size / LEVELS:
+        return 0.0
+    apart, weight = np.diff(levels), np.minimum(count[1:], count[:-1])
+    # the lower quarter, because spikes leave wide gaps between levels, and fillers a few narrow ones
+    for step in (float(np.quantile(apart, 0.25, method="lower")), float(apart.min())):
+        away = np.abs(apart / step - np.round(apart / step))
+        if step > 2e-6 and float(weight @ (away <= ON_GRID)) > 0.9 * float(weight.sum()):
+            return step
+    return 0.0
+
+
+def _last_digit(value: float, text: str) -> float:
+    """Return the step of the last decimal digit of a value in a unit; zero where it has more than six. [SI]"""
+    of = unit(text)
+    shown = (value - float(of.offset)) / float(of.factor)
+    for digits in range(DIGITS + 1):
+        if abs(shown * 10.0**digits - round(shown * 10.0**digits)) < 1e-6 * 10.0**digits:
+            return float(of.factor) * 10.0**-digits
+    return 0.0
+
+
+def found_noise(channel: Channel) -> float:
+    """Return the standard deviation of white noise that the samples of a channel show: how far each lies from its neighbours' course. [SI]
+
+    Differences of order k of white noise have binomial(2 k, k) times its variance, and those of anything slow next to nothing, less the
+    higher the order: the smallest of three estimates counts. The median size stands for the root mean square, so that jumps do not count. A
+    power that is switched between few levels has no noise.
+    """
+    seen = channel.values[channel.valid]
+    if seen.size < SWITCHED or (channel.quantity != "temperature" and np.unique(np.round(seen, 9)).size * SWITCHED <= seen.size):
+        return 0.0
+    sizes = [1.4826 * np.median(np.abs(np.diff(seen, k))) / np.sqrt(math.comb(2 * k, k)) for k in ORDERS if seen.size >= SWITCHED + k]
+    return float(min(sizes, default=0.0))
+
+
+def unrounded(times: FloatArray, values: FloatArray) -> FloatArray:
+    """Return a slow signal behind readings in steps: straight lines between the middles of its changes.
+
+    A reading changes where the signal passes the middle between two steps.
+    """
+    change = np.flatnonzero(np.diff(values))
+    if not change.size:
+        return values
+    at = 0.5 * (times[change] + times[change + 1])
+    return np.interp(times, at, 0.5 * (values[change] + values[change + 1]))
+
+
+# ---- readings that are no temperatures: codes that sensors and loggers write in place of one
+
+KNOWN: Final = {-127.0: "sensor lost (-127)", 85.0: "reset of a DS18B20 (85)"}
+"""Codes of a common sensor, and what they stand for. [degC]"""
+OVERLOAD: Final = 1e6
+"""A reading beyond it is the sign of an overload or an open sensor, 9.9e37 of a Keysight logger. [the column's unit]"""
+NEAR: Final = 2.0
+"""Distance from the line between its neighbours up to which a known code may be a temperature. [the column's unit]"""
+LEAST: Final = 10.0
+"""Distance from all other readings from which a value stands alone that is seldom and has others before and after. [the column's unit]"""
+FAR: Final = 500.0
+"""The same for any value. [the column's unit]"""
+SELDOM: Final = 0.1
+"""Part of the readings that a value has at most that stands alone and is not far. [-]"""
+FEWEST: Final = 8
+"""Readings besides it without which no value stands alone. [-]"""
+
+
+def codes_of(values: FloatArray, zero: float = -273.15) -> dict[float, str]:
+    """Return value -> what it stands for, of the readings (samples,) of a temperature that are none.
+
+    A value stands alone where it is farther from all others than these range, and others come before and after it: no part with a heat
+    capacity goes there and back between two samples.
+
+    Parameters
+    ----------
+    values : array (samples,)   In the unit of its column; NaN where a reading is missing.
+    zero : float                Absolute zero in that unit.
+    """
+    finite = values[np.isfinite(values)]
+    out = {float(v): "overload or open sensor" for v in np.unique(finite[np.abs(finite) >= OVERLOAD])}
+    known = finite[np.abs(finite) < OVERLOAD]
+    if not known.size:
+        return out
+    out |= {code: words for code, words in KNOWN.items() if np.any(known == code) and _leaps(known, code)}
+    out |= {float(v): f"below absolute zero ({v:g})" for v in np.unique(known[known < zero])}
+    rest = known[~np.isin(known, list(out))]
+    while (found := _alone(rest)) is not None:
+        out[found] = f"far from all other readings ({found:g})"
+        rest = rest[rest != found]
+    return out
+
+
+def _leaps(values: FloatArray, code: float) -> bool:
+    """Whether a value differs from the line between its neighbours: 85 is a fault in a log at 20 and none in one that passes it."""
+    here = np.isin(values, list(KNOWN))
+    if here.all():
+        return True
+    order = np.arange(values.size)
+    return bool(np.any(np.abs(np.interp(order, order[~here], values[~here])[values == code] - code) > NEAR))
+
+
+def _alone(values: FloatArray) -> float | None:
+    """Return the lowest or highest value where it stands alone."""
+    for end in (float(values.max()), float(values.min())) if values.size else ():
+        here = values == end
+        others = values[~here]
+        if others.size < FEWEST:
+            continue
+        gap = float(np.abs(others - end).min())
+        brief = np.mean(here) <= SELDOM and not here[0] and not here[-1]
+        if gap > max(float(np.ptp(others)), LEAST if brief else FAR):
+            return end
+    return None
+
+
+def strays(channel: Channel) -> dict[float, str]:
+    """Return value -> what it stands for, of the valid readings of a channel that are no temperatures. [the unit of its file]"""
+    if channel.quantity != "temperature":
+        return {}
+    return codes_of(_in_file(channel), float(from_si(np.zeros(1), channel.unit)[0]))
+
+
+def stray_readings(records: Sequence[Samples]) -> tuple[str, ...]:
+    """Return the readings of records that are codes of faults and no temperatures, with the step of `prepare` that masks them."""
+    out = []
+    for r in records:
+        for c in r.channels.values():
+            codes = strays(c)
+            if codes:
+                step = ", ".join(f'"{text}"' for text in codes_to_mask(codes, c))
+                out.append(
+                    f"readings of '{c.name}' in '{r.name}' are no temperatures: {', '.join(dict.fromkeys(codes.values()))}. Mask them: "
+                    f"prepare = [{{ faults = {{ codes = [{step}] }} }}] of the record."
+                )
+    return tuple(out)
+
+
+def codes_to_mask(codes: Iterable[float], channel: Channel) -> list[str]:
+    """Return codes as `prepare` takes them."""
+    return [f"{code:.10g} [{channel.unit}]" for code in codes]
+
+
+def _in_file(channel: Channel) -> FloatArray:
+    """Return the valid readings in the unit of the file, as they were written; NaN elsewhere."""
+    written = channel.values + channel.correction  # a code is what the sensor said, not what a certificate makes of it
+    return np.where(channel.valid, np.round(from_si(written, channel.unit), 6), np.nan)

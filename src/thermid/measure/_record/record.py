@@ -1,0 +1,778 @@
+"""A record: the channels of one log on one axis of times. Every method returns a new record; the samples read are never changed.
+
+Filters act on temperatures. A command holds between its samples, so no filter touches it; a power is filtered only when asked. A masked
+sample keeps its number.
+"""
+
+from __future__ import annotations
+
+import csv
+import hashlib
+import math
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import replace
+from pathlib import Path
+from typing import TYPE_CHECKING, Any, Final, NamedTuple
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from thermid.base.arguments import takes_objects
+from thermid.base.errors import RecordError, ThermidError, refuse_unknown
+from thermid.base.extensions import optional
+from thermid.base.files import LOG, replacing
+from thermid.base.results import PlottedTrace, Result, Row
+from thermid.base.units import TEMPERATURE, counted, format_value, from_si, in_si, unit
+from thermid.measure._record import windows
+from thermid.measure._record.channel import (
+    BoolArray,
+    Channel,
+    FloatArray,
+    Origin,
+    Samples,
+    SecondClock,
+    codes_to_mask,
+    digest,
+    even_step,
+    gap_from,
+    gap_limit,
+    step_of,
+    strays,
+    stretch,
+    with_sensor,
+)
+from thermid.measure._record.sensor import ICE, KEYS, SensorCertificate, SensorPart
+from thermid.measure._record.steadiness import SETTLED, SteadyPoint, steady_point
+from thermid.measure.amounts import amount, duration_text, positive_seconds
+
+if TYPE_CHECKING:
+    from pandas import DataFrame
+    from xarray import Dataset
+
+FAULT_CODES: Final = ("85 [degC]", "-127 [degC]")
+"""What a DS18B20 gives after power-on (note to table 1 of its data sheet), and what its usual driver gives when the sensor is gone."""
+
+
+class Record(Samples, Result):
+    """Measured channels on one time axis.
+
+    Parameters
+    ----------
+    name : str                       Its name.
+    times : array (samples,)         Strictly increasing times. [s]
+    channels : mapping to Channel    Channels by name.
+    origin : Origin                  Where the samples came from; kept by every copy.
+    steps : tuple of str             What was done to the samples, in words and numbers.
+    second : SecondClock or None     A clock beside its own that a fit has yet to find.
+
+    Raises
+    ------
+    RecordError   When times do not increase, lengths differ, or two channels have one target.
+    """
+
+    @classmethod
+    def from_arrays(cls, name: str, times: ArrayLike, channels: Mapping[str, ArrayLike | Channel], *, synthetic: bool = True) -> Record:
+        """Return a record of samples made in Python, marked as synthetic.
+
+        Parameters
+        ----------
+        name : str               Its name.
+        times : array (samples,) Times. [s]
+        channels : mapping       Arrays of temperatures [K], or whole `Channel` values, by name.
+        synthetic : bool         Set it False for samples that were measured and read by other means.
+        """
+        of = {key: each if isinstance(each, Channel) else Channel.of(key, each, column=key) for key, each in channels.items()}
+        axis = np.asarray(times, dtype=np.float64)
+        sha = digest([("time", axis), *((key, each.values) for key, each in of.items())])
+        origin = Origin(name, sha, None, ("time", *of), axis.size, "time", synthetic)
+        return cls(name, axis, of, origin)
+
+    @classmethod
+    def from_dataframe(
+        cls, name: str, frame: DataFrame, channels: Mapping[str, Mapping[str, Any]], *, time: str | None = None, synthetic: bool = False
+    ) -> Record:
+        """Return a record of a pandas frame; its samples are taken as measured unless said otherwise.
+
+        Parameters
+        ----------
+        name : str          Its name.
+        frame : DataFrame   A row a time, a column a channel. NaN is a missing sample.
+        channels : mapping  Column -> table: ``unit`` ("degC", "W"), what it is of (``node``, ``boundary``, ``load``, ``prescribed`` or
+                            ``command``: a path in the model), and where known ``noise`` and ``accuracy`` ("0.1 [K]").
+        time : str          Column of the times, numbers in seconds or stamps; the index without it.
+        synthetic : bool    Whether a simulation made the samples.
+
+        Raises
+        ------
+        RecordError   When a column or key is unknown, a unit is missing, or times do not increase.
+        """
+        refuse_unknown([*channels, *([time] if time is not None else [])], list(frame.columns), name, "the frame has no column '{}'.")
+        axis = _seconds(frame.index if time is None else frame[time], name)
+        made = {column: _channel_of(column, frame[column].to_numpy(dtype=np.float64), table, name) for column, table in channels.items()}
+        return cls.from_arrays(name, axis, made, synthetic=synthetic)
+
+    def select(self, *names: str) -> Record:
+        """Return the record with these channels only."""
+        return replace(self, channels={name: self.channel(name) for name in names})
+
+    def with_channels(self, *channels: Channel) -> Record:
+        """Return the record with these channels added, or in place of those of the same name."""
+        return replace(self, channels={**self.channels, **{each.name: each for each in channels}})
+
+    def with_sensor(self, name: str, **keys: object) -> Record:
+        """Return the record with more said of a channel's sensor, as a campaign says it: ``lag="20 [s]"``, ``certificate={...}``.
+
+        Raises
+        ------
+        RecordError   When a key is unknown or lacks another one that it needs.
+        """
+        where = f"record '{self.name}', {name}"
+        refuse_unknown(keys, KEYS, where)
+        certificate = SensorCertificate.read(keys["certificate"], f"{where}, certificate") if "certificate" in keys else None
+        channel, notes = with_sensor(self.channel(name), SensorPart.read(keys, where), certificate, where)
+        return replace(self, channels={**self.channels, name: channel}, steps=(*self.steps, *notes))
+
+    def trim(self, start: str | float = "start", end: str | float = "end") -> Record:
+        """Return the samples from `start` to `end`, both included; times stay as they are.
+
+        Parameters
+        ----------
+        start, end : str or float   Texts such as ``"2 [s]"``, "start", "end", or seconds.
+
+        Raises
+        ------
+        RecordError   When fewer than two samples remain, or a channel keeps no valid one.
+        """
+        inside, text = stretch(self, start, end, "trim")
+        kept = int(inside.sum())
+        if kept < 2:
+            raise RecordError(f"only {kept} sample lies from {text}; at least two are needed.", "trim")
+        channels = {name: each.taken(inside) for name, each in self.channels.items()}
+        steps = (*self.steps, f"trim: {text}, {kept} of {inside.size} samples kept")
+        return replace(self, times=self.times[inside], channels=channels, steps=steps)
+
+    def shift_start(self) -> Record:
+        """Return the record with times from zero."""
+        first = float(self.times[0])
+        return replace(self, times=self.times - first, steps=(*self.steps, f"shift_start: {first:.6g} s taken from all times"))
+
+    def median(self, window: str | float, *, powers: bool = False) -> Record:
+        """Return temperatures (and powers, if asked) through a moving median, centred in time, of valid samples within half a window.
+
+        At the ends the window is cut; there a slope leaves an error of at most a quarter of the window times the slope. Masked samples
+        stay masked.
+
+        Raises
+        ------
+        RecordError   When the window is not above zero or longer than the record.
+        """
+        width = self._window(window, "median")
+        chosen = self._filtered(powers, "median")
+        channels = [
+            replace(each, values=np.where(each.valid, windows.moving_median(self.times, each.values, each.valid, width), each.values))
+            for each in chosen
+        ]
+        return self._noted(f"median: centred window of {width:g} s on {', '.join(each.name for each in chosen)}", *channels)
+
+    def filter(self, window: str | float, *, powers: bool = False) -> Record:
+        """Return temperatures (and powers, if asked) through a second-order Butterworth low-pass, forward and backward: no shift in time.
+
+        `window` is the period at which half the amplitude remains. Masked stretches of up to a window are bridged for the filter and stay
+        masked; longer ones split the signal.
+
+        Raises
+        ------
+        RecordError   When times are uneven, or the window is not above two steps or longer than the record.
+        """
+        width = self._window(window, "filter")
+        chosen = self._filtered(powers, "filter")
+        step = even_step(self.times)
+        if step is None:
+            intervals = np.diff(self.times)
+            raise RecordError(
+                f"the times of record '{self.name}' are uneven (intervals from {intervals.min():g} to {intervals.max():g} s), but "
+                f"this filter needs equal intervals. Resample first, for example to '{self.step:.3g} [s]', or use median.",
+                "filter",
+            )
+        if width <= 2 * step:
+            raise RecordError(
+                f"{width:g} s is not above two steps of {step:g} s, so the filter would have no effect. Give a larger width.",
+                "filter, window",
+            )
+        channels = [replace(each, values=windows.low_pass(each.values, each.valid, step, width)) for each in chosen]
+        names = ", ".join(each.name for each in chosen)
+        return self._noted(f"filter: zero-phase Butterworth low-pass of second order, half amplitude at {width:g} s, on {names}", *channels)
+
+    def resample(self, step: str | float, max_gap: str | float | None = None, *, switches: bool = False) -> Record:
+        """Return the record on an even grid from its first time.
+
+        Powers and commands hold their last sample; all else runs straight between valid samples. Nothing is filled in across more than
+        `max_gap` (by default five times what nine of ten intervals between valid samples reach, and never less than two steps): such
+        samples are masked as 'gap'. A coarser grid keeps the noise of single samples, so filter first.
+
+        A power or command that changes between two grid times would seem to change at the later one. With `switches` the instants of such
+        changes are kept as times of their own, at which all else is masked as 'switch'; the grid is then no longer even.
+
+        Raises
+        ------
+        RecordError   When the step is not above zero or longer than the record, or a channel keeps no valid sample.
+        """
+        width = self._window(step, "resample")
+        count = int(np.floor(self.duration / width + 1e-9)) + 1
+        even = self.times[0] + width * np.arange(count)
+        grid = np.union1d(even, self._switches(even[-1])) if switches else even
+        regular = np.isin(grid, even)
+        channels: dict[str, Channel] = {}
+        for each in self.channels.values():
+            law = windows.hold if each.held else windows.interpolate
+            each.checked()
+            values, valid = law(self.times, each.values, each.valid, grid, gap_limit(self.times, each.valid, width, max_gap))
+            masks = {"gap": ~valid} if each.held else {"gap": ~valid & regular, "switch": ~regular}
+            channels[each.name] = replace(each, values=values, valid=valid & (regular | each.held), masks=masks).checked()
+        text = f"resample: {self.times.size} samples to {count} at {width:g} s; powers and commands held, others linear"
+        text += f"; {grid.size - count} instants of their changes kept" if switches else ""
+        gaps = ", ".join(f"{each.name} {each.flags['gap']}" for each in channels.values() if "gap" in each.flags)
+        raw = not any(done.startswith(("filter", "median")) for done in self.steps) and width > 2 * self.step
+        text += (f"; masked as gaps: {gaps}" if gaps else "") + (
+            "; no filter was applied before, so single samples were taken" if raw else ""
+        )
+        return replace(self, times=grid, channels=channels, steps=(*self.steps, text))
+
+    def _switches(self, last: float) -> FloatArray:
+        """Return the times up to `last` at which a held channel has another value than before [s]."""
+        out = np.zeros(0)
+        for each in self.channels.values():
+            if each.held:
+                times, values = self.times[each.valid], each.values[each.valid]
+                out = np.union1d(out, times[1:][np.diff(values) != 0])
+        return out[out <= last]
+
+    def flag_spikes(self, threshold: str | float, window: str | float, channels: Sequence[str] | None = None) -> Record:
+        """Return the record with temperatures masked that stand out from the moving median (Hampel's identifier).
+
+        A sample is a spike when it is further from the median of its window than `threshold`: a temperature difference such as
+        ``"3 [K]"``, or a number of robust standard deviations of the window. A quantised sensor shows no deviation smaller than half a
+        step, so it is never taken below that.
+
+        Raises
+        ------
+        RecordError   When window or threshold are not above zero, the window is longer than the record, or nothing valid remains.
+        """
+        width = self._window(window, "spikes")
+        absolute = isinstance(threshold, str)
+        limit = amount(threshold, "K" if absolute else "1", "spikes, threshold")
+        if limit <= 0:
+            raise RecordError(f"{threshold!r} is not above zero.", "spikes, threshold")
+        masked = []
+        for each in self._temperatures(channels, "spikes"):
+            centre, spread = windows.hampel(self.times, each.values, each.valid, width)
+            # a median deviation of zero only says that half the window lies in one level of the sensor, half a step either side
+            allowed = limit if absolute else limit * np.maximum(spread, 1.4826 * 0.5 * step_of(each))
+            masked.append(each.masked(np.abs(each.values - centre) > allowed, "spike"))
+        unit = "K" if absolute else "robust standard deviations"
+        return self._noted(
+            f"spikes: masked {self._lost(masked)}; further than {limit:g} {unit} from the median of {width:g} s",
+            *masked,
+        )
+
+    def flag_faults(
+        self,
+        codes: Iterable[str | float] = FAULT_CODES,
+        low: str | float | None = None,
+        high: str | float | None = None,
+        jump: str | float = "2 [K]",
+        channels: Sequence[str] | None = None,
+    ) -> Record:
+        """Return the record with fault codes, and temperatures outside a range, masked as 'fault'.
+
+        85 degC is also a temperature that a sensor can pass. A code is therefore a fault only where it differs by more than `jump` from
+        the line between the nearest samples that are no codes.
+
+        Parameters
+        ----------
+        codes : texts or floats       Temperatures that stand for faults, ``"85 [degC]"``, or [K].
+        low, high : text or float     Lowest and highest temperature that can be, or None. [K]
+        jump : text or float          Difference to the neighbours from which a code is a fault. [K]
+        channels : sequence of str    Channels to look at; all temperatures by default.
+        """
+        levels = [amount(code, TEMPERATURE, "faults, codes") for code in codes]
+        bottom = -np.inf if low is None else amount(low, TEMPERATURE, "faults, low")
+        top = np.inf if high is None else amount(high, TEMPERATURE, "faults, high")
+        if bottom >= top:
+            raise RecordError(f"low ({low}) is not below high ({high}).", "faults")
+        least = amount(jump, "K", "faults, jump")
+        masked = []
+        for each in self._temperatures(channels, "faults"):
+            outside = each.valid & ((each.values < bottom) | (each.values > top))
+            read = each.values + each.correction  # a code is what the sensor said, not what a certificate makes of it
+            code = each.valid & np.any([np.abs(read - level) < 1e-6 for level in levels] or [np.zeros_like(each.valid)], axis=0)
+            good = each.valid & ~outside & ~code
+            if good.any():
+                code &= np.abs(each.values - np.interp(self.times, self.times[good], each.values[good])) > least
+            masked.append(each.masked(outside | code, "fault"))
+        listed = ", ".join(format_value(level, "degC") for level in levels) or "none"
+        limits = "".join(f", {word} {format_value(end, 'degC')}" for word, end in (("low", bottom), ("high", top)) if np.isfinite(end))
+        return self._noted(f"faults: masked {self._lost(masked)}; codes {listed}{limits}", *masked)
+
+    def mask(self, channel: str, start: str | float = "start", end: str | float = "end", reason: str = "masked by hand") -> Record:
+        """Return the record with a stretch of a channel masked, both ends included."""
+        measured = self.channel(channel)
+        inside, text = stretch(self, start, end, f"mask of '{channel}'")
+        masked = measured.masked(inside, reason)
+        return self._noted(f"mask: {channel} from {text} ({self._masked_since(masked)} samples), {reason}", masked)
+
+    def masked_where(self, channel: str, where: BoolArray, reason: str) -> Record:
+        """Return the record with the samples of a channel masked where an array (samples,) is True."""
+        measured, chosen = self.channel(channel), np.asarray(where)
+        if chosen.dtype != np.bool_ or chosen.shape != self.times.shape:
+            raise RecordError(
+                f"an array of {self.times.size} truth values is needed; this one has shape {chosen.shape} and type {chosen.dtype}.",
+                "masked_where",
+            )
+        masked = measured.masked(chosen, reason)
+        return self._noted(f"mask: {channel}, {self._masked_since(masked)} samples, {reason}", masked)
+
+    @takes_objects
+    def joined(self, other: Record, offset: float | tuple[float, float] = 0.0, rate: float | tuple[float, float] = 1.0) -> Record:
+        """Return the channels of both records, on the times of both.
+
+        A time t on the other's clock is ``offset + rate t`` on this one's. [s] Pairs are ranges, within which `calibrate` finds them; until
+        then the record stands in their middle.
+
+        Raises
+        ------
+        RecordError   When the rate is not above zero, a channel is in both, the logs do not overlap, or a range is none.
+        """
+        offsets, rates = (_range(given, name, other.name) for given, name in ((offset, "offset of its clock"), (rate, "rate of its clock")))
+        middle = 0.5 * sum(offsets), 0.5 * sum(rates)
+        joint = self._joined(other, *middle, rates[0])
+        if offsets[0] == offsets[1] and rates[0] == rates[1]:
+            return joint
+        if self.second is not None or other.second is not None:
+            raise RecordError("one of the logs has an unknown clock already. Only one clock at a time may be left to the fit.", self.name)
+        ends = (float(self.times[0]), float(self.times[-1]))
+        clock = SecondClock(tuple(other.channels), offsets, rates, middle, ends, other.step)
+        between = f"between {offsets[0]:.6g} and {offsets[1]:.6g} s late and {rates[0]:.6g} to {rates[1]:.6g} times as slow, by the fit"
+        return replace(joint, second=clock, steps=(*joint.steps[:-1], f"joined with {other.origin.file}, whose clock is {between}"))
+
+    def _joined(self, other: Record, offset: float, rate: float, slowest: float) -> Record:
+        """Return the channels of both at one offset [s] and rate."""
+        if not slowest > 0:
+            raise RecordError(f"the rate of a clock must be above zero; its lowest value is {slowest:g}.", other.name)
+        both = sorted(set(self.channels) & set(other.channels))
+        if both:
+            raise RecordError(f"'{both[0]}' is a channel in both logs. Rename it in one of them.", f"{self.name}, {other.name}")
+        there = offset + rate * other.times
+        if there[-1] <= self.times[0] or there[0] >= self.times[-1]:
+            raise RecordError(
+                f"the logs do not overlap: {there[0]:.6g} .. {there[-1]:.6g} s and {self.times[0]:.6g} .. {self.times[-1]:.6g} s. "
+                "Give another offset.",
+                f"{self.name}, {other.name}",
+            )
+        times, channels = _interleaved(self, other, there)
+        origin = replace(
+            self.origin,
+            file=f"{self.origin.file} + {other.origin.file}",
+            sha256=hashlib.sha256(f"{self.origin.sha256} {other.origin.sha256}".encode()).hexdigest(),
+            columns=(*self.origin.columns, *other.origin.columns),
+            rows=self.origin.rows + other.origin.rows,
+            synthetic=self.origin.synthetic or other.origin.synthetic,
+        )
+        step = f"joined with {other.origin.file}, whose clock is {offset:.6g} s late and {rate:.8g} times as slow"
+        return replace(self, times=times, channels=channels, origin=origin, steps=(*self.steps, *other.steps, step))
+
+    def delayed(self, by: str | float | Sequence[str | float], channels: Sequence[str] | None = None) -> Record:
+        """Return the record with powers and commands that act later than they were logged.
+
+        Parameters
+        ----------
+        by : str, float or pair       Delay, such as ``"12 [s]"``, or seconds; negative for earlier. A pair is a range, within which
+                                      `calibrate` finds the delay; until then the record stands in its middle.
+        channels : sequence of str    Loads, commands and boundaries; every load and command by default.
+
+        Raises
+        ------
+        RecordError   When there is no such channel, one is compared with the model, the delay is as long as the record, a range is none
+                      or the record has an unknown clock already.
+        """
+        chosen = [n for n, c in self.channels.items() if c.role in ("load", "command")] if channels is None else list(channels)
+        compared = [n for n in chosen if self.channel(n).role not in ("load", "command", "boundary", "prescribed")]
+        if compared or not chosen:
+            what = f"'{compared[0]}' is no load, command or boundary" if compared else "the record has no load or command"
+            raise RecordError(f"{what}, so it cannot be delayed. Name the channels that drive the model.", f"{self.name}, delay")
+        ends = [amount(t, "s", f"{self.name}, delay") for t in ((by, by) if isinstance(by, str | float | int) else by)]
+        if len(ends) != 2:
+            raise RecordError(f"{len(ends)} times are given. Give one delay, or the two ends of its range.", f"{self.name}, delay")
+        low, high = _range((ends[0], ends[1]), "delay", self.name)
+        if max(abs(low), abs(high)) >= self.duration:
+            raise RecordError(
+                f"a delay of up to {max(abs(low), abs(high)):g} s is as long as the record. Give a shorter delay.", f"{self.name}, delay"
+            )
+        if low < high and self.second is not None:
+            raise RecordError(
+                "a clock of this record is left to the fit already. Only one clock at a time may be; state this delay as one time.",
+                f"{self.name}, delay",
+            )
+        late = replace(self, channels={n: self.channels[n] for n in chosen})
+        rest = replace(self, channels={n: c for n, c in self.channels.items() if n not in chosen})
+        middle = 0.5 * (low + high)
+        times, mixed = _interleaved(rest, late, self.times + middle)
+        inside = times >= self.times[0]  # what was logged last acts after the last reading; a fit may move it back
+        said = f"{low:g} s" if low == high else f"{low:g} to {high:g} s, by the fit"
+        whole = float(self.times[0]), float(self.times[-1])
+        clock = SecondClock(tuple(chosen), (low, high), (1.0, 1.0), (middle, 1.0), whole, self.step, "delay")
+        return replace(
+            self,
+            times=times[inside],
+            channels={n: mixed[n].taken(inside) for n in self.channels},
+            steps=(*self.steps, f"delay: {', '.join(chosen)}, {said}"),
+            second=self.second if low == high else clock,
+        )
+
+    def steady(
+        self,
+        start: str | float = "start",
+        end: str | float = "end",
+        *,
+        tau: object | None = None,
+        limit: str | float = SETTLED,
+        name: str = "",
+    ) -> SteadyPoint[Record]:
+        """Return the mean of a settled stretch with its uncertainty, corrected for stored heat and drift; see `steadiness.steady_point`."""
+        return steady_point(self, start, end, tau, limit, name)
+
+    def prepare(self, steps: Iterable[Mapping[str, object]]) -> Record:
+        """Return the record after the steps of a campaign file, each a table with one key, such as ``[{median = "4 [s]"}]``.
+
+        A step takes a table of options, a list of them in order, or the first one alone: ``{spikes = {threshold = 5, window = "10 [s]"}}``,
+        ``{trim = ["2 [s]", "end"]}``, ``{median = "4 [s]"}``. A step without options takes true.
+
+        Raises
+        ------
+        RecordError   When a step or an option is unknown or one is missing; with the place in the list, as every error of a step has.
+        """
+        record = self
+        for number, table in enumerate(steps, 1):
+            where = f"record '{record.name}', prepare[{number}]"
+            if not isinstance(table, Mapping) or len(table) != 1:
+                raise RecordError(f"{table!r} is not a step. Write one step in each table, such as {{median = '4 [s]'}}.", where)
+            ((name, given),) = table.items()
+            refuse_unknown(table, STEPS, where, "no step '{}'; there are {known}.")
+            options = _options(STEPS[name], given, f"{where}, {name}")
+            try:
+                record = getattr(record, STEPS[name].method)(**options)
+            except ThermidError as error:
+                raise type(error)(error.message, f"{where}, {error.where or name}") from None
+        return record
+
+    def to_csv(self, path: str | Path) -> None:
+        """Write a record as a comma-separated log with units in its header, each channel in the unit of its file, masked samples empty.
+
+        Read again, times and values are the same to one unit in the last place. The hash is the same too when nothing was masked, averaged
+        or left out and the numbers had at most 12 digits, 9 of them decimals.
+        """
+        columns = [_texts(self.times, "s")]
+        header = []
+        taken = [self.origin.time, *(each.column for each in self.channels.values())]
+        for each in self.channels.values():
+            # a column that feeds two channels is written twice, under their own names
+            header.append(f"{each.column if each.column and taken.count(each.column) == 1 else each.name} [{each.unit}]")
+            cells = _texts(np.where(each.valid, each.values, 0.0), each.unit)
+            columns.append([cell if good else "" for cell, good in zip(cells, each.valid.tolist(), strict=True)])
+        with replacing(path, LOG) as half, half.open("w", encoding="utf-8", newline="") as file:
+            file.write(f'"{self.origin.time} [s]"' + ("," if header else ""))
+            writer = csv.writer(file, lineterminator="\n")
+            writer.writerow(header)
+            writer.writerows(zip(*columns, strict=True))
+
+    def to_xarray(self) -> Dataset:
+        """Return a record as a data set over `time`, SI units in the attributes, masked samples as NaN."""
+        import xarray
+
+        data = xarray.Dataset(coords={"time": ("time", self.times, {"units": "s"})})
+        for each in self.channels.values():
+            words = {
+                "quantity": each.quantity,
+                "role": each.role,
+                "target": each.target,
+                "gain": each.gain,
+                "noise": each.noise,
+                "accuracy": each.accuracy,
+            }
+            attributes = {"units": _si_unit(each), **{key: value for key, value in words.items() if value is not None}}
+            data[each.name] = ("time", np.where(each.valid, each.values, np.nan), attributes)
+        data.attrs = {"name": self.name, "file": self.origin.file, "sha256": self.origin.sha256, "steps": "\n".join(self.steps)}
+        return data
+
+    def summary(self) -> str:
+        """Return a record in words: its size, gaps, origin, channels and steps, a line for each."""
+        origin = self.origin
+        start = f", from {origin.start}" if origin.start else ""
+        lines = [repr(self), f"  origin {origin.file}, {origin.rows} rows, sha256 {origin.sha256[:16]}{start}"]
+        intervals = np.diff(self.times)
+        limit = gap_from(self.times)
+        gaps = np.flatnonzero(intervals > limit)
+        if gaps.size:
+            worst = int(np.argmax(intervals))
+            longest, place = duration_text(float(intervals[worst])), format_value(self.times[worst], "s")
+            lines.append(f"  gaps longer than {limit:.4g} s: {gaps.size}, the longest {longest} at {place}")
+        lines += [f"  {_channel_line(each)}" for each in self.channels.values()]
+        return "\n".join([*lines, *(f"  - {step}" for step in self.steps)])
+
+    def __repr__(self) -> str:
+        """Return name, samples, duration, step and channels in one line."""
+        step = f"{self.step:.4g} s" + ("" if even_step(self.times) is not None else " (median, uneven)")
+        made = "synthetic, " if self.origin.synthetic else ""
+        return (
+            f"Record '{self.name}': {made}{self.times.size} samples over {duration_text(self.duration)}, step {step}; "
+            f"channels {', '.join(self.channels) or 'none'}"
+        )
+
+    def _noted(self, text: str, *changed: Channel) -> Record:
+        """Return the record with changed channels and one more step."""
+        return replace(self.with_channels(*changed), steps=(*self.steps, text))
+
+    def _window(self, given: object, what: str) -> float:
+        """Return a window that fits into the record [s]."""
+        window = positive_seconds(given, f"{what}, window")
+        if window > self.duration:
+            raise RecordError(f"{window:g} s is longer than record '{self.name}', which lasts {self.duration:g} s.", f"{what}, window")
+        return window
+
+    def _filtered(self, powers: bool, what: str) -> list[Channel]:
+        """Return the channels that a filter acts on: temperatures, and powers when asked."""
+        chosen = [each for each in self.channels.values() if each.quantity == "temperature" or (powers and each.quantity == "power")]
+        if not chosen:
+            raise RecordError(f"record '{self.name}' has no temperature channel, so this step has nothing to act on. Leave it out.", what)
+        return chosen
+
+    def _temperatures(self, names: Sequence[str] | None, what: str) -> list[Channel]:
+        """Return the named temperature channels, or all of them."""
+        if names is None:
+            return self._filtered(False, what)
+        chosen = [self.channel(name) for name in ([names] if isinstance(names, str) else names)]
+        for each in chosen:
+            if each.quantity != "temperature":
+                raise RecordError(f"channel '{each.name}' is a {each.quantity}, not a temperature.", what)
+        return chosen
+
+    def _masked_since(self, channel: Channel) -> int:
+        """Count the samples of a channel that are valid here and masked there."""
+        return int(np.count_nonzero(self.channels[channel.name].valid & ~channel.valid))
+
+    def _lost(self, masked: Sequence[Channel]) -> str:
+        """Return the samples that were masked of each channel, in words."""
+        return ", ".join(f"{each.name} {self._masked_since(each)}" for each in masked)
+
+    def _as_traces(self) -> Sequence[PlottedTrace]:
+        """Return the valid samples of every temperature, else of every channel in its unit."""
+        chosen = [c for c in self.channels.values() if c.quantity == "temperature"] or list(self.channels.values())
+        shift = ICE if chosen and chosen[0].quantity == "temperature" else 0.0
+        return [PlottedTrace(c.name, self.times[c.valid], c.values[c.valid] - shift, measured=True) for c in chosen]
+
+    def _as_rows(self) -> list[Row]:
+        """Return every channel with its range."""
+        return [
+            {
+                "channel": c.name,
+                "quantity": c.quantity,
+                "role": c.role,
+                "target": c.target,
+                "lowest": float(c.values[c.valid].min()),
+                "highest": float(c.values[c.valid].max()),
+                "valid": int(c.valid.sum()),
+            }
+            for c in self.channels.values()
+            if c.valid.any()
+        ]
+
+    def to_frame(self) -> DataFrame:
+        """Return a record as a frame over `time_s`, a column a channel in the unit of its file, masked samples as NaN.
+
+        Raises
+        ------
+        MissingExtraError   When pandas is not installed.
+        """
+        pandas = optional("pandas", "to_frame")
+        columns = {c.name: from_si(np.where(c.valid, c.values, np.nan), c.unit) for c in self.channels.values()}
+        made: DataFrame = pandas.DataFrame(columns, index=pandas.Index(self.times, name="time_s"))
+        return made
+
+    def _ipython_key_completions_(self) -> list[str]:
+        """Return the channels."""
+        return list(self.channels)
+
+
+def without_strays(record: Record) -> tuple[Record, tuple[str, ...]]:
+    """Return a record with readings masked that are no temperatures, and what was masked, a sentence for each channel."""
+    said, made = [], record
+    for name, channel in record.channels.items():
+        codes = strays(channel)
+        if not codes:
+            continue
+        made = made.flag_faults(codes_to_mask(codes, channel), channels=[name])
+        count = counted(int(np.count_nonzero(channel.valid & ~made[name].valid)), "reading")
+        said.append(f"{name}: {count} masked: {', '.join(dict.fromkeys(codes.values()))}")
+    return made, tuple(said)
+
+
+def _spread(channel: Channel, places: np.ndarray, samples: int) -> Channel:
+    """Return a channel whose samples take some places among more, with nothing between them."""
+    values, valid = np.full(samples, np.nan), np.zeros(samples, dtype=bool)
+    values[places], valid[places] = channel.values, channel.valid
+    masks = {reason: np.zeros(samples, dtype=bool) for reason in channel.masks}
+    for reason, mask in channel.masks.items():
+        masks[reason][places] = mask
+    return replace(channel, values=values, valid=valid, masks=masks)
+
+
+def _interleaved(one: Samples, other: Samples, there: FloatArray) -> tuple[FloatArray, dict[str, Channel]]:
+    """Return the times of two logs as one [s], the second one's at `there`, and the channels of both on them.
+
+    Times that differ by rounding only are one time.
+    """
+    after = np.clip(np.searchsorted(one.times, there), 1, one.times.size - 1)
+    near = np.where(there - one.times[after - 1] < one.times[after] - there, one.times[after - 1], one.times[after])
+    there = np.where(np.abs(near - there) <= 1e-12 * np.abs(there).max(), near, there)
+    times = np.union1d(one.times, there)
+    return times, {
+        name: _spread(each, np.searchsorted(times, axis), times.size)
+        for record, axis in ((one, one.times), (other, there))
+        for name, each in record.channels.items()
+    }
+
+
+def _range(given: float | tuple[float, float], name: str, where: str) -> tuple[float, float]:
+    """Return the range of a clock's offset or rate, or of a delay."""
+    low, high = given if isinstance(given, tuple | list) else (given, given)
+    if not (math.isfinite(low) and math.isfinite(high) and low <= high):
+        raise RecordError(f"the range {low:g} .. {high:g} of the {name} must begin with the lower number.", where)
+    return float(low), float(high)
+
+
+class Step(NamedTuple):
+    """A method of `Record` and its options: the first `required` must be given."""
+
+    method: str
+    required: int
+    options: tuple[str, ...]
+
+
+STEPS: Final = {
+    "trim": Step("trim", 1, ("start", "end")),
+    "median": Step("median", 1, ("window", "powers")),
+    "filter": Step("filter", 1, ("window", "powers")),
+    "resample": Step("resample", 1, ("step", "max_gap", "switches")),
+    "spikes": Step("flag_spikes", 2, ("threshold", "window", "channels")),
+    "faults": Step("flag_faults", 0, ("codes", "low", "high", "jump", "channels")),
+    "mask": Step("mask", 1, ("channel", "start", "end", "reason")),
+    "shift_start": Step("shift_start", 0, ()),
+    "delay": Step("delayed", 1, ("by", "channels")),
+}
+"""Steps of a campaign file by name."""
+
+
+def _options(step: Step, given: object, where: str) -> dict[str, object]:
+    """Return the options of one step by name."""
+    if isinstance(given, Mapping):
+        refuse_unknown(given, step.options, where, "no option '{}'; there are {known}.")
+        options = dict(given)
+    elif given is True and step.required == 0:
+        options = {}
+    else:
+        values = list(given) if isinstance(given, Sequence) and not isinstance(given, str) else [given]
+        if len(values) > len(step.options):
+            raise RecordError(f"{len(values)} values are given; it takes {', '.join(step.options) or 'none: write true'}.", where)
+        options = dict(zip(step.options, values, strict=False))
+    missing = [option for option in step.options[: step.required] if option not in options]
+    if missing:
+        raise RecordError(f"it needs {' and '.join(missing)}.", where)
+    return options
+
+
+def _texts(values: FloatArray, text: str) -> list[str]:
+    """Return SI values as numbers in a unit, short where the short form gives the same SI value again."""
+    of = unit(text)
+    numbers = from_si(values, of).tolist()
+    texts = [f"{number:.17g}" for number in numbers]
+    # the offset of a scale leaves rounding in late decimals; the first form that gives the same SI value again is the one of the file
+    for short in ([f"{number:.15g}" for number in numbers], [f"{round(number, 9):.15g}" for number in numbers]):
+        same = (in_si(np.array(list(map(float, short))), text) == values).tolist()
+        texts = [brief if good else long for brief, good, long in zip(short, same, texts, strict=True)]
+    return texts
+
+
+def _si_unit(channel: Channel) -> str:
+    """Return the SI unit of a channel's values as text, in base units where it has no short name."""
+    dimension = unit(channel.unit).dimension
+    for short in ("K", "W", "1", "Pa", "V", "A"):
+        if unit(short).dimension == dimension:
+            return short
+    bases = ("m", "kg", "s", "A", "K")
+    return " ".join(f"{base}^{power}" if power != 1 else base for base, power in zip(bases, dimension, strict=True) if power)
+
+
+def _channel_line(channel: Channel) -> str:
+    """Return one channel in words."""
+    shown = channel.values[channel.valid]
+    role = f"{channel.role} {channel.target}" if channel.target else channel.role
+    parts = [f"{channel.name}: {channel.quantity}, {role}"]
+    if shown.size:
+        parts.append(f"{format_value(shown.min(), channel.unit, 4)} to {format_value(shown.max(), channel.unit, 4)}")
+    for word, size in (("noise", channel.noise), ("accuracy", channel.accuracy)):
+        if size is not None:
+            scale = "K" if channel.quantity == "temperature" else channel.unit
+            parts.append(f"{word} {format_value(size, scale, 3)}")
+    counts = ", ".join(f"{reason} {count}" for reason, count in channel.flags.items())
+    masked = channel.valid.size - shown.size
+    parts.append(f"{masked} of {channel.valid.size} masked" + (f" ({counts})" if counts else ""))
+    if channel.assumed:
+        parts.append(f"no unit in the log, read in {channel.unit}")
+    return "; ".join(parts)
+
+
+ROLES: Final = {"node": "temperature", "boundary": "temperature", "prescribed": "temperature", "load": "power", "command": "command"}
+"""Role of a column of a frame -> its quantity."""
+
+
+def _seconds(times: Any, where: str) -> FloatArray:
+    """Return the times of a frame; stamps count from the first. [s]"""
+    values = np.asarray(times)
+    if values.dtype.kind == "M":
+        seconds = (values - values[0]) / np.timedelta64(1, "s")
+    elif values.dtype.kind == "m":
+        seconds = values / np.timedelta64(1, "s")
+    elif values.dtype.kind in "iuf":
+        seconds = values.astype(np.float64)
+    else:
+        raise RecordError("the times are neither numbers nor stamps. Convert them with pandas.to_datetime, or name their column.", where)
+    if values.size < 2 or not np.all(np.diff(seconds) > 0.0):
+        raise RecordError("the times do not increase strictly. Sort the frame by time and drop what is there twice.", where)
+    return np.asarray(seconds, dtype=np.float64)
+
+
+def _channel_of(column: str, values: FloatArray, table: Mapping[str, Any], name: str) -> Channel:
+    """Return a column of a frame as a channel."""
+    where = f"{name}, {column}"
+    refuse_unknown(table, [*ROLES, "unit", "noise", "accuracy"], where)
+    roles = [key for key in ROLES if key in table]
+    if "unit" not in table or len(roles) != 1:
+        raise RecordError(f"give its unit, and one of {', '.join(ROLES)}: {{'unit': 'degC', 'node': 'case'}}.", where)
+    of, slot = unit(str(table["unit"])), {"temperature": "K", "power": "W"}.get(ROLES[roles[0]], "")
+    if slot and of.dimension != unit(slot).dimension:
+        raise RecordError(f"'{of.text}' is no unit of a {ROLES[roles[0]]}.", where)
+    sizes = {
+        key: amount(table[key], "K" if ROLES[roles[0]] == "temperature" else of.text, where)
+        for key in ("noise", "accuracy")
+        if key in table
+    }
+    return Channel.of(
+        column,
+        in_si(values, of),
+        quantity=ROLES[roles[0]],
+        role=roles[0],
+        target=str(table[roles[0]]),
+        column=column,
+        unit=of.text,
+        **sizes,
+    )

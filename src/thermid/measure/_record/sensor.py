@@ -1,0 +1,172 @@
+"""A sensor as a part: the errors of its scale, its lag and noise, its range, its certificate, and what it adds to the node it sits on."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import Any, Final
+
+from thermid.base.errors import RecordError, refuse_unknown
+from thermid.base.units import TEMPERATURE
+from thermid.measure.amounts import amount
+
+ICE: Final = 273.15
+"""The ice point, about which a scale is held to turn where nothing else is said. [K]"""
+BEAD: Final = 1e-6
+"""Heat capacity of a sensor that lags but is said to have none: it takes no heat worth naming. [J/K]"""
+CLOSE: Final = 1.0
+"""Lag of a sensor that has a heat capacity and is said to have no lag. [s]"""
+_NUMBERS: Final = {
+    "gain_accuracy": "1",
+    "gain_about": TEMPERATURE,
+    "correlation_time": "s",
+    "lag": "s",
+    "lag_accuracy": "s",
+    "capacitance": "J/K",
+}
+KEYS: Final = (*_NUMBERS, "mass", "specific_heat", "lead", "certificate", "range")
+"""What the table of a channel may say of its sensor beside noise, accuracy and resolution."""
+
+
+@dataclass(frozen=True)
+class SensorCertificate:
+    """What a comparison at one temperature found, the ice point for instance.
+
+    Parameters
+    ----------
+    offset : float        Reading less temperature. [K]
+    uncertainty : float   Standard deviation of that. [K]
+    at : float            Temperature of the comparison. [K]
+    date : str            When.
+    """
+
+    offset: float
+    uncertainty: float
+    at: float = ICE
+    date: str = ""
+
+    @classmethod
+    def read(cls, given: object, where: str) -> SensorCertificate:
+        """Return it from a table with offset, uncertainty, at and date.
+
+        Raises
+        ------
+        RecordError   When a key is unknown, offset or uncertainty is missing, or the uncertainty is not above zero.
+        """
+        if isinstance(given, cls):
+            return given
+        table = _table(given, ("offset", "uncertainty", "at", "date"), where)
+        for key in ("offset", "uncertainty"):
+            if key not in table:
+                raise RecordError(f"a certificate needs its {key}, such as {key} = '0.1 [K]'.", where)
+        found = cls(
+            amount(table["offset"], "K", f"{where}.offset"),
+            amount(table["uncertainty"], "K", f"{where}.uncertainty"),
+            amount(table.get("at", ICE), TEMPERATURE, f"{where}.at"),
+            str(table.get("date", "")),
+        )
+        if found.uncertainty <= 0:
+            raise RecordError("its uncertainty must be above zero. Give that of the comparison.", where)
+        return found
+
+    def combined(self, accuracy: float | None) -> tuple[float, float]:
+        """Return mean and standard deviation of the constant error, of the certificate together with the accuracy of the type. [K]"""
+        if accuracy is None:
+            return self.offset, self.uncertainty
+        share = accuracy**2 / (accuracy**2 + self.uncertainty**2)
+        return share * self.offset, math.sqrt(share) * self.uncertainty
+
+
+@dataclass(frozen=True)
+class SensorPart:
+    """What a temperature sensor does besides reading with noise and a constant error; zero or None for what it does not do.
+
+    Parameters
+    ----------
+    gain_accuracy : float           Standard deviation of the relative error of its scale. [-]
+    gain_about : float              Temperature at which that error is nothing. [K]
+    correlation_time : float        Of its noise, which then falls off as ``exp(-t / time)``. [s]
+    lag, lag_accuracy : float       Time constant with which it follows its node, and standard deviation of that. [s]
+    capacitance : float             Its own heat capacity, which its node has to warm too. [J/K]
+    lead_conductance : float        Of its leads. [W/K]
+    lead_to : str                   The node or boundary to which they lose heat.
+    low, high : float               Range; a reading at or beyond its ends says nothing. [K]
+    """
+
+    gain_accuracy: float = 0.0
+    gain_about: float = ICE
+    correlation_time: float = 0.0
+    lag: float = 0.0
+    lag_accuracy: float = 0.0
+    capacitance: float = 0.0
+    lead_conductance: float = 0.0
+    lead_to: str = ""
+    low: float = -math.inf
+    high: float = math.inf
+
+    @classmethod
+    def read(cls, table: Mapping[str, Any], where: str) -> SensorPart | None:
+        """Return it from the keys of a channel's table, or None where they say nothing.
+
+        Raises
+        ------
+        RecordError   When a value is negative, or something is said by half: a mass without its specific heat, a lead without its end.
+        """
+        if not any(key in table for key in KEYS):
+            return None
+        found = {key: amount(table[key], slot, f"{where}, {key}") for key, slot in _NUMBERS.items() if key in table}
+        for key, value in found.items():
+            if value < 0:
+                raise RecordError(f"its {key} is {value:g}; it cannot be negative.", where)
+        if ("mass" in table) != ("specific_heat" in table):
+            raise RecordError("a mass needs specific_heat too. Give both, or capacitance instead.", where)
+        if "mass" in table:
+            if "capacitance" in table:
+                raise RecordError("its heat capacity is given twice: as capacitance, and as mass and specific_heat.", where)
+            mass = amount(table["mass"], "kg", f"{where}, mass")
+            found["capacitance"] = mass * amount(table["specific_heat"], "J/(kg K)", f"{where}, specific_heat")
+        if found.get("lag_accuracy") and not found.get("lag"):
+            raise RecordError("a lag_accuracy needs the lag it refers to. Give lag = '20 [s]' too.", where)
+        low, high = _limits(table["range"], f"{where}, range") if "range" in table else (-math.inf, math.inf)
+        conductance, to = _lead(table["lead"], f"{where}, lead") if "lead" in table else (0.0, "")
+        if "certificate" in table and "gain_about" not in table:
+            found["gain_about"] = SensorCertificate.read(table["certificate"], f"{where}, certificate").at
+        return cls(**found, lead_conductance=conductance, lead_to=to, low=low, high=high)
+
+    @property
+    def touches(self) -> bool:
+        """Whether it changes the temperatures: it lags, stores or leads heat away."""
+        return bool(self.lag or self.capacitance or self.lead_conductance)
+
+    @property
+    def worth(self) -> dict[str, float]:
+        """Its lag and heat capacity, with what stands for the one that is not given. [s], [J/K]"""
+        return {"lag": self.lag or CLOSE, "capacitance": self.capacitance or BEAD}
+
+
+def _table(given: object, keys: tuple[str, ...], where: str) -> Mapping[str, Any]:
+    if not isinstance(given, Mapping):
+        raise RecordError(f"{given!r} is not a table. Give a table with {', '.join(keys)}.", where)
+    refuse_unknown(given, keys, where)
+    return given
+
+
+def _lead(given: object, where: str) -> tuple[float, str]:
+    """Return conductance [W/K] and other end of the leads."""
+    table = _table(given, ("conductance", "to"), where)
+    if set(table) != {"conductance", "to"}:
+        raise RecordError("a lead needs a conductance and the node to which it loses heat, such as to = 'air'.", where)
+    conductance = amount(table["conductance"], "W/K", f"{where}.conductance")
+    if conductance < 0:
+        raise RecordError(f"its conductance is {conductance:g}; it cannot be negative.", where)
+    return conductance, str(table["to"])
+
+
+def _limits(given: object, where: str) -> tuple[float, float]:
+    if not isinstance(given, list | tuple) or len(given) != 2:
+        raise RecordError(f"{given!r} is not a range. Write the lowest and the highest reading, ['-55 [degC]', '125 [degC]'].", where)
+    low, high = (amount(one, TEMPERATURE, where) for one in given)
+    if low >= high:
+        raise RecordError(f"its lowest reading ({given[0]}) is not below its highest ({given[1]}).", where)
+    return low, high

@@ -1,0 +1,558 @@
+"""Steadiness of readings: the rules of the standards, how fast a channel drifts, and what the mean of a settled stretch is worth.
+
+All of it rests on one straight line through the readings of a stretch, whose errors count correlated noise, few readings and the steps of
+the sensor.
+"""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass, replace
+from typing import Final, Generic, NamedTuple, TypeVar
+
+import numpy as np
+
+from thermid.base.errors import RecordError, look_up, nearest
+from thermid.base.units import format_value
+from thermid.measure._record.channel import Channel, FloatArray, Samples, step_of, stretch
+from thermid.measure._record.rounding import rounding_of_line
+from thermid.measure.amounts import amount, duration_text, positive_seconds
+
+R = TypeVar("R", bound=Samples)
+
+HOUR: Final = 3600.0
+SHORTEST: Final = 300.0
+"""Shortest window over which a rule without one of its own is judged on readings. [s]"""
+FEWEST: Final = 8
+"""Readings below which a stretch has no rate and no mean with an error."""
+ENOUGH: Final = 30.0
+"""Independent readings in a window from which their own correlation gives the error of a mean; with fewer, longer times may hide in it."""
+CORRELATED: Final = 0.5
+"""Share of the readings that they must be worth as independent ones to count as white."""
+SURE: Final = 2.0
+"""Standard errors that count as beyond doubt."""
+SETTLED: Final = "1 [K/h]"
+"""Drift above which the mean of a stretch is no steady point."""
+TAU_ERROR: Final = 0.2
+"""How far a time constant may be off, as a share of it."""
+
+
+@dataclass(frozen=True)
+class StabilityRule:
+    """A rule that says when a temperature counts as stable.
+
+    Parameters
+    ----------
+    name : str          As it is written: ``3 C/h``.
+    rate : float        Change per time that is allowed; of a rule on stored energy, the share of the power that may be stored. [K/s or -]
+    window : float      Time over which the change is taken; zero where the rule says none. [s]
+    source : str        Standard and clause.
+    mark : str          How the number is known: read, secondary, memory or project.
+    stored : bool       Whether it is a rule on the heat that is still being stored.
+    """
+
+    name: str
+    rate: float
+    window: float
+    source: str
+    mark: str
+    stored: bool = False
+
+    @property
+    def change(self) -> float:
+        """Change that the window allows; zero for a rule without a window. [K]"""
+        return 0.0 if self.stored else self.rate * self.window
+
+    def __str__(self) -> str:
+        """The rule with its source and mark."""
+        return f"{self.name} ({self.source}; {self.mark})"
+
+
+RULES: Final[Mapping[str, StabilityRule]] = {
+    r.name: r
+    for r in (
+        StabilityRule("3 C/h", 3.0 / HOUR, 0.0, "SMC-S-016, 6.3.8.3 and 8.3.8.3", "read"),
+        StabilityRule("0.2 C/h over 5 h", 0.2 / HOUR, 5.0 * HOUR, "SMC-S-016, 8.3.7: less than 1 C over 5 h", "read"),
+        StabilityRule("0.05 C/h over 6 h", 0.05 / HOUR, 6.0 * HOUR, "GEVS, thermal balance", "secondary"),
+        StabilityRule("1 K/h", 1.0 / HOUR, 0.0, "ECSS-E-ST-10-03C", "memory"),
+        StabilityRule("1 K over 4 h", 0.25 / HOUR, 4.0 * HOUR, "ECSS-E-ST-10-03C, thermal balance", "memory"),
+        StabilityRule("2 C/h", 2.0 / HOUR, 0.0, "MIL-STD-810H, part one", "memory"),
+        StabilityRule("stored 2 %", 0.02, 0.0, "GSFC-STD-7000B, thermal balance", "memory", True),
+        StabilityRule("stored 5 %", 0.05, 0.0, "GSFC-STD-7000B, thermal balance", "memory", True),
+    )
+}
+"""Rules by name."""
+
+_RATE = re.compile(
+    r"(?P<size>[\d.]+(?:e-?\d+)?)\s*(?:C|K|degC)\s*(?P<per>/\s*h|/\s*min)?(?:\s+over\s+(?P<span>[\d.]+)\s*(?P<unit>h|min))?\Z"
+)
+_STORED = re.compile(r"stored\s+(?P<share>[\d.]+)\s*%\Z")
+
+
+def rule_of(rule: str | StabilityRule) -> StabilityRule:
+    """Return a rule by its name, or a rule of the project's own: ``0.5 K/h``, ``0.3 C/h over 2 h``, ``1 K over 3 h``, ``stored 3 %``.
+
+    Raises
+    ------
+    RecordError   When it is neither.
+    """
+    if isinstance(rule, StabilityRule):
+        return rule
+    text = " ".join(str(rule).split())
+    if text in RULES:
+        return RULES[text]
+    stored = _STORED.match(text)
+    if stored is not None and 0.0 < float(stored["share"]) < 100.0:
+        return StabilityRule(text, float(stored["share"]) / 100.0, 0.0, "the project's own", "project", True)
+    rate = _RATE.match(text)
+    if rate is None or float(rate["size"]) <= 0.0 or not (rate["per"] or rate["span"]):
+        raise RecordError(
+            f"'{text}' is not a rule of stability. Known rules: {', '.join(RULES)}. Write another one like '0.5 K/h', "
+            f"'0.3 C/h over 2 h', '1 K over 3 h' or 'stored 3 %'.{nearest(text, RULES)}",
+            "stability",
+        )
+    span = float(rate["span"]) * (HOUR if rate["unit"] == "h" else 60.0) if rate["span"] else 0.0
+    if rate["span"] and span <= 0.0:
+        raise RecordError(f"'{text}': the window has no length. Give one above zero.", "stability")
+    per = span if not rate["per"] else HOUR if "h" in rate["per"] else 60.0
+    same = next((r for r in RULES.values() if not r.stored and np.isclose(r.rate, float(rate["size"]) / per) and r.window == span), None)
+    return same or StabilityRule(text, float(rate["size"]) / per, span, "the project's own", "project")
+
+
+def effective_samples(residuals: FloatArray, fitted: int = 2) -> float:
+    """Effective sample size: how many independent readings would say as much of a mean or a line.
+
+    It is n / (1 + 2 sum of the autocorrelations), over pairs of lags while their sum is above zero; of the residuals of a fit, whose
+    derivatives say what the fit took, see `fit.uncertainty.noise`.
+
+    Residuals about a mean or a line look less correlated than the noise is: each of the `fitted` numbers takes one share of the whole sum
+    off every lag, and is given back here.
+
+    References
+    ----------
+    C. J. Geyer, Practical Markov chain Monte Carlo, Statistical Science 7 (1992) 473-483, DOI 10.1214/ss/1177011137; for the bias,
+    F. H. C. Marriott and J. A. Pope, Biometrika 41 (1954) 390-402, DOI 10.1093/biomet/41.3-4.390.
+    """
+    n = residuals.size
+    power = float(residuals @ residuals)
+    if n < 4 or power <= 0:
+        return float(n)
+    size = 1 << (2 * n - 1).bit_length()
+    spectrum = np.abs(np.fft.rfft(residuals, size)) ** 2
+    rho = np.fft.irfft(spectrum, size)[:n] / power * (n / np.arange(n, 0, -1))
+    factor = 1.0
+    for _ in range(5):
+        share = fitted * factor / n
+        pairs = (rho * (1.0 - share) + share)[: n - n % 2].reshape(-1, 2).sum(axis=1)
+        ends = np.flatnonzero(pairs <= 2.0 * share)
+        kept = pairs[: int(ends[0])] if ends.size else pairs
+        factor = float(min(max(1.0, 2.0 * kept.sum() - 1.0), n / 4.0))
+    return n / factor
+
+
+def verdict_of(size: float, error: float, allowed: float) -> str:
+    """Return whether a size lies within what is allowed: beyond two standard errors, or not to be told."""
+    if abs(size) + SURE * error <= allowed:
+        return "stable"
+    return "not stable" if abs(size) - SURE * error > allowed else "cannot tell"
+
+
+def spans(record: Samples, first: float, end: float) -> Iterator[tuple[float, bool]]:
+    """Yield ever longer windows up to an end, from 5 minutes on, and whether each is the last. [s]
+
+    A rule without a window of its own is judged on the shortest one whose error lets the question be answered.
+    """
+    span = min(max(SHORTEST, 8.0 * FEWEST * record.step), end - first)
+    while span < end - first:
+        yield span, False
+        span = min(1.5 * span, end - first)
+    yield span, True
+
+
+class _Line(NamedTuple):
+    """Straight line through readings: slope and level at a time, the error of each by scatter, and what rounding to steps adds to both.
+
+    Parameters
+    ----------
+    rate, level : float                 Slope and level at a time. [SI/s], [SI]
+    noise_of_rate, noise : float        Their standard errors by scatter. [SI/s], [SI]
+    rounding : array (2, causes)        What independent causes do to level and rate. [SI], [SI/s]
+    scatter : float                     About the line. [SI]
+    worth : float                       Effective readings.
+    """
+
+    rate: float
+    noise_of_rate: float
+    level: float
+    noise: float
+    rounding: FloatArray
+    scatter: float
+    worth: float
+
+    @property
+    def rate_error(self) -> float:
+        """Standard error of the slope. [SI/s]"""
+        return float(np.hypot(self.noise_of_rate, np.linalg.norm(self.rounding[1])))
+
+    def error(self, ahead: float) -> float:
+        """Return the standard error of level and slope times a time ahead [s]. [SI]"""
+        return float(np.linalg.norm([self.noise, ahead * self.noise_of_rate, *(self.rounding[0] + ahead * self.rounding[1])]))
+
+
+def _line(t: FloatArray, y: FloatArray, at: float, step: float, noise: float | None, where: str, what: str) -> _Line:
+    """Return the line through readings.
+
+    Parameters
+    ----------
+    t, y : array (samples,)   Readings. [s], [SI]
+    at : float                Where its level is taken. [s]
+    step : float              Smallest step of the sensor. [SI]
+    noise : float or None     Before rounding, where it is stated. [SI]
+    where, what : str         For the refusal: whose readings, and what they are needed for.
+
+    Raises
+    ------
+    RecordError   When there are fewer than 8.
+    """
+    if y.size < FEWEST or np.ptp(t) <= 0:
+        raise RecordError(f"{y.size} readings lie in the window; {FEWEST} are needed for a {what} with its error.", where)
+    x = t - t.mean()
+    moved = y - y[0]  # exactly zero where nothing moves: rounding of a mean is no scatter
+    rate = float(x @ moved / (x @ x))
+    residuals = moved - moved.mean() - rate * x
+    worth = effective_samples(residuals)
+    factor = y.size / worth
+    scatter = float(np.sqrt(residuals @ residuals / (y.size - 2.0 * factor)))
+    # few readings do not know their own spread: Student's distribution of n degrees of freedom is wider by sqrt(n / (n - 2))
+    free = max(worth - 2.0, 3.0)
+    error = scatter / worth**0.5 * (free / (free - 2.0)) ** 0.5
+    level = float(y[0] + moved.mean() + rate * (at - t.mean()))
+    rounding = rounding_of_line(t, y, at, rate, step, noise) if step else np.zeros((2, 0))
+    return _Line(rate, error / float(np.std(t)), level, error, rounding, scatter, worth)
+
+
+MEANS, TIMES, RATIOS = 60, 8, 10
+"""Means of readings, correlation times and variances over that of white noise by which the noise of a stretch is looked for."""
+
+
+def _wandering(t: FloatArray, y: FloatArray, line: _Line, at: float) -> _Line:
+    """Return a line with errors averaged over what its autocorrelated noise may be.
+
+    A stretch of a few correlation times does not know its own autocorrelation: each of a grid of noise models, white noise plus exponential
+    correlations, counts as likely as it is (restricted likelihood of Patterson and Thompson, Biometrika 58 (1971) 545).
+    """
+    edges = np.linspace(t[0], t[-1], min(MEANS, t.size) + 1)
+    place = np.clip(np.searchsorted(edges, t, side="right") - 1, 0, edges.size - 2)
+    count = np.bincount(place)
+    full = count > 0
+    centre, mean = (np.bincount(place, v)[full] / count[full] for v in (t, y))
+    x = np.column_stack([np.ones(centre.size), centre - at])
+    taken = np.linalg.solve(x.T @ (count[full, None] * x), (count[full, None] * x).T)
+    free, span = centre.size - 2, float(t[-1] - t[0])
+    likely, errors = list[float](), list[FloatArray]()
+    for time in np.geomspace(span / centre.size, 0.25 * span, TIMES):
+        like = np.exp(-np.abs(centre[:, None] - centre) / time)
+        for ratio in (0.0, *np.geomspace(0.05, 1e3, RATIOS)) if not likely else np.geomspace(0.05, 1e3, RATIOS):
+            noise = np.diag(1.0 / count[full]) + ratio * like
+            inverse = np.linalg.inv(noise)
+            inner = x.T @ inverse @ x
+            left = mean - x @ np.linalg.solve(inner, x.T @ inverse @ mean)
+            square = float(left @ inverse @ left)
+            likely.append(
+                -0.5 * (np.linalg.slogdet(noise)[1] + np.linalg.slogdet(inner)[1] + free * np.log(max(square, np.finfo(float).tiny)))
+            )
+            # Student's distribution is wider than the normal one
+            errors.append(np.diag(taken @ noise @ taken.T) * square / max(free - 2.0, 1.0))
+    weight = np.exp(np.array(likely) - max(likely))
+    # of logarithms, so that an unlikely time of hours does not decide
+    level, rate = np.exp(0.5 * (weight @ np.log(np.maximum(errors, np.finfo(float).tiny))) / weight.sum())
+    return line._replace(noise=max(float(level), line.noise), noise_of_rate=max(float(rate), line.noise_of_rate))
+
+
+@dataclass(frozen=True)
+class ChannelStability:
+    """What readings say about one channel at one time.
+
+    Parameters
+    ----------
+    name : str              The channel.
+    rate : float            Drift over the window, by regression. [K/s]
+    error : float           Its standard error: noise with its correlation, and the steps of the sensor. [K/s]
+    start, end : float      The window. [s]
+    samples : int           Readings in it.
+    verdict : str           ``stable``, ``not stable``, or ``cannot tell``; empty where a rule judges all channels together.
+    """
+
+    name: str
+    rate: float
+    error: float
+    start: float
+    end: float
+    samples: int
+    verdict: str
+
+    def __str__(self) -> str:
+        """The drift in K/h, and what it means."""
+        span = duration_text(self.end - self.start)
+        return f"{self.name}: {HOUR * self.rate:+.3g} +- {HOUR * self.error:.2g} K/h over the last {span}" + (
+            f": {self.verdict}" if self.verdict else ""
+        )
+
+
+def channel_stability(record: Samples, name: str, rule: StabilityRule, at: float | None = None, since: float = -np.inf) -> ChannelStability:
+    """Return whether one channel is stable at a time by a rule on its rate.
+
+    A rule with a window takes the readings of that window. A rule without one takes the shortest stretch up to that time whose error lets
+    the question be answered, from 5 minutes on.
+
+    Parameters
+    ----------
+    record : Samples
+    name : str                  The channel.
+    rule : StabilityRule        A rule on the rate.
+    at : float                  Time of the question; the last reading when None. [s]
+    since : float               Nothing before this time is looked at: when the conditions last changed. [s]
+
+    Raises
+    ------
+    RecordError   When the rule is on stored heat, the channel is no temperature, or the window holds fewer than 8 readings.
+    """
+    channel, end = record.channel(name), float(record.times[-1] if at is None else at)
+    where = f"{record.name}, {name}"
+    if rule.stored:
+        raise RecordError(
+            f"'{rule.name}' is a rule on stored heat, which cannot be found from readings alone. Give a rule on the rate, or a model.",
+            where,
+        )
+    if channel.quantity != "temperature":
+        raise RecordError(f"it is a {channel.quantity}; a rule of stability applies to temperatures only.", where)
+    first = max(since, float(record.times[0]))
+    if rule.window:
+        if end - rule.window < first - 0.5 * record.step:
+            raise RecordError(
+                f"'{rule.name}' needs readings over {duration_text(rule.window)}, but the log has {duration_text(end - first)}. Wait, "
+                "or use a rule without a window.",
+                where,
+            )
+        return _judged(record, name, rule, end - rule.window, end)
+    for span, last in spans(record, first, end):
+        judged = _judged(record, name, rule, end - span, end)
+        if last or judged.verdict != "cannot tell":
+            break
+    return judged
+
+
+def channel_drift(record: Samples, name: str, start: float, end: float) -> ChannelStability:
+    """Return how fast one channel drifts over a window, with its error, judged by no rule.
+
+    Raises
+    ------
+    RecordError   When the window holds fewer than 8 readings.
+    """
+    channel = record.channel(name)
+    inside = (record.times >= start - 1e-9) & (record.times <= end + 1e-9) & channel.valid
+    t, y = record.times[inside], channel.values[inside]
+    line = _line(t, y, 0.0, step_of(channel), channel.noise, f"{record.name}, {channel.name}", "rate")
+    return ChannelStability(channel.name, line.rate, line.rate_error, float(t[0]), float(t[-1]), int(y.size), "")
+
+
+def _judged(record: Samples, name: str, rule: StabilityRule, start: float, end: float) -> ChannelStability:
+    """Return what the readings of one window say by a rule on the rate."""
+    drift = channel_drift(record, name, start, end)
+    return replace(drift, verdict=verdict_of(drift.rate, drift.error, rule.rate))
+
+
+def since_when(record: Samples, name: str, rule: StabilityRule, since: float = -np.inf, looks: int = 120) -> float | None:
+    """Return the earliest time from which a channel stays stable to the end of the record, or None. [s]
+
+    Parameters
+    ----------
+    record, name, rule, since   As in `channel_stability`.
+    looks : int                 Times at which the question is asked, at most.
+    """
+    begin = max(since, float(record.times[0]))
+    first = begin + max(rule.window, SHORTEST, FEWEST * record.step)
+    if first > record.times[-1]:
+        return None
+    earliest: float | None = None
+    looks = min(looks, int((record.times[-1] - first) / record.step) + 2)  # more often than there are readings says nothing more
+    for at in np.linspace(first, float(record.times[-1]), looks)[::-1]:
+        try:
+            verdict = channel_stability(record, name, rule, float(at), begin).verdict
+        except RecordError:
+            break
+        if verdict != "stable":
+            break
+        earliest = float(at)
+    return earliest
+
+
+@dataclass(frozen=True)
+class SteadyValue:
+    """One channel at a steady point.
+
+    Parameters
+    ----------
+    name : str                  The channel.
+    value : float               Where it would have settled, or its mean where nothing was corrected. [SI]
+    error : float               Standard error: noise with its correlation, steps of the sensor, drift. [SI]
+    accuracy : float or None    Of the instrument, not part of the error. [SI]
+    rate, rate_error : float    Drift. [SI per s]
+    correction : float          What was added to the mean for stored heat and drift. [SI]
+    samples : int               Readings.
+    independent : float         As many readings without correlation would say as much.
+    quantity : str
+    """
+
+    name: str
+    value: float
+    error: float
+    accuracy: float | None
+    rate: float
+    rate_error: float
+    correction: float
+    samples: int
+    independent: float
+    quantity: str
+
+    def __str__(self) -> str:
+        """Value, error, drift."""
+        if self.quantity != "temperature":
+            return f"{self.name} {self.value:.5g} +- {self.error:.2g}"
+        text = f"{self.name} {format_value(self.value, 'degC', 6)} +- {self.error:.2g} K   drift {3600 * self.rate:+.2g} K/h"
+        corrected = f", {self.correction:+.2g} K added for it" if self.correction else ""
+        return f"{text}{corrected}   {self.samples} readings worth {self.independent:.3g}"
+
+
+@dataclass(frozen=True, eq=False)
+class SteadyPoint(Generic[R]):
+    """A settled stretch of a record.
+
+    Parameters
+    ----------
+    name : str              Name of the record, and the stretch.
+    start, end : float      On the record's own axis. [s]
+    values : dict           Channel -> `SteadyValue`.
+    source : Record         The record that it was taken from.
+    corrected : bool        Whether a time constant was given to correct by.
+    """
+
+    name: str
+    start: float
+    end: float
+    values: Mapping[str, SteadyValue]
+    source: R
+    corrected: bool
+
+    def __getitem__(self, name: str) -> SteadyValue:
+        """Return one channel.
+
+        Raises
+        ------
+        NameNotFoundError   With the nearest name.
+        """
+        return look_up(name, self.values, "no channel '{}'.", self.name)
+
+    @property
+    def record(self) -> R:
+        """The point as a record of two equal readings, for `calibrate` beside others, in a scenario that starts steady.
+
+        Two readings of noise sqrt(2) times the point's error weigh as one of that error. The error of a mean boundary or power is one that
+        both samples share. The accuracy of each instrument stays.
+        """
+        channels = {}
+        for name, v in self.values.items():
+            given = self.source.channel(name)
+            read = given.quantity == "temperature" and given.role != "boundary"
+            values, valid = np.full(2, v.value), np.ones(2, dtype=bool)
+            noise = max(v.error, 1e-9) * 2.0**0.5 if read else None
+            channels[name] = replace(given, values=values, valid=valid, masks={}, noise=noise, resolution=None, common=v.error)
+        steps = (*self.source.steps, f"steady point of {self.start:g} to {self.end:g} s")
+        return replace(
+            self.source, name=self.name, times=np.array([0.0, self.end - self.start]), channels=channels, steps=steps, second=None
+        )
+
+    def __str__(self) -> str:
+        """Every channel, and what was not corrected."""
+        lines = [f"{self.name}: mean of {duration_text(self.end - self.start)}", *(f"  {v}" for v in self.values.values())]
+        if not self.corrected:
+            lines.append(
+                "  no time constant is given, so nothing was corrected. The errors include the drift over the window; a slow "
+                "approach can hide a larger one"
+            )
+        return "\n".join(lines)
+
+
+def steady_point(
+    record: R, start: object, end: object, tau: object | None = None, limit: str | float = SETTLED, name: str = ""
+) -> SteadyPoint[R]:
+    """Return the steady point of a stretch of a record.
+
+    Parameters
+    ----------
+    record : Samples
+    start, end : str or float   The stretch, as in `trim`.
+    tau : str, float or dict    Slowest time constant of the parts, or channel -> its own: what is stored is then taken off. [s]
+    limit : str or float        Drift above which a temperature is not settled. [K/s]
+    name : str                  Name of the point; the record's with the stretch when empty.
+
+    Raises
+    ------
+    RecordError   When a channel drifts faster than the limit beyond doubt, or has fewer than 8 readings; the message says the rate.
+
+    Notes
+    -----
+    A part with one time constant follows its steady temperature T_s by ``T + tau dT/dt = T_s`` (C dT/dt = P - G (T - T_room) and
+    tau = C/G), for heat that is still being stored as for a room that drifts. The correction is taken as good to 20 %. Without a time
+    constant half the drift over the window is added to the error.
+    """
+    inside, _ = stretch(record, start, end, f"{record.name}, steady")
+    times = record.times[inside]
+    most = amount(limit, "K/s", "limit")
+    if most <= 0:
+        raise RecordError("the limit of the drift must be above zero.", "limit")
+    values = {}
+    for each in record.channels.values():
+        constant = tau.get(each.name) if isinstance(tau, Mapping) else tau
+        seconds = positive_seconds(constant, "tau") if constant is not None and each.role != "boundary" else 0.0
+        values[each.name] = _value(record.name, each, times, inside, seconds, most, tau is not None)
+    label = name or f"{record.name} {times[0]:g} to {times[-1]:g} s"
+    return SteadyPoint(label, float(times[0]), float(times[-1]), values, record, tau is not None)
+
+
+def _value(where: str, channel: Channel, times: FloatArray, inside: np.ndarray, tau: float, most: float, corrected: bool) -> SteadyValue:
+    """Return one channel over the stretch."""
+    valid = channel.valid[inside]
+    y, t = channel.values[inside][valid], times[valid]
+    place = f"{where}, {channel.name}"
+    thermal = channel.quantity == "temperature"
+    # a boundary that never moves was set, as a fit takes it too; its last digit is no step of a sensor
+    was_set = channel.role == "boundary" and channel.resolution is None and not np.ptp(y)
+    step = step_of(channel) if thermal and not was_set else channel.resolution or 0.0
+    line = _line(t, y, 0.5 * (times[0] + times[-1]), step, channel.noise, place, "mean")
+    if line.worth < min(CORRELATED * y.size, ENOUGH) and line.scatter > 0.5 * step and line.scatter > 0.0:
+        line = _wandering(t, y, line, 0.5 * (times[0] + times[-1]))
+    if thermal and abs(line.rate) - SURE * line.rate_error > most:
+        raise RecordError(
+            f"it drifts by {HOUR * line.rate:+.3g} +- {HOUR * line.rate_error:.2g} K/h, more than the {HOUR * most:.3g} K/h allowed "
+            "for a steady point. Use a later window, or raise the limit if the test needs no better steadiness.",
+            place,
+        )
+    ahead = tau if thermal else 0.0
+    correction = ahead * line.rate
+    parts = [line.error(ahead), TAU_ERROR * correction]
+    if thermal and not ahead and not corrected:
+        parts.append(abs(line.rate) * float(times[-1] - times[0]) / 2.0)
+    return SteadyValue(
+        name=channel.name,
+        value=line.level + correction,
+        error=float(np.linalg.norm(parts)),
+        accuracy=channel.accuracy,
+        rate=line.rate,
+        rate_error=line.rate_error,
+        correction=correction,
+        samples=int(y.size),
+        independent=line.worth,
+        quantity=channel.quantity,
+    )

@@ -1,0 +1,117 @@
+"""Moving windows in time, a zero-phase low-pass, and resampling, over plain arrays. Masked samples never enter a result."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+
+import numpy as np
+
+from thermid.measure._record.channel import BoolArray, FloatArray, usual_step
+
+_CELLS = 1_000_000
+
+
+def _gathered(times: FloatArray, values: FloatArray, valid: BoolArray, window: float) -> Iterator[tuple[slice, FloatArray]]:
+    """Yield rows of samples within half a window of each time, NaN where there is none; a block of rows at a time bounds memory."""
+    half = 0.5 * window * (1 + 1e-9) + 1e-12 * float(np.abs(times).max())
+    first, last = np.searchsorted(times, times - half, "left"), np.searchsorted(times, times + half, "right")
+    samples = np.where(valid, values, np.nan)
+    width = int((last - first).max())
+    rows = max(1, _CELLS // width)
+    for at in range(0, times.size, rows):
+        block = slice(at, min(at + rows, times.size))
+        index = first[block, None] + np.arange(width)
+        inside = index < last[block, None]
+        yield block, np.where(inside, samples[np.minimum(index, times.size - 1)], np.nan)
+
+
+def _middle(rows: FloatArray) -> FloatArray:
+    """Return the median of each row without its NaN; NaN for a row without samples."""
+    ordered = np.sort(rows, axis=1)  # NaN goes last
+    count = np.count_nonzero(~np.isnan(ordered), axis=1)
+    low = np.take_along_axis(ordered, np.maximum(count - 1, 0)[:, None] // 2, axis=1)[:, 0]
+    high = np.take_along_axis(ordered, np.minimum(count // 2, ordered.shape[1] - 1)[:, None], axis=1)[:, 0]
+    return np.where(count > 0, 0.5 * (low + high), np.nan)
+
+
+def moving_median(times: FloatArray, values: FloatArray, valid: BoolArray, window: float) -> FloatArray:
+    """Return the median of the valid samples within half a window either side of each sample; at the ends the window is cut, not mirrored.
+
+    Parameters
+    ----------
+    times : array (samples,)    Increasing, even or not. [s]
+    values : array (samples,)   Samples.
+    valid : array (samples,)    False where masked.
+    window : float              Whole width. [s]
+    """
+    out = np.empty_like(values)
+    for block, rows in _gathered(times, values, valid, window):
+        out[block] = _middle(rows)
+    return out
+
+
+def hampel(times: FloatArray, values: FloatArray, valid: BoolArray, window: float) -> tuple[FloatArray, FloatArray]:
+    """Return the moving median and the robust standard deviation about it, 1.4826 times the median absolute deviation.
+
+    Notes
+    -----
+    The factor makes it the standard deviation of normal samples: F. R. Hampel, The influence curve and its role in robust estimation,
+    J. Am. Stat. Assoc. 69 (1974) 383-393, DOI 10.1080/01621459.1974.10482962.
+    """
+    centre, spread = np.empty_like(values), np.empty_like(values)
+    for block, rows in _gathered(times, values, valid, window):
+        centre[block] = _middle(rows)
+        spread[block] = 1.4826 * _middle(np.abs(rows - centre[block, None]))
+    return centre, spread
+
+
+def low_pass(values: FloatArray, valid: BoolArray, step: float, window: float) -> FloatArray:
+    """Return samples of an even grid through a second-order Butterworth low-pass, forward and backward, so that nothing shifts in time.
+
+    Parameters
+    ----------
+    values : array (samples,)   Samples.
+    valid : array (samples,)    False where masked; masked stretches of up to a window are bridged, longer ones split the signal.
+    step : float                Step of the grid. [s]
+    window : float              Period at the cut-off (-6 dB after both passes); above two steps. [s]
+    """
+    from scipy.signal import butter, sosfiltfilt
+
+    sections = butter(2, 1.0 / window, fs=1.0 / step, output="sos")
+    out = values.copy()
+    places = np.flatnonzero(valid)
+    for run in np.split(places, np.flatnonzero(np.diff(places) * step > window) + 1):
+        grid = np.arange(run[0], run[-1] + 1)
+        bridged = np.interp(grid, run, values[run])
+        # four windows, reflected about each end, let the start of the filter decay to exp(-17); a short run has less to reflect
+        pad = min(grid.size - 1, int(np.ceil(4.0 * window / step)))
+        smooth = sosfiltfilt(sections, bridged, padlen=pad)
+        out[run] = smooth[run - run[0]]
+    return out
+
+
+def _around(times: FloatArray, valid: BoolArray, grid: FloatArray) -> tuple[FloatArray, np.ndarray, np.ndarray]:
+    """Return the times of the valid samples and, for each grid time, the index of the last one before and the first one after it."""
+    known = times[valid]
+    near = 1e-9 * max(float(known[-1] - known[0]), usual_step(grid))
+    before = np.searchsorted(known, grid + near, "right") - 1
+    after = np.searchsorted(known, grid - near, "left")
+    return known, before, after
+
+
+def interpolate(times: FloatArray, values: FloatArray, valid: BoolArray, grid: FloatArray, max_gap: float) -> tuple[FloatArray, BoolArray]:
+    """Return straight lines between valid samples at the times of a grid, and where they hold: not beyond the ends or in a gap."""
+    known, before, after = _around(times, valid, grid)
+    inside = (before >= 0) & (after < known.size)
+    low, high = np.maximum(before, 0), np.minimum(after, known.size - 1)
+    good = inside & (known[high] - known[low] <= max_gap * (1 + 1e-9))
+    return np.where(good, np.interp(grid, known, values[valid]), np.nan), good
+
+
+def hold(times: FloatArray, values: FloatArray, valid: BoolArray, grid: FloatArray, max_gap: float) -> tuple[FloatArray, BoolArray]:
+    """Return the last valid sample at the times of a grid, and where it holds: not before the first one or in a gap."""
+    known, before, after = _around(times, valid, grid)
+    low, high = np.maximum(before, 0), np.minimum(after, known.size - 1)
+    span = np.where(after < known.size, known[high], grid) - known[low]
+    good = (before >= 0) & (span <= max_gap * (1 + 1e-9))
+    return np.where(good, values[valid][low], np.nan), good

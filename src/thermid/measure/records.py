@@ -1,0 +1,21 @@
+"""Records of measured readings and their channels."""
+
+from thermid.measure._record.channel import (
+    KNOWN as KNOWN,
+    BoolArray as BoolArray,
+    Channel as Channel,
+    FloatArray as FloatArray,
+    Origin as Origin,
+    SecondClock as SecondClock,
+    even_step as even_step,
+    found_noise as found_noise,
+    gap_from as gap_from,
+    step_of as step_of,
+    stray_readings as stray_readings,
+    stretch as stretch,
+    unrounded as unrounded,
+    usual_step as usual_step,
+    within_log as within_log,
+)
+from thermid.measure._record.record import Record as Record, without_strays as without_strays
+from thermid.measure._record.rounding import blur_of as blur_of, shared_rounding as shared_rounding

@@ -1,0 +1,446 @@
+"""Elements of several nodes and conductors: packages, ladders, coolers. Each is written out as a small deck of existing kinds, used once.
+
+The names of what is made are stable: `u1.junction`, `u1.case`, `u1.heat` of a package `u1`; a value has the path of its field,
+`u1.theta_JC`.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, field
+from fractions import Fraction
+from itertools import pairwise
+from typing import Annotated, Any, Final
+
+from pydantic import Field
+
+from thermid.base.errors import DeckError, ThermidError
+from thermid.base.expression import parse
+from thermid.base.grammar import StrictTable
+from thermid.base.units import unit
+from thermid.model._deck.fields import Raw, ValueTable
+from thermid.model._deck.rows import Reader, rows_of_file
+from thermid.model._laws.signal import literal
+from thermid.model._parts.kinds import KINDS
+
+WORST: Final = 0.3
+"""Largest error of a junction's rise by a two-resistor model, as a share, in comparisons with detailed models (DELPHI project;
+Lasance); JESD15-3 (2008) defines the model and states no bound. From memory: check before quoting. [-]"""
+WHY_WORST: Final = "in published worst cases two-resistor models are wrong by up to 30 % of the junction's temperature rise"
+Where = Callable[[str], str]
+
+
+@dataclass(frozen=True)
+class Assembly:
+    """A small deck that an element stands for.
+
+    Parameters
+    ----------
+    deck : dict     The deck, in the grammar of decks.
+    bind : dict     Need of it -> node of the deck that uses it.
+    values : dict   Path of a value in it -> what the user wrote with names of its own deck, or for this instance alone.
+    """
+
+    deck: Mapping[str, Any]
+    bind: Mapping[str, str]
+    values: Mapping[str, Any] = field(default_factory=dict)
+
+
+def _written(raw: Any) -> dict[str, Any]:
+    return raw.table() if isinstance(raw, ValueTable) else {"value": raw}
+
+
+class _Values:
+    """Values of an element: what is a number stands in its deck, what has names is set by the deck that uses it."""
+
+    def __init__(self, units: Mapping[str, str], where: Where) -> None:
+        self.units, self.where = units, where
+        self.parameters: dict[str, Any] = {}
+        self.set: dict[str, Any] = {}
+
+    def take(self, name: str, raw: Any, **known: Any) -> None:
+        """Take a value under its name; `known` is what is said of it beside what is written."""
+        table = _written(raw)
+        if isinstance(table["value"], str) and self._names(table["value"], name):
+            self.set[name] = table
+            table = {"value": f"1 [{self.units[name]}]"}
+        self.parameters[name] = table | {k: v for k, v in known.items() if k not in table}
+
+    def inner(self, element: str, fields: Mapping[str, Any], *kinds: str, group: str = "") -> dict[str, Any]:
+        """Return the fields of an element of its deck; those with names are set by the deck that uses it."""
+        slots = {slot: of for kind in kinds for slot, of in KINDS[kind].slots.items()}
+        out: dict[str, Any] = {}
+        for key, raw in fields.items():
+            path = f"{group}{key}"
+            if isinstance(raw, dict) and "value" not in raw:
+                out[key] = self.inner(element, raw, *kinds, group=f"{path}.")
+                continue
+            text = raw.get("value") if isinstance(raw, dict) else raw
+            named = path in slots and isinstance(text, str) and self._names(text, element)
+            out[key] = f"1 [{slots[path]}]" if named else raw
+            if named:
+                self.set[f"{element}.{path}"] = raw
+        return out
+
+    def _names(self, text: str, key: str) -> tuple[str, ...]:
+        try:
+            return parse(text).names
+        except ThermidError as error:
+            raise error.located(self.where(key)) from None
+
+
+PACKAGE_UNITS: Final = {"theta_JC": "K/W", "theta_JB": "K/W", "psi_JT": "K/W", "psi_JB": "K/W", "capacitance": "J/K"} | {
+    "case_capacitance": "J/K"
+}
+READINGS: Final = {"psi_JT": ("theta_JC", "T_J = T_top + psi_JT P"), "psi_JB": ("theta_JB", "T_J = T_board + psi_JB P")}
+"""Characterisation parameters, what is asked of them by mistake, and what they are for (JESD51-12)."""
+
+
+class PackageTable(StrictTable):
+    """A packaged component by two resistances: from its junction to the top of its case and to the board."""
+
+    board: str
+    theta_JB: Raw | None = None  # noqa: N815
+    theta_JC: Raw | None = None  # noqa: N815
+    psi_JT: Raw | None = None  # noqa: N815
+    psi_JB: Raw | None = None  # noqa: N815
+    power: Raw | None = None
+    capacitance: Raw | None = None
+    case_capacitance: Raw | None = None
+    lid: str = ""
+    top: dict[str, Any] = Field(default_factory=dict)
+    package: str = ""
+    reference_point: bool = True
+
+    def assembly(self, name: str, where: Where, read: Reader | None) -> Assembly:
+        """Return its deck: junction, case, the two resistances with their deviations, its heat, the surface of its top."""
+        self._check(where)
+        values = _Values(PACKAGE_UNITS, where)
+        conductors: dict[str, Any] = {}
+        for theta, (here, there) in {"theta_JC": ("junction", "case"), "theta_JB": ("junction", "board")}.items():
+            raw = getattr(self, theta)
+            if raw is None:
+                continue
+            way = theta.removeprefix("theta_")
+            values.take(theta, raw)
+            values.parameters[f"deviation_{way}"] = {"value": 0, "min": -WORST, "max": WORST, "source": "published", "basis": WHY_WORST}
+            conductors[way] = {"kind": "conduction", "between": [here, there], "resistance": f"{theta}*(1 + deviation_{way})"}
+        for psi in READINGS:
+            if getattr(self, psi) is not None:
+                values.take(psi, getattr(self, psi))
+        nodes: dict[str, Any] = {"junction": {"reference_point": True} if self.reference_point else {}}
+        if self.theta_JC is not None:
+            nodes["case"] = {}
+        for node, heat in {"junction": "capacitance", "case": "case_capacitance"}.items():
+            if getattr(self, heat) is not None:
+                values.take(heat, getattr(self, heat))
+                nodes[node] = nodes[node] | {"capacitance": heat}
+        bind = {"board": self.board}
+        deck: dict[str, Any] = {"title": f"package {self.package or name}", "nodes": nodes, "conductors": conductors}
+        if self.lid:
+            bind["lid"] = self.lid
+            conductors["to_lid"] = {"kind": "conduction", "between": ["case", "lid"]} | values.inner("to_lid", self.top, "conduction")
+        elif self.top:
+            bind |= {need: self.top[need] for need in ("to", "sees") if need in self.top}
+            ports = {need: need for need in ("to", "sees") if need in self.top}
+            deck["surfaces"] = {"top": values.inner("top", self.top, "convection", "effective", "radiation") | {"of": "case"} | ports}
+        deck["loads"] = {"heat": {"into": "junction", "power": "0 [W]"}}
+        power = {"heat.power": _written(self.power)} if self.power is not None else {}
+        offers = [*nodes, *deck.get("surfaces", {})]
+        deck |= {"needs": list(bind), "offers": offers, "parameters": values.parameters}
+        return Assembly(deck, bind, {**values.set, **power})
+
+    def _check(self, where: Where) -> None:
+        for psi, (theta, reading) in READINGS.items():
+            if getattr(self, psi) is not None and getattr(self, theta) is None and (theta == "theta_JB" or self.top or self.lid):
+                raise DeckError(
+                    f"{psi} is not a thermal resistance. It is a characterisation parameter, {reading} with the power of the whole "
+                    f"package; in its test most heat takes another path (JESD51-12). Give {theta} instead.",
+                    where(psi),
+                )
+        if self.theta_JB is None and self.theta_JC is None:
+            raise DeckError("give theta_JB, theta_JC, or both, for a package.", where(""))
+        if self.theta_JC is not None and not (self.lid or self.top):
+            raise DeckError(
+                'theta_JC leads to the top of the case, but nothing removes heat there. Give top = { to = "air", area = ..., htc = ..., '
+                "emissivity = ... }; or lid = a node, with top = { resistance = ... } for the interface; or leave theta_JC out.",
+                where("theta_JC"),
+            )
+        if self.theta_JC is None and (self.lid or self.top):
+            raise DeckError("top and lid need theta_JC, the resistance from the junction to the top of the case.", where(""))
+        if self.lid and not self.top:
+            raise DeckError(
+                "give the thermal resistance between lid and case: top = { resistance = ... }, { conductance = ... } or { "
+                "conductivity, area, "
+                "thickness }.",
+                where("lid"),
+            )
+
+
+Rungs = Annotated[list[Annotated[list[str], Field(min_length=2, max_length=2)]], Field(min_length=1)]
+
+
+class LadderTable(StrictTable):
+    """A measured or published step response as a ladder of resistances and capacitances: Foster or Cauer."""
+
+    to: str
+    foster: Rungs | str | None = None
+    cauer: Rungs | str | None = None
+    power: Raw | None = None
+
+    def assembly(self, name: str, where: Where, read: Reader | None) -> Assembly:
+        """Return its deck: nodes `junction`, `n2`, `n3` ... with capacitances, resistances between them and to the node `to`."""
+        if (self.foster is None) == (self.cauer is None):
+            raise DeckError(
+                "give a ladder as foster or cauer: rows of [resistance, capacitance]; for foster also [resistance, time].", where("")
+            )
+        kind = "foster" if self.foster is not None else "cauer"
+        given = self.foster or self.cauer or []
+        rows = _rows(given, where(kind), read) if isinstance(given, str) else [(row, where(kind)) for row in given]
+        rungs = [_rung(row, kind, place) for row, place in rows]
+        if kind == "foster":
+            rungs = cauer_of_foster(rungs, where("foster"))
+        parameters: dict[str, Any] = {}
+        nodes: dict[str, Any] = {}
+        conductors: dict[str, Any] = {}
+        names = ["junction", *(f"n{k}" for k in range(2, len(rungs) + 1)), "to"]
+        known = {"source": "derived", "basis": "continued fraction of a Foster ladder"} if kind == "foster" else {}
+        for k, (resistance, capacitance) in enumerate(rungs, start=1):
+            parameters |= {f"R{k}": {"value": f"{resistance!r} [K/W]"} | known, f"C{k}": {"value": f"{capacitance!r} [J/K]"} | known}
+            nodes[names[k - 1]] = {"capacitance": f"C{k}"}
+            conductors[f"to_{names[k]}" if k < len(rungs) else "out"] = {
+                "kind": "conduction",
+                "between": names[k - 1 : k + 1],
+                "resistance": f"R{k}",
+            }
+        deck = {"title": f"ladder {name}", "needs": ["to"], "offers": list(nodes), "parameters": parameters, "nodes": nodes}
+        deck |= {"conductors": conductors, "loads": {"heat": {"into": "junction", "power": "0 [W]"}}}
+        return Assembly(deck, {"to": self.to}, {"heat.power": _written(self.power)} if self.power is not None else {})
+
+
+def _rows(file: str, where: str, read: Reader | None) -> list[tuple[list[str], str]]:
+    """Return resistance and capacitance or time of each row of a CSV file, with its place."""
+    out = []
+    for row, place in rows_of_file(file, where, read, ("R",)):
+        second = row.get("C", row.get("tau"))
+        if set(row) not in ({"R", "C"}, {"R", "tau"}):
+            raise DeckError("the columns of a ladder are R [K/W], and C [J/K] or tau [s]; no others.", place)
+        out.append(([str(row["R"]), str(second)], place))
+    return out
+
+
+def _rung(row: list[str], kind: str, where: str) -> tuple[float, float]:
+    """Return resistance [K/W] and capacitance [J/K] of a row; a Foster row may have a time in place of the latter."""
+    resistance = literal(row[0], "K/W", where)
+    try:
+        found = parse(row[1]).literal
+    except ThermidError as error:
+        raise error.located(where) from None
+    timed = kind == "foster" and found is not None and found.unit.dimension == unit("s").dimension
+    second = literal(row[1], "s" if timed else "J/K", where)
+    if not (0.0 < resistance < float("inf") and 0.0 < second < float("inf")):
+        raise DeckError(f"row {row}: resistance and capacitance (or time) of a ladder must be above zero and finite.", where)
+    return resistance, second / resistance if timed else second
+
+
+Polynomial = list[Fraction]
+"""Coefficients, of the lowest power first."""
+
+
+def cauer_of_foster(rungs: list[tuple[float, float]], where: str = "") -> list[tuple[float, float]]:
+    """Return the Cauer ladder with the step response of a Foster one, from the driven node on: R [K/W] and C [J/K] of each rung.
+
+    Z(s) = sum R_k / (1 + s R_k C_k) is written as one fraction and expanded, C_1 s + 1 / (R_1 + 1 / (C_2 s + ...)), in exact fractions.
+    A Foster ladder has the temperature of its first node alone; the nodes of a Cauer ladder store heat against the surroundings, so it can
+    stand in a network. Equal times are one rung.
+
+    References
+    ----------
+    Guillemin, Synthesis of Passive Networks, Wiley 1957, chapter 4; JESD51-14 (2010), Annex C.
+
+    Examples
+    --------
+    >>> cauer_of_foster([(1.0, 2.0)])
+    [(1.0, 2.0)]
+    """
+    by_time: dict[Fraction, Fraction] = {}
+    for resistance, capacitance in rungs:
+        time = Fraction(resistance) * Fraction(capacitance)
+        by_time[time] = by_time.get(time, Fraction(0)) + Fraction(resistance)
+    denominator: Polynomial = [Fraction(1)]
+    for time in by_time:
+        denominator = _times(denominator, [Fraction(1), time])
+    numerator: Polynomial = [Fraction(0)]
+    for time, share in by_time.items():
+        term: Polynomial = [share]
+        for other in by_time:
+            term = _times(term, [Fraction(1), other]) if other != time else term
+        numerator = _plus(numerator, term)
+    out = []
+    for _ in by_time:
+        storing = denominator[-1] / numerator[-1]
+        denominator = _plus(denominator, [Fraction(0), *(-storing * n for n in numerator)])[:-1]
+        resisting = numerator[-1] / denominator[-1]
+        numerator = _plus(numerator, [-resisting * d for d in denominator])[:-1]
+        out.append((float(resisting), float(storing)))
+    if not all(0.0 < r < float("inf") and 0.0 < c < float("inf") for r, c in out):
+        raise DeckError(
+            "two time constants of the Foster ladder are too close for the conversion to a Cauer ladder. Merge them into one.", where
+        )
+    return out
+
+
+def _times(a: Polynomial, b: Polynomial) -> Polynomial:
+    out = [Fraction(0)] * (len(a) + len(b) - 1)
+    for i, x in enumerate(a):
+        for j, y in enumerate(b):
+            out[i + j] += x * y
+    return out
+
+
+def _plus(a: Polynomial, b: Polynomial) -> Polynomial:
+    size = max(len(a), len(b))
+    padded = ([*each, *[Fraction(0)] * (size - len(each))] for each in (a, b))
+    return [x + y for x, y in zip(*padded, strict=True)]
+
+
+COOLER_UNITS: Final = {"V_max": "V", "I_max": "A", "dT_max": "K", "T_hot": "K", "Q_max": "W", "current": "A"}
+
+
+class CoolerTable(StrictTable):
+    """A thermoelectric cooler by the values of its data sheet, driven by a current."""
+
+    cold: str
+    hot: str
+    V_max: str
+    I_max: str
+    dT_max: str  # noqa: N815
+    T_hot: str
+    Q_max: str | None = None
+    current: Raw
+
+    def assembly(self, name: str, where: Where, read: Reader | None) -> Assembly:
+        """Return its deck: conduction, the heat that the current pumps from the cold node and into the hot one, half its loss into each."""
+        units = COOLER_UNITS | {"T_hot": "temperature"}
+        v, i, d, t = (literal(getattr(self, key), units[key], where(key)) for key in ("V_max", "I_max", "dT_max", "T_hot"))
+        if not (v > 0.0 and i > 0.0 and 0.0 < d < t):
+            raise DeckError("V_max, I_max and dT_max must be above zero, and dT_max below T_hot in kelvin.", where(""))
+        parameters: dict[str, Any] = {
+            key: {"value": getattr(self, key), "source": "datasheet"} for key in ("V_max", "I_max", "dT_max", "T_hot")
+        }
+        parameters["size"] = self._size(v * i * (t + d) / (2.0 * t), where)
+        parameters |= {
+            "seebeck": "size*V_max/T_hot",
+            "resistance": "size*V_max*(T_hot - dT_max)/(I_max*T_hot)",
+            "conductance": "size*V_max*I_max*(T_hot - dT_max)/(2*T_hot*dT_max)",
+        }
+        values = _Values(COOLER_UNITS, where)
+        values.take("current", self.current)
+        parameters |= values.parameters
+        pumped = {"temperature_coefficient": "1/T_hot", "reference_temperature": "T_hot"}
+        loads = {
+            "pumped": {"into": "cold", "power": "-seebeck*current*T_hot"} | pumped,
+            "released": {"into": "hot", "power": "seebeck*current*T_hot"} | pumped,
+            "loss_cold": {"into": "cold", "power": "0.5*resistance*current**2"},
+            "loss_hot": {"into": "hot", "power": "0.5*resistance*current**2"},
+        }
+        through = {"kind": "conduction", "between": ["hot", "cold"], "conductance": "conductance"}
+        deck = {"title": f"cooler {name}", "needs": ["cold", "hot"], "parameters": parameters}
+        deck |= {"conductors": {"through": through}, "loads": loads}
+        return Assembly(deck, {"cold": self.cold, "hot": self.hot}, values.set)
+
+    def _size(self, expected: float, where: Where) -> dict[str, Any]:
+        """Return the factor on all three constants: one, with the misfit of Q_max as its range."""
+        if self.Q_max is None:
+            return {"value": 1, "source": "datasheet", "basis": "V_max, I_max and dT_max at T_hot"}
+        share = literal(self.Q_max, "W", where("Q_max")) / expected
+        if not 0.5 < share < 2.0:
+            raise DeckError(
+                f"the other values give a Q_max of {expected:.4g} W at the same T_hot, and {self.Q_max} is {share:.2f} of it. A data sheet "
+                "misses by a few per cent: look for another T_hot, or a unit.",
+                where("Q_max"),
+            )
+        basis = f"Q_max {self.Q_max} where V_max, I_max and dT_max give {expected:.4g} W"
+        return {"value": 1, "min": min(1.0, share), "max": max(1.0, share), "source": "datasheet", "basis": basis}
+
+
+FAN_UNITS: Final = {"resistance": "Pa s^2/m^6", "linear_resistance": "Pa s/m^3", "speed": "1", "count": "1"}
+
+
+class FanTable(StrictTable):
+    """A fan or pump on the resistance of its system: the flow at which both pressures are one."""
+
+    curve: Annotated[list[tuple[str, str]], Field(min_length=2)]
+    resistance: Raw | None = None
+    passes: tuple[str, str] | None = None
+    linear_resistance: Raw | None = None
+    speed: Raw | None = None
+    count: Raw | None = None
+
+    def assembly(self, name: str, where: Where, read: Reader | None) -> Assembly:
+        """Return its deck, of values alone: `flow` and `pressure` at the operating point.
+
+        A fan's line a + b V at speed s, n side by side, is s^2 a + s b V / n (affinity laws); it meets r V + k V^2 at
+        V = 2 s^2 a / (r - s b / n + sqrt((r - s b / n)^2 + 4 k s^2 a)). As the fan's curve is the highest of the lowest of its lines,
+        and the flow rises with every line, so is the flow of their flows.
+        """
+        points = self._points(where)
+        values = _Values(FAN_UNITS, where)
+        values.take("linear_resistance", self.linear_resistance if self.linear_resistance is not None else "0 [Pa s/m^3]")
+        values.take("speed", self.speed if self.speed is not None else 1, min=0)
+        values.take("count", self.count if self.count is not None else 1, min=0)
+        values.take("resistance", self._resistance(where))
+        parameters: dict[str, Any] = dict(values.parameters)
+        lines = [(p0 - (p1 - p0) / (v1 - v0) * v0, (p1 - p0) / (v1 - v0)) for (v0, p0), (v1, p1) in pairwise(points)]
+        for k, (a, b) in enumerate(lines):
+            parameters[f"head_{k}"] = {"value": f"{a!r} [Pa]", "source": "datasheet"}
+            parameters[f"slope_{k}"] = {"value": f"{b!r} [Pa s/m^3]", "source": "datasheet"}
+            own = f"(linear_resistance - speed*slope_{k}/count)"
+            parameters[f"flow_{k}"] = f"2*speed**2*head_{k}/({own} + sqrt({own}**2 + 4*resistance*speed**2*head_{k}))"
+        parameters["flow"] = _highest([_lowest(k, lines, points) for k in range(len(lines))])
+        parameters["pressure"] = "linear_resistance*flow + resistance*flow**2"
+        return Assembly({"title": f"fan {name}", "parameters": parameters}, {}, values.set)
+
+    def _points(self, where: Where) -> list[tuple[float, float]]:
+        points = [(literal(v, "m^3/s", where("curve")), literal(p, "Pa", where("curve"))) for v, p in self.curve]
+        for (v0, p0), (v1, p1) in pairwise(points):
+            if not v1 > v0 >= 0.0:
+                raise DeckError("the flows of a fan's curve must increase, from zero or above.", where("curve"))
+            if not p1 < p0:
+                raise DeckError(
+                    f"the pressure of a fan's curve must fall with flow; from {v0:g} to {v1:g} m^3/s it does not. Leave the stall "
+                    "region out.",
+                    where("curve"),
+                )
+        return points
+
+    def _resistance(self, where: Where) -> Any:
+        """Return the quadratic resistance, given itself or by one point of the system."""
+        if (self.resistance is None) == (self.passes is None):
+            raise DeckError(
+                "give either the resistance of the fan's system, or passes = [flow, pressure], a point of its curve.", where("")
+            )
+        if self.resistance is not None:
+            return self.resistance
+        assert self.passes is not None
+        flow, pressure = (literal(text, unit_, where("passes")) for text, unit_ in zip(self.passes, ("m^3/s", "Pa"), strict=True))
+        if not (flow > 0.0 and pressure > 0.0):
+            raise DeckError("passes needs a flow above zero and a pressure above zero.", where("passes"))
+        return f"{pressure / flow**2!r} [Pa s^2/m^6]"
+
+
+def _lowest(k: int, lines: list[tuple[float, float]], points: list[tuple[float, float]]) -> str:
+    """Return the lowest of the flows of the lines that lie at or above the k-th on its own stretch."""
+    ends = (points[k][0], points[k + 1][0])
+    here = [lines[k][0] + lines[k][1] * v for v in ends]
+    above = [j for j, (a, b) in enumerate(lines) if all(a + b * v >= h - 1e-12 * abs(h) for v, h in zip(ends, here, strict=True))]
+    return _nested("min", [f"flow_{j}" for j in above])
+
+
+def _highest(texts: list[str]) -> str:
+    return _nested("max", list(dict.fromkeys(texts)))
+
+
+def _nested(function: str, texts: list[str]) -> str:
+    """Return min(a, b, ...) or the one text that there is."""
+    return texts[0] if len(texts) == 1 else f"{function}({', '.join(texts)})"

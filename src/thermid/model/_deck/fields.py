@@ -1,0 +1,181 @@
+"""Fields of the tables of a deck: values with bounds, coefficients, properties over a temperature; the base of every element."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Iterable
+from typing import Annotated, Any, Literal, TypeAlias
+
+from pydantic import AfterValidator, BaseModel, Field
+from pydantic_core import PydanticCustomError
+
+from thermid.base.errors import cap, raising
+from thermid.base.grammar import Real, StrictTable, or_instance, reads
+from thermid.model._laws.curves import Curve, curve
+from thermid.model._laws.options import Source
+from thermid.model._laws.signal import literal
+from thermid.model._laws.stores import SLOPES, TABULATED, tabulated
+from thermid.model._parts.parameter import Parameter, parameter
+from thermid.model._tree.arrays import Use
+from thermid.model._tree.model import Model
+
+Where = Callable[[str], str]
+"""Key below an element, or none for the element itself -> its place in the deck."""
+NO_CONVECTION = "0 [W/(m^2 K)]"
+
+
+class ValueTable(StrictTable):
+    """A value with its bounds and where it comes from."""
+
+    value: str | Real
+    min: str | Real | None = None
+    max: str | Real | None = None
+    source: Source | None = None
+    note: str = ""
+    basis: str = ""
+
+    def table(self) -> dict[str, Any]:
+        """Return what of it was written."""
+        return {key: value for key, value in self if value not in (None, "")}
+
+
+def _quantity(written: Any) -> Any:
+    """Return the parameter that a text, a number or a table is; a law or a table of points as it is."""
+    if isinstance(written, PowerLawTable | Correlated | Property):
+        return written
+    return parameter(written.table() if isinstance(written, ValueTable) else written)
+
+
+def _coefficient(written: Any) -> Any:
+    """Return a coefficient of heat transfer; a plain 0, no convection on purpose, needs no unit."""
+    if isinstance(written, ValueTable) and written.value in (0, "0"):
+        return parameter(written.table() | {"value": NO_CONVECTION})
+    return _quantity(NO_CONVECTION if written in (0, "0") else written)
+
+
+Raw: TypeAlias = str | Real | ValueTable
+"""A value as it is written, where a name in it is another deck's or an index is still to be put in."""
+Value: TypeAlias = Annotated[Parameter, reads(str | Real | ValueTable, _quantity)]
+
+
+class PowerLawTable(StrictTable):
+    """h = coefficient |dT / 1 K|^exponent."""
+
+    coefficient: Value
+    exponent: Value
+
+
+class Correlated(StrictTable):
+    """h by a correlation, from the properties of the gas at film temperature, its pressure, gravity and wind."""
+
+    correlation: str = ""
+    length: Value
+    orientation: Literal["vertical", "up", "down"] = "vertical"
+
+
+class Property(StrictTable):
+    """A property over temperature: straight lines; a third text of a point is its slope and makes it smooth."""
+
+    points: list[Annotated[list[str], Field(min_length=2, max_length=3)]]
+    interpolation: Literal["linear", "smooth"] = "linear"
+    outside: Literal["hold", "linear", "refuse"] = "hold"
+    source: Source | None = None
+    basis: str = ""
+
+    def curve(self, slot: str, where: str, over: str = "temperature", steps: bool = False) -> Curve:
+        """Return the curve through the points, each a text for every slot or for the first two."""
+        slots = ("temperature" if over == "temperature" else "K", slot, SLOPES[slot])
+        points = [tuple(literal(v, s, where) for v, s in zip(p, slots, strict=False)) for p in self.points]
+        return curve(over, points, where, self.source or "", self.basis, self.interpolation, self.outside, steps)
+
+    def of(self, name: str, where: str) -> Curve:
+        """Return the curve of one property: conductivity, specific_heat or enthalpy."""
+        return tabulated(name, self.curve(TABULATED[name], where, steps=name == "enthalpy"), where)
+
+
+class Points(Property):
+    """A table over a temperature or a temperature difference: straight lines; a third text of a point is its slope and makes it smooth."""
+
+    over: Annotated[str, Field(pattern="^(temperature|difference)$")] = "temperature"
+
+
+CurveTable: TypeAlias = Annotated[Points, or_instance(Curve)]
+Coefficient: TypeAlias = Annotated[
+    Parameter | PowerLawTable | Correlated, reads(str | Real | ValueTable | PowerLawTable | Correlated, _coefficient)
+]
+Tabulated: TypeAlias = Annotated[Parameter | Property, reads(str | Real | ValueTable | Property, _quantity)]
+
+
+def curve_of(table: Points | Curve | None, slot: str, where: str) -> Curve | None:
+    """Return the curve of a table, or the curve that a caller gave in its place."""
+    return table.curve(slot, where, table.over) if isinstance(table, Points) else table
+
+
+class ElementTable(StrictTable):
+    """Base of the tables of elements."""
+
+    test_only: bool = False
+
+    def parameters(self, names: Iterable[str]) -> dict[str, Parameter]:
+        """Return field -> parameter of the fields among `names`; those of a group as ``group.field``."""
+        out: dict[str, Parameter] = {}
+        for name in names:
+            value = getattr(self, name, None)
+            if isinstance(value, Parameter):
+                out[name] = value
+            elif isinstance(value, BaseModel):
+                out |= {f"{name}.{inner}": each for inner, each in value if isinstance(each, Parameter)}
+        return out
+
+    def words(self, names: Iterable[str]) -> dict[str, str]:
+        """Return the fields among `names` that are words; those of a group as ``group.field``."""
+        out: dict[str, str] = {}
+        for name in sorted(names):
+            group, _, inner = name.partition(".")
+            value = getattr(self, group, None)
+            word = getattr(value, inner, "") if inner else value
+            out |= {name: word} if word and isinstance(word, str) else {}
+        return out
+
+
+class AirAndSees(StrictTable):
+    """A need bound to two nodes: what its surfaces convect to, and what they see."""
+
+    to: str
+    sees: str
+
+
+Count: TypeAlias = Annotated[int, Field(strict=True, ge=1)]
+
+
+def _few(count: Any) -> Any:
+    """Return the instances of an array, by rows and columns too, unless they are too many."""
+    whole = math.prod(count) if isinstance(count, list) else count or 1
+    if whole > cap("instances"):
+        raise PydanticCustomError("thermid", "{message}", {"message": f"{whole:.4g} instances are too many.{raising('instances')}"})
+    return count
+
+
+class UsedTable(StrictTable):
+    """A deck used inside this one; several times where it has a count."""
+
+    use: Annotated[str, or_instance(Model)]
+    bind: dict[str, str | AirAndSees] = Field(default_factory=dict)
+    values: dict[str, Raw | list[Raw]] = Field(default_factory=dict)
+    count: Annotated[Count | Annotated[list[Count], Field(min_length=2, max_length=2)] | None, AfterValidator(_few)] = None
+    chain: dict[str, str] = Field(default_factory=dict)
+
+    def use_of(self) -> Use:
+        """Return how the part is used."""
+        count = () if self.count is None else (self.count,) if isinstance(self.count, int) else tuple(self.count)
+        return Use(
+            bind={need: node if isinstance(node, str) else node.to for need, node in self.bind.items()},
+            sees={need: node.sees for need, node in self.bind.items() if not isinstance(node, str)},
+            values={path: [_table(v) for v in raw] if isinstance(raw, list) else _table(raw) for path, raw in self.values.items()},
+            count=count,
+            chain=self.chain,
+        )
+
+
+def _table(raw: Any) -> dict[str, Any]:
+    return raw.table() if isinstance(raw, ValueTable) else {"value": raw}

@@ -1,0 +1,237 @@
+"""Decks: TOML in, `Model` out, and back. The Python twin takes the same fields as a dictionary."""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Callable, Iterator, Mapping
+from dataclasses import dataclass
+from keyword import iskeyword
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from thermid.base.arguments import takes_objects
+from thermid.base.errors import DeckError, cap, nearest, raising
+from thermid.base.expression import NAME, RESERVED
+from thermid.base.extensions import by_grammar, grammar_of
+from thermid.base.files import read_text
+from thermid.base.toml_files import Places, read_toml, resolve_inside
+from thermid.model._deck.rows import written_out
+from thermid.model._parts.parameter import Parameter, parameter
+from thermid.model._tree.arrays import Instances, made_instances, merged
+from thermid.model._tree.identity import definition_of
+from thermid.model._tree.model import Model
+from thermid.model._tree.tree import TABLES, Submodel
+
+if TYPE_CHECKING:
+    from thermid.model._deck.assemblies import Assembly
+
+SCHEMA = "thermid.model._deck.schema"
+ASSEMBLIES = ("packages", "ladders", "coolers", "fans")
+"""Groups of a deck whose elements are small decks."""
+_OTHERS = (
+    ({"tests", "limits"}, "this is a qualification plan, not a deck. Run `thermid plan` on it."),
+    ({"duration"}, "this is a scenario, not a deck. Give the deck, and this file with --scenario."),
+    ({"boundaries"}, "this is a scenario, not a deck. Give the deck, and this file with --scenario."),
+)
+"""Keys by which a file of another kind is known."""
+
+
+@takes_objects
+def load_model(path: str | os.PathLike[str]) -> Model:
+    """Return the model that a deck describes, with the decks it uses.
+
+    Parameters
+    ----------
+    path : path     A TOML file; `use` paths are relative to it and stay inside the project.
+
+    Raises
+    ------
+    DeckError       When the file is missing, is no TOML, or does not follow the grammar; the message has file, line and key path.
+    """
+    return _load(Path(path), (), {})[0]
+
+
+Loaded = tuple[Model, str]
+"""A model with its identity, which is the definition that its instances share."""
+
+
+def _load(path: Path, trail: tuple[Path, ...], known: dict[Path, Loaded]) -> Loaded:
+    """Return a deck's model; each file is read once, however often it is used."""
+    here = path.resolve()
+    if here in trail:
+        raise DeckError(f"the deck uses itself: {' -> '.join(p.name for p in (*trail, path))}.", path.name)
+    if len(trail) >= cap("decks"):
+        raise DeckError(f"decks are nested deeper than {cap('decks'):.0f} levels. Merge some levels.{raising('decks')}", path.name)
+    if here not in known:
+        data, lines = read_toml(path)
+        if "stages" in data and "records" in data:
+            raise DeckError("this is a campaign, not a deck. Give a deck named under 'model' of its stages.", path.name)
+        for keys, said in _OTHERS:
+            if keys <= set(data) and not {"nodes", "submodels"} & set(data):
+                raise DeckError(said, path.name)
+
+        def use(name: str, where: str) -> Loaded:
+            return _load(resolve_inside(path.parent, name, where), (*trail, here), known)
+
+        def read(name: str, where: str) -> str:
+            return _text_of(resolve_inside(path.parent, name, where), where)
+
+        model = model_from_dict(data, file=path.name, lines=lines, use=use, read=read)
+        known[here] = model, definition_of(model)
+    return known[here]
+
+
+def _text_of(path: Path, where: str) -> str:
+    if not path.is_file():
+        near = nearest(path.name, {p.name for p in path.parent.glob(f"*{path.suffix}")})
+        raise DeckError(f"there is no file '{path.name}'.{near}", where)
+    try:
+        return read_text(path, "utf-8-sig")
+    except UnicodeDecodeError:
+        raise DeckError(f"'{path.name}' is not UTF-8 text.", where) from None
+
+
+@dataclass(frozen=True)
+class _Site:
+    """Where a deck stands, and what is needed to read others.
+
+    Parameters
+    ----------
+    where : Places      Key path -> place, for messages.
+    use : callable      File name and place -> model and its definition; None where a deck has no folder.
+    read : callable     File name and place -> text; None likewise.
+    """
+
+    where: Places
+    use: Any
+    read: Any
+
+    def below(self, key: str) -> Callable[[str], str]:
+        """Return places of what stands below a key."""
+        return lambda inner: self.where(f"{key}.{inner}" if inner else key)
+
+
+@takes_objects
+def model_from_dict(
+    data: Mapping[str, Any], *, file: str = "", lines: Mapping[str, int | str] | None = None, use: Any = None, read: Any = None
+) -> Model:
+    """Return the model that a dictionary describes: the Python twin of a deck, with the same fields.
+
+    Parameters
+    ----------
+    data : dict     As the TOML of a deck; in ``submodels.<name>.use`` a `Model` may stand in place of a file name, and as `table` of a
+                    conductor or a load what `law` returns.
+    file : str      For messages.
+    lines : dict    Key path -> line, for messages.
+    use, read : callable    What a deck on disk has: name of a deck and place -> model and its definition; name of a file and place -> text.
+
+    Raises
+    ------
+    DeckError       When it does not follow the grammar; every fault is listed.
+    """
+    where = Places(file or str(data.get("title", "deck")), lines or {})
+    if data.get("tables"):
+        tables = grammar_of(f"{SCHEMA}.tables_of")(data["tables"], where)
+        data, lines = written_out(data, tables, where, read, grammar_of(f"{SCHEMA}.fields_of_groups")())
+        where = Places(where.file, lines)
+    deck = by_grammar(f"{SCHEMA}.Deck", data, where)
+    site = _Site(where, use, read)
+    elements: dict[str, Any] = {
+        group: {name: table.element(site.below(f"{group}.{name}")) for name, table in getattr(deck, group).items()} for group in TABLES
+    }
+    submodels: dict[str, Submodel[Model]] = {}
+    settings: dict[str, Parameter] = dict(deck.set)
+    places = dict(where.lines)
+    for key, made in _parts(deck, site):
+        for table, more in ((submodels, made.submodels), (settings, made.settings), (elements["conductors"], made.conductors)):
+            merged(table, more, where(key))
+        line = _line(where, key)
+        if line:
+            paths = [f"set.{path}" for path in made.settings]
+            paths += [f"{table}.{name}" for table in ("submodels", "conductors") for name in getattr(made, table)]
+            places |= dict.fromkeys(paths, line)
+    plain: dict[str, Any] = {name: getattr(deck, name) for name in ("title", "box", "use", "parameters", "aliases")}
+    made_in = {gas: table.element(site.below(f"made_in.{gas}")) for gas, table in deck.made_in.items()}
+    model = Model(
+        **plain,
+        **elements,
+        needs=tuple(deck.needs),
+        offers=tuple(deck.offers),
+        submodels=submodels,
+        settings=settings,
+        made_in=made_in,
+        file=file,
+        lines=places,
+    )
+    _check_names(model)
+    return model.cut(*deck.cuts)
+
+
+def _line(where: Places, key: str) -> int | str | None:
+    """Return the line of an element, or of its group."""
+    return where.lines.get(key) or where.lines.get(key.partition(".")[0])
+
+
+def _parts(deck: Any, site: _Site) -> Iterator[tuple[str, Instances]]:
+    """Yield key and parts of everything that a deck uses or that stands for a small deck."""
+    for name, used in deck.submodels.items():
+        key = f"submodels.{name}"
+        if isinstance(used.use, Model):
+            part, definition = used.use, definition_of(used.use)
+        elif site.use is None:
+            raise DeckError("a file name works in a deck file only. Here pass a Model: td.load_model(file).", site.where(f"{key}.use"))
+        else:
+            part, definition = site.use(used.use, site.where(f"{key}.use"))
+        below = site.below(key)
+        yield key, made_instances(name, used.use_of(), part, definition, used.joined(below), below)
+    for group in ASSEMBLIES:
+        for name, table in getattr(deck, group).items():
+            key = f"{group}.{name}"
+            yield key, _assembled(name, table.assembly(name, site.below(key), site.read), site, key)
+
+
+def _assembled(name: str, made: Assembly, site: _Site, key: str) -> Instances:
+    """Return the small deck of an element of several nodes as a part, its places those of the element."""
+    where, home = site.where, _line(site.where, key)
+    lines: dict[str, int | str] = {}
+    if home:
+        lines = dict.fromkeys((*TABLES, "title", "needs", "parameters"), home)
+        lines |= {f"parameters.{inner.removeprefix(key)[1:]}": line for inner, line in where.lines.items() if inner.startswith(f"{key}.")}
+    part = model_from_dict(made.deck, file=where.file, lines=lines)
+    given = {f"{name}.{path}": parameter(raw, where(f"{key}.{path}")) for path, raw in made.values.items()}
+    return Instances({name: Submodel(part, made.bind, definition_of(part), made=key.partition(".")[0])}, given, {})
+
+
+def _check_names(model: Model) -> None:
+    """Refuse names that are no names, one name for two things, and aliases that lead in a circle."""
+    seen: dict[str, str] = {}
+    tables = ("parameters", *TABLES, "submodels")
+    given = [(name, f"{table}.{name}", f"one of {table}") for table in tables for name in getattr(model, table)]
+    given += [(need, "needs", "a need") for need in model.needs]
+    given += [(joint.mid, f"joints.{name}.mid", "the mid of a joint") for name, joint in model.joints.items() if joint.mid]
+    for name, key, what in given:
+        if not NAME.match(name) or "." in name:
+            raise DeckError(f"'{name}' is not a valid name: use letters, digits and _, and do not begin with a digit.", model.where(key))
+        if name in model.parameters and (iskeyword(name) or name in RESERVED):
+            raise DeckError(f"'{name}' is a reserved word of expressions. Choose another name.", model.where(key))
+        if name in seen:
+            raise DeckError(
+                f"'{name}' is already the name of {seen[name]}. Names in a model must differ; choose another one.", model.where(key)
+            )
+        seen[name] = what
+    for alias in model.aliases:
+        key = f"aliases.{alias}"
+        if not NAME.match(alias):
+            raise DeckError(f"'{alias}' is not a valid name: use letters, digits and _, and do not begin with a digit.", model.where(key))
+        if alias in seen:
+            raise DeckError(f"'{alias}' is already the name of {seen[alias]}. Choose another alias.", model.where(key))
+        trail = [alias]
+        while (step := _alias_in(model, model.aliases[trail[-1]])) is not None:
+            if step in trail:
+                raise DeckError(f"the alias '{alias}' refers to itself: {' -> '.join([*trail, step])}.", model.where(key))
+            trail.append(step)
+
+
+def _alias_in(model: Model, path: str) -> str | None:
+    """Return the alias that a path is or starts with, or None."""
+    return next((a for a in (path, path.partition(".")[0]) if a in model.aliases), None)

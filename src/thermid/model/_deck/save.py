@@ -1,0 +1,188 @@
+"""Writing decks, with the comments of an existing one kept where it serves as a pattern."""
+
+from __future__ import annotations
+
+import json
+import os
+import re
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Any
+
+import tomlkit
+from tomlkit.container import Container
+from tomlkit.items import InlineTable, Item, Table
+
+from thermid.base.arguments import takes_objects
+from thermid.base.errors import DeckError, ThermidError
+from thermid.base.expression import parse
+from thermid.base.files import DECK, OWN, may_write, unsealed, write_text
+from thermid.model._deck.modelfile import load_model
+from thermid.model._tree.identity import to_dict, written
+from thermid.model._tree.model import Model
+
+
+def _file_name(title: str) -> str:
+    return re.sub(r"[^A-Za-z0-9_-]+", "_", title).strip("_") + ".toml"
+
+
+@takes_objects
+def save_model(model: Model, path: str | os.PathLike[str], like: str | os.PathLike[str] | None = None) -> None:
+    """Write a model as a deck, and its submodels as decks beside it.
+
+    Parameters
+    ----------
+    path : path     The deck to write; submodels go to ``<title>.toml`` beside it.
+    like : path     A deck whose comments and order are kept; values that differ are changed in it.
+
+    Raises
+    ------
+    DeckError       When two different submodels would be written to one file.
+    OutputError     When a deck is there that thermid did not write, or that was changed since; the deck that `like` names may be
+                    overwritten.
+    """
+    target = Path(path)
+    pattern = Path(like) if like is not None else None
+    files: dict[Path, Model] = {}
+    _collect(model, target, files)
+    files = {file: part for file, part in files.items() if file == target or not _says(file, part)}
+    texts = {file: model_text(part, pattern if file == target else None) for file, part in files.items()}
+    # a deck that is changed in its place, comments kept, carries its content on; every other file is looked at before any is written
+    changed = target if pattern is not None and _one_file(pattern, target) else None
+    kinds = {file: OWN if file == changed else DECK.of(part.title) for file, part in files.items()}
+    for file, kind in kinds.items():
+        may_write(file, kind)
+    for file, text in texts.items():
+        write_text(file, text, kinds[file])
+
+
+def _says(path: Path, model: Model) -> bool:
+    """Whether a deck that thermid did not write says the same already: it stays as its author wrote it."""
+    if not path.is_file() or DECK.of(model.title).wrote(path):
+        return False
+    try:
+        return load_model(path) == model
+    except ThermidError:
+        return False
+
+
+def _one_file(one: Path, other: Path) -> bool:
+    return other.exists() and one.samefile(other)
+
+
+def _collect(model: Model, path: Path, files: dict[Path, Model]) -> None:
+    if path in files and files[path].identity() != model.identity():
+        raise DeckError(f"two different submodels would be saved in the same file '{path.name}'. Give them different titles.")
+    files[path] = model
+    for part in model.submodels.values():
+        _collect(part.model, path.parent / _file_name(part.model.title), files)
+
+
+def model_text(model: Model, like: Path | None = None) -> str:
+    """Return the TOML of one deck; layers laid over it become its [set] or its values."""
+    data = to_dict(model)
+    data["submodels"] = {n: {"use": _file_name(s.model.title), "bind": s.bound()} for n, s in model.submodels.items()}
+    data.pop("layers", None)
+    for layer in model.layers:
+        for name, given in layer.values.items():
+            _lay(data, name, written(given))
+    data = {k: v for k, v in data.items() if v != {}}
+    if like is None:
+        return toml_text(data)
+    document = tomlkit.parse(unsealed(like.read_text(encoding="utf-8")))
+    if "box" not in document and model.box == Model(title="").box:
+        del data["box"]
+    _update(document, data)
+    return tomlkit.dumps(document)
+
+
+def _lay(data: dict[str, Any], path: str, value: Any) -> None:
+    """Put a value that was laid over a model into its deck: at its own place, or in [set] for a submodel's."""
+    head, _, rest = path.partition(".")
+    tables = ("nodes", "surfaces", "conductors", "joints", "loads", "controls")
+    home: Any = next((data[t][head] for t in tables if head in data.get(t, {})), None)
+    key = rest
+    if path in data.get("set", {}):
+        home, key = data["set"], path
+    elif home is None:
+        home, key = (data["parameters"], path) if path in data.get("parameters", {}) else (data.setdefault("set", {}), path)
+    else:
+        while "." in key:
+            group, _, key = key.partition(".")
+            home = home[group]
+    home[key] = value
+
+
+def toml_text(data: dict[str, Any]) -> str:
+    """Return the TOML of a deck or scenario: plain keys first, a table for each group, an inline table for each element."""
+    plain = [f"{_key(key)} = {_toml(value)}" for key, value in data.items() if not isinstance(value, dict)]
+    groups = [(key, value) for key, value in data.items() if isinstance(value, dict)]
+    tables = ("\n".join([f"[{_key(key)}]", *(f"{_key(name)} = {_toml(entry)}" for name, entry in table.items())]) for key, table in groups)
+    return "\n\n".join(["\n".join(plain), *tables]) + "\n"
+
+
+def _key(name: str) -> str:
+    return name if re.fullmatch(r"[A-Za-z0-9_-]+", name) else _toml(name)
+
+
+def _toml(value: Any) -> str:
+    """Return a value as TOML writes it. Its library takes time with the square of a table's length, 70 s for 12,000 conductors."""
+    if isinstance(value, str):
+        return json.dumps(value, ensure_ascii=False).replace("\x7f", "\\u007F")  # a text of JSON is one of TOML, but for DEL
+    if isinstance(value, bool):
+        return "true" if value else "false"
+    if isinstance(value, Mapping):
+        return "{" + ", ".join(f"{_key(str(key))} = {_toml(inner)}" for key, inner in value.items()) + "}"
+    if isinstance(value, list | tuple):
+        return "[" + ", ".join(map(_toml, value)) + "]"
+    return repr(value)
+
+
+def _inline(value: Any) -> Item | Any:
+    if not isinstance(value, dict):
+        return value
+    out = tomlkit.inline_table()
+    for key, inner in value.items():
+        out.append(key, _inline(inner))
+    return out
+
+
+def _update(target: Container | Table | InlineTable | tomlkit.TOMLDocument, data: dict[str, Any]) -> None:
+    """Change what differs, add what is new, drop what is gone; comments stay."""
+    if "points" in target and "over" not in target:
+        data = {k: v for k, v in data.items() if (k, v) != ("over", "temperature")}
+    if "radiates_to" in target:  # the older name of `sees` stays where a deck has it
+        data = {"radiates_to" if k == "sees" else k: v for k, v in data.items()}
+    for key in [k for k in target if k not in data]:
+        target.remove(key)
+    for key, value in data.items():
+        old = target.get(key)
+        if isinstance(value, dict) and isinstance(old, Container | Table | InlineTable):
+            _update(old, value)
+        elif isinstance(value, dict) and isinstance(target, tomlkit.TOMLDocument):
+            table = tomlkit.table()
+            for name, entry in value.items():
+                table.add(name, _inline(entry))
+            target.add(key, table)
+        elif old is None or not _same(_plain(old), value):
+            target[key] = _inline(value)
+
+
+def _plain(value: Any) -> Any:
+    return value.unwrap() if isinstance(value, Item | Container) else value
+
+
+def _same(old: Any, new: Any) -> bool:
+    """Whether two entries say the same: 0.25 and "0.25"; points in degC and the same in K."""
+    if isinstance(old, list) and isinstance(new, list) and len(old) == len(new):
+        return all(_same(a, b) or _same_value(a, b) for a, b in zip(old, new, strict=True))
+    return bool(old == new) or str(new) == old
+
+
+def _same_value(a: Any, b: Any) -> bool:
+    """Whether two texts of a point are one SI value of one dimension."""
+    try:
+        one, other = parse(a).literal, parse(b).literal
+    except (ThermidError, TypeError):
+        return False
+    return one is not None and other is not None and (one.value, one.unit.dimension) == (other.value, other.unit.dimension)

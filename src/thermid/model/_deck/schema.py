@@ -1,0 +1,800 @@
+"""The grammar of a deck as pydantic models, which read the elements: what an editor checks (JSON Schema) and what a file becomes.
+
+A field that is a value holds its `Parameter` once it is checked; a table gives its element, or says what is wrong with the whole of it.
+Loaded only when a file is read: pydantic takes a tenth of a second.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import replace
+from typing import Annotated, Any, TypeAlias, get_args
+
+import numpy as np
+from pydantic import ConfigDict, Field, create_model
+
+from thermid.base.errors import DeckError, ThermidError, nearest
+from thermid.base.grammar import Real, StrictTable, reads
+from thermid.model._deck.assemblies import CoolerTable, FanTable, LadderTable, PackageTable
+from thermid.model._deck.fields import Coefficient, CurveTable, ElementTable, Points, Property, Tabulated, UsedTable, Value, Where, curve_of
+from thermid.model._laws.curves import Curve, limited
+from thermid.model._laws.options import Box, CarriedBy, StandsFor
+from thermid.model._laws.signal import literal
+from thermid.model._laws.stores import Supercooling, melting, tabulated
+from thermid.model._parts.controls import CONTROL_SLOTS, KINDS_OF_CONTROL, Control, ModeChange, check_modes, followed, of_difference
+from thermid.model._parts.elements import (
+    CONTROLS,
+    LOAD_SLOTS,
+    NODE_SLOTS,
+    Conductor,
+    Cycle,
+    Enclosure,
+    HeatLoad,
+    Joint,
+    MadeIn,
+    Node,
+    Surface,
+    finish_emissivity,
+    gap_scatter,
+)
+from thermid.model._parts.facing import Facing, degrees
+from thermid.model._parts.kinds import CARRIED_BY, KINDS
+from thermid.model._parts.parameter import Parameter
+from thermid.physics.gas import GASES, gas_named
+from thermid.physics.view_factors import SHAPES, Placed, placed_factors
+
+LIQUID = "liquid"
+"""What a stream names that no pressure touches."""
+MELTING = {"latent_heat": "J/kg", "melts_from": "temperature", "melts_to": "temperature", "liquid_specific_heat": "J/(kg K)"}
+"""Fields of a node that melts, beside its mass and specific heat, with their units."""
+
+
+Controlled: TypeAlias = str | list[str]
+"""Names of controls by which something is multiplied; ``1 - name`` takes the rest of one."""
+
+
+def control_names(written: str | list[str] | None) -> tuple[str, ...]:
+    """Return the names of controls as an element holds them."""
+    return () if written is None else (written,) if isinstance(written, str) else tuple(written)
+
+
+class NodeTable(ElementTable):
+    """A node: mass and specific_heat or enthalpy, or capacitance, or nothing."""
+
+    mass: Value | None = None
+    specific_heat: Tabulated | None = None
+    enthalpy: Property | None = None
+    latent_heat: str | None = None
+    melts_from: str | None = None
+    melts_to: str | None = None
+    liquid_specific_heat: str | None = None
+    supercooling: str | None = None
+    starts: str | None = None
+    capacitance: Value | None = None
+    stands_for: StandsFor | None = None
+    reference_point: bool = False
+
+    def element(self, where: Where) -> Node:
+        """Return the node."""
+        melts = {key: literal(text, MELTING[key], where(key)) for key, text in self._plain_melting(where).items()}
+        fields = self.parameters(NODE_SLOTS)
+        tables: dict[str, Curve] = {}
+        if melts:
+            tables["enthalpy"] = self._melting(melts, where)
+            del fields["specific_heat"]
+        if isinstance(self.specific_heat, Property):
+            tables["specific_heat"] = self.specific_heat.of("specific_heat", where("specific_heat"))
+        if self.enthalpy is not None:
+            tables["enthalpy"] = self.enthalpy.of("enthalpy", where("enthalpy"))
+        if tables and (set(fields) != {"mass"} or len(tables) > 1):
+            raise DeckError("a table of specific heat or of enthalpy needs a mass, and excludes all other heat capacities.", where(""))
+        if not tables and set(fields) not in (set(), {"capacitance"}, {"mass", "specific_heat"}):
+            raise DeckError("give a node mass and specific_heat, or capacitance, or neither (a massless node).", where(""))
+        cools = self._supercooling(melts, where)
+        return Node(fields, self.reference_point, self.test_only, next(iter(tables.items()), None), self.stands_for or "", cools)
+
+    def _supercooling(self, melts: Mapping[str, float], where: Where) -> Supercooling | None:
+        """Return how far the melt cools before it freezes; None where it does not."""
+        if self.supercooling is None:
+            if self.starts is not None:
+                raise DeckError("starts = 'liquid' belongs to a node with supercooling; any other melts where it is warm.", where("starts"))
+            return None
+        if self.enthalpy is None and not melts:
+            raise DeckError(
+                "supercooling belongs to a node that melts: latent_heat and melts_from, or an enthalpy and melts_to.", where("")
+            )
+        if self.starts not in (None, "solid", "liquid"):
+            raise DeckError(f"starts = '{self.starts}' is neither 'solid' nor 'liquid'.", where("starts"))
+        degree = literal(self.supercooling, "K", where("supercooling"))
+        if not melts and self.melts_to is None:
+            raise DeckError("supercooling beside an enthalpy counts from melts_to, where everything is liquid.", where("melts_to"))
+        liquidus = (
+            melts.get("melts_to", melts.get("melts_from", 0.0)) if melts else literal(self.melts_to or "", "temperature", where("melts_to"))
+        )
+        return Supercooling(liquidus, degree, self.starts or "solid")
+
+    def _plain_melting(self, where: Where) -> dict[str, str]:
+        """Return the texts by which a node melts; nothing where it does not."""
+        texts = {key: text for key in MELTING if (text := getattr(self, key))}
+        if self.enthalpy is not None and self.supercooling is not None and set(texts) == {"melts_to"}:
+            return {}
+        heat = self.specific_heat
+        plain = isinstance(heat, Parameter) and bool(heat.unit) and heat == Parameter(heat.expression)
+        if texts and (self.enthalpy is not None or not {"latent_heat", "melts_from"} <= set(texts) or not plain):
+            raise DeckError(
+                "for a node that melts give mass, specific_heat, latent_heat and melts_from as plain quantities, and melts_to and "
+                "liquid_specific_heat if needed; or give a table of enthalpy.",
+                where(""),
+            )
+        return texts
+
+    def _melting(self, melts: Mapping[str, float], where: Where) -> Curve:
+        """Return the enthalpy in place of a specific heat and a latent heat."""
+        assert isinstance(self.specific_heat, Parameter)
+        heat = literal(self.specific_heat.text, "J/(kg K)", where("specific_heat"))
+        begins, place = melts["melts_from"], where("")
+        shape = melting(heat, melts.get("liquid_specific_heat", heat), melts["latent_heat"], begins, melts.get("melts_to", begins), place)
+        return tabulated("enthalpy", shape, where("enthalpy"))
+
+
+class FacingTable(StrictTable):
+    """Where a surface looks: tilt from looking up, azimuth from north over east; without azimuth it goes all around."""
+
+    tilt: str | Real
+    azimuth: str | Real | None = None
+
+
+def _facing(table: FacingTable) -> Facing:
+    return Facing(degrees(table.tilt), None if table.azimuth is None else degrees(table.azimuth))
+
+
+class SurfaceTable(ElementTable):
+    """The outer surface of a node."""
+
+    of: str
+    to: str
+    area: Value
+    htc: Coefficient | None = None
+    effective_htc: Value | None = None
+    emissivity: Value | None = None
+    finish: str = ""
+    absorptance: Value | None = None
+    facing: Annotated[Facing, reads(FacingTable, _facing)] | None = None
+    sees: str = ""
+    radiates_to: Annotated[str, Field(description="Older name of `sees`.")] = ""
+    carried_by: CarriedBy | None = None
+    htc_control: Controlled | None = None
+    emissivity_control: Controlled | None = None
+
+    def element(self, where: Where) -> Surface:
+        """Return the surface."""
+        fields = self.parameters(("area", "htc", "effective_htc", "emissivity", "absorptance"))
+        if self.effective_htc is not None and self.htc is not None:
+            raise DeckError(
+                "give a surface either htc (convection alone) or effective_htc (convection and radiation together, as fitted in "
+                "air), not both.",
+                where(""),
+            )
+        if self.finish:
+            fields.setdefault("emissivity", finish_emissivity(self.finish, where("finish")))
+        if self.htc is None and not {"effective_htc", "emissivity"} & set(fields):
+            raise DeckError("the surface exchanges no heat. Give htc, effective_htc, emissivity or finish.", where(""))
+        if self.sees and self.radiates_to:
+            raise DeckError("sees and radiates_to have the same meaning. Give sees only.", where(""))
+        words = self.words(KINDS["convection"].words)
+        _check_carried_by(fields, words, where(""))
+        controls = {what: control_names(given) for what in ("htc", "emissivity") if (given := getattr(self, f"{what}_control"))}
+        if "emissivity" in controls and ("emissivity" not in fields or self.effective_htc is not None):
+            raise DeckError(
+                "emissivity_control has nothing to control. Give an emissivity or a finish, and htc for the convection.",
+                where("emissivity_control"),
+            )
+        if "htc" in controls and self.htc is None and self.effective_htc is None:
+            raise DeckError("htc_control has nothing to control. Give htc or effective_htc.", where("htc_control"))
+        sees = self.sees or self.radiates_to
+        return Surface(self.of, self.to, fields, sees, self.test_only, self.finish, words, self.facing, controls)
+
+
+def _check_carried_by(fields: Mapping[str, Parameter], words: Mapping[str, str], where: str) -> None:
+    """Refuse a word on what carries the heat beside a coefficient that has a law of its own, or none."""
+    if CARRIED_BY in words and not {"htc", "effective_htc"} & set(fields):
+        raise DeckError(
+            f"{CARRIED_BY} states what carries the heat behind a constant coefficient: effective_htc, or htc as a number. Here the law "
+            "is given, or nothing convects; leave it out.",
+            where,
+        )
+
+
+class Gap(StrictTable):
+    """An air gap beside a contact: area of each face."""
+
+    area: Value
+    htc: Value
+    to: str
+
+
+class JointTable(ElementTable):
+    """Two surfaces pressed together."""
+
+    between: tuple[str, str]
+    area: Value
+    contact_conductance: Value | None = None
+    conductivity: Value | None = None
+    thickness: Value | None = None
+    gap: Gap | None = None
+    mid: str = ""
+
+    def element(self, where: Where) -> Joint:
+        """Return the joint."""
+        fields = self.parameters(("area", "contact_conductance", "conductivity", "thickness", "gap"))
+        if {f for f in fields if not f.startswith("gap.")} not in ({"area", "contact_conductance"}, {"area", "conductivity", "thickness"}):
+            raise DeckError("give a joint area and contact_conductance; or area, conductivity and thickness of each half.", where(""))
+        if self.between[0] == self.between[1]:
+            raise DeckError("both ends of the joint are the same surface. Name two different surfaces.", where(""))
+        return Joint(self.between, fields, self.mid, self.gap.to if self.gap is not None else "", self.test_only)
+
+
+Rows: TypeAlias = list[list[Real]]
+
+
+Corner: TypeAlias = Annotated[list[str | Real], Field(min_length=3, max_length=3)]
+
+
+class PlaceTable(StrictTable):
+    """Where a face of an enclosure lies: a rectangle by corner and two sides, a disc, or the side of a cylinder."""
+
+    corner: Corner | None = None
+    sides: Annotated[list[Corner], Field(min_length=2, max_length=2)] | None = None
+    centre: Corner | None = None
+    normal: Annotated[list[Real], Field(min_length=3, max_length=3)] | None = None
+    axis: Corner | None = None
+    radius: str | Real | None = None
+    inside: bool = False
+
+    def placed(self, where: str) -> Placed:
+        """Return the face in space."""
+        given = {key for key, value in self if value not in (None, False)}
+        radius = literal(self.radius, "m", where) if self.radius is not None else 0.0
+        centre, axis = _metres(self.centre, where), _metres(self.axis, where)
+        if given == {"corner", "sides"} and self.sides:
+            made = Placed("rectangle", _metres(self.corner, where), _metres(self.sides[0], where), _metres(self.sides[1], where))
+        elif given == {"centre", "normal", "radius"} and self.normal:
+            x, y, z = self.normal
+            made = Placed("disc", centre, (x, y, z), radius=radius)
+        elif given in ({"centre", "axis", "radius"}, {"centre", "axis", "radius", "inside"}):
+            made = Placed("cylinder", centre, axis, radius=radius, inside=self.inside)
+        else:
+            raise DeckError(
+                "give a place as corner and sides; or centre, normal and radius; or centre, axis and radius, and inside.", where
+            )
+        if not (0.0 < made.area < float("inf") and any(made.first)):
+            raise DeckError("sides, radius, normal and axis of a place must not be zero.", where)
+        return made
+
+
+def _metres(corner: list[str | Real] | None, where: str) -> tuple[float, float, float]:
+    x, y, z = (0.0 if v in (0, "0") else literal(v, "m", where) for v in corner or (0, 0, 0))
+    return x, y, z
+
+
+class EnclosureTable(ElementTable):
+    """Surfaces that radiate to one another: view factors of a shape, given ones, or exchange factors."""
+
+    faces: Annotated[dict[str, str], Field(min_length=2)]
+    shape: Annotated[str, Field(pattern=f"^({'|'.join(SHAPES)})$")] | None = None
+    dimensions: dict[str, str | Real] = {}
+    view_factors: Rows | None = None
+    exchange_factors: Rows | None = None
+    places: dict[str, PlaceTable] = {}
+    rest: str = ""
+
+    def element(self, where: Where) -> Enclosure:
+        """Return the enclosure."""
+        ways = [w for w in ("shape", "view_factors", "exchange_factors", "places") if getattr(self, w)]
+        if len(ways) != 1:
+            raise DeckError(
+                "give an enclosure exactly one of places, shape, view_factors and exchange_factors; given: "
+                f"{' and '.join(ways) or 'none of them'}.",
+                where(""),
+            )
+        size = len(self.faces)
+        views, exchanges = (tuple(tuple(row) for row in matrix or ()) for matrix in (self.view_factors, self.exchange_factors))
+        views = self._seen(where) if self.places else views
+        for name, matrix in (("view factors", views), ("exchange factors", exchanges)):
+            if matrix and {len(matrix), *map(len, matrix)} != {size}:
+                raise DeckError(f"{size} faces need {size} rows of {size} {name}.", where(""))
+        if self.rest and self.exchange_factors:
+            raise DeckError(
+                "exchange factors include everything that a face sees, so rest does not apply. Add the rest as a face, or leave it out.",
+                where(""),
+            )
+        dimensions = {n: literal(v, "m", where(f"dimensions.{n}")) for n, v in self.dimensions.items()}
+        if self.shape:
+            _check_shape(self.shape, self.faces, dimensions, bool(self.rest), where(""))
+        elif dimensions:
+            raise DeckError("dimensions are given, but no shape. Give shape, or leave dimensions out.", where(""))
+        return Enclosure(self.faces, self.shape or "", dimensions, views, exchanges, self.rest, self.test_only)
+
+    def _seen(self, where: Where) -> tuple[tuple[float, ...], ...]:
+        """Return the view factors of faces that have a place each."""
+        if set(self.places) != set(self.faces):
+            odd = sorted(set(self.places) ^ set(self.faces))[0]
+            raise DeckError(f"faces and places must have the same names; '{odd}' is only one of them.", where("places"))
+        placed = [self.places[name].placed(where(f"places.{name}")) for name in self.faces]
+        _, factors, _ = placed_factors(tuple(placed), tuple(self.faces), where=where("places"))
+        return tuple(map(tuple, factors.tolist()))
+
+
+def _check_shape(name: str, faces: Mapping[str, str], dimensions: Mapping[str, float], rest: bool, where: str) -> None:
+    shape = SHAPES[name]
+    for what, given, known in (("faces", faces, shape.faces), ("dimensions", dimensions, shape.dimensions)):
+        strange = [g for g in given if g not in known]
+        if strange:
+            raise DeckError(f"'{name}' has no '{strange[0]}' among its {what}: {', '.join(known)}.{nearest(strange[0], known)}", where)
+    missing = [d for d in shape.dimensions if d not in dimensions]
+    if missing:
+        raise DeckError(f"'{name}' needs {', '.join(missing)}.", where)
+    if not all(0.0 < d < float("inf") for d in dimensions.values()):
+        raise DeckError("every dimension of a shape must be above zero and finite.", where)
+    if name == "cylinder in cylinder" and dimensions["inner_radius"] >= dimensions["outer_radius"]:
+        raise DeckError("the inner radius must be smaller than the outer one.", where)
+    missing = [f for f in shape.faces if f not in faces]
+    if (missing or len(shape.faces) == 2) and not rest:
+        also = f" ({', '.join(missing)} left out)" if missing else ""
+        raise DeckError(
+            f"the faces of '{name}'{also} do not close it: their view factors sum to less than 1. Name the node that "
+            "fills the rest of the view: rest = a node.",
+            where,
+        )
+
+
+class Periodic(StrictTable):
+    """On for `duty` of every `period`."""
+
+    period: Value
+    duty: Value
+
+
+class CycleTable(StrictTable):
+    """A factor on the power that repeats: straight lines between rows, or steps."""
+
+    times: Annotated[list[str], Field(min_length=2)]
+    values: Annotated[list[str | Real], Field(min_length=2)]
+    hold: bool = False
+    period: str | None = None
+
+    def cycle(self, where: str) -> Cycle:
+        """Return the factor; its last row ends the period where none is given."""
+        times = [literal(t, "s", where) for t in self.times]
+        values = [literal(v, "1", where) for v in self.values]
+        if self.period is not None:
+            end = literal(self.period, "s", where)
+            if not end > times[-1]:
+                raise DeckError(
+                    "the period ends before the last row. Give a longer period, or leave it out if the last row is its end.", where
+                )
+            times, values = [*times, end], [*values, values[0]]
+        if times[0] != 0.0:
+            raise DeckError("the first row of a cycle must be at 0 s.", where)
+        made = Cycle(tuple(times), tuple(values), self.hold)
+        try:
+            made.signal()
+        except ThermidError as error:
+            raise error.located(where) from None
+        return made
+
+
+class SinePower(StrictTable):
+    """A sine on top of the power."""
+
+    amplitude: Value
+    period: Value
+
+
+class Thermostat(StrictTable):
+    """On below one temperature, off above another."""
+
+    sensor: str = ""
+    on_below: Value
+    off_above: Value
+
+
+class Proportional(StrictTable):
+    """A control that lets through a share of the load: what is missing to the set point over the band, between zero and one.
+
+    The band is `power` over `gain`, or given itself.
+    """
+
+    sensor: str = ""
+    gain: Value | None = None
+    band: Value | None = None
+    setpoint: Value
+
+
+class LoadTable(ElementTable):
+    """Heat put into a node."""
+
+    into: str
+    power: Value | None = None
+    table: CurveTable | None = None
+    scale: Value | None = None
+    command_curve: Value | None = None
+    temperature_coefficient: Value | None = None
+    quadratic_coefficient: Value | None = None
+    exponential_coefficient: Value | None = None
+    reference_temperature: Value | None = None
+    periodic: Periodic | None = None
+    cycle: CycleTable | None = None
+    sine: SinePower | None = None
+    thermostat: Thermostat | None = None
+    proportional: Proportional | None = None
+    control: Controlled | None = None
+
+    def element(self, where: Where) -> HeatLoad:
+        """Return the heat load."""
+        fields = self.parameters(dict.fromkeys(slot.partition(".")[0] for slot in LOAD_SLOTS))
+        shape = curve_of(self.table, "W", where(""))
+        controls = [c for c in CONTROLS if getattr(self, c) is not None]
+        curved = [f for f in fields if f.endswith("_coefficient")]
+        if (self.power is None) == (shape is None):
+            raise DeckError("give a load either power, or a table of power over temperature.", where(""))
+        if len(controls) > 1:
+            raise DeckError(f"{' and '.join(controls)} cannot both control one load. Define two loads.", where(""))
+        if curved and shape is not None:
+            raise DeckError(f"{curved[0]} and a table are both laws of the same temperature. Put both into the table.", where(""))
+        if self.proportional is not None and (self.proportional.gain is None) == (self.proportional.band is None):
+            raise DeckError("give proportional either gain [W/K] or band [K].", where("proportional"))
+        if "proportional.gain" in fields and self.control is not None:
+            raise DeckError("a gain in W/K needs a fixed power, but the control changes it. Give band in K.", where("proportional"))
+        if "proportional.gain" in fields and shape is not None:
+            raise DeckError("a gain in W/K needs a fixed power, but this power is a table. Give band in K.", where("proportional"))
+        if curved and self.reference_temperature is None:
+            raise DeckError(f"{curved[0]} needs reference_temperature: the temperature at which `power` holds.", where(""))
+        if self.exponential_coefficient is not None and len(curved) > 1:
+            raise DeckError("give either exponential_coefficient or the polynomial coefficients.", where(""))
+        if self.scale is not None and shape is None:
+            raise DeckError("scale applies to a table of power only. For a constant power change power itself.", where(""))
+        sensor = getattr(self, controls[0]).sensor if controls else ""
+        cycle = self.cycle.cycle(where("cycle")) if self.cycle is not None else None
+        by = control_names(self.control)
+        return HeatLoad(self.into, fields, sensor, shape and limited(shape, positive=False), self.test_only, by, cycle)
+
+
+class ThermostatControl(StrictTable):
+    """A heater's thermostat, on below and off above; a cooler's, on above and off below."""
+
+    on_below: Value | None = None
+    off_above: Value | None = None
+    on_above: Value | None = None
+    off_below: Value | None = None
+
+
+class ProportionalControl(StrictTable):
+    """A share that rises from zero at the set point to one a band below it; a negative band cools: one a band above it."""
+
+    setpoint: Value
+    band: Value
+    lowest: Value | None = None
+    highest: Value | None = None
+
+
+class PidControl(StrictTable):
+    """A PID controller in series form, between two limits; its integral part stops at them."""
+
+    setpoint: Value
+    band: Value
+    integral_time: Value
+    derivative_time: Value | None = None
+    filter_time: Value | None = None
+    lowest: Value | None = None
+    highest: Value | None = None
+    begins: Value | None = None
+
+
+class TransitionTable(StrictTable):
+    """A way from one mode to another: above or below a temperature, or after a time in the mode."""
+
+    model_config = ConfigDict(extra="forbid", populate_by_name=True)
+
+    before: Annotated[str, Field(alias="from")]
+    after_mode: Annotated[str, Field(alias="to")]
+    above: Value | None = None
+    below: Value | None = None
+    after: Value | None = None
+    follows: str | list[str] | dict[str, Real] | None = None
+
+
+class ControlTable(ElementTable):
+    """A share that follows temperatures, by which loads, conductors, surfaces and boundaries are multiplied."""
+
+    follows: str | list[str] | dict[str, Real] | None = None
+    thermostat: ThermostatControl | None = None
+    proportional: ProportionalControl | None = None
+    pid: PidControl | None = None
+    table: CurveTable | None = None
+    modes: dict[str, Value] | None = None
+    starts: str = ""
+    transitions: Annotated[dict[str, TransitionTable], Field(default_factory=dict)]
+    sample: str | None = None
+
+    def element(self, where: Where) -> Control:
+        """Return the control."""
+        kinds = [k for k in KINDS_OF_CONTROL if getattr(self, k) is not None]
+        if len(kinds) != 1:
+            said = f"; given: {' and '.join(kinds)}" if kinds else ""
+            raise DeckError(f"give a control exactly one of {', '.join(KINDS_OF_CONTROL)}{said}.", where(""))
+        kind = kinds[0]
+        if self.follows is None and (kind != "modes" or any(t.follows is None and t.after is None for t in self.transitions.values())):
+            raise DeckError('a control follows a node: follows = "plate", a list of nodes (their mean) or nodes with weights.', where(""))
+        follows = followed(self.follows, where("follows")) if self.follows is not None else {}
+        sample = literal(self.sample, "s", where("sample")) if self.sample is not None else 0.0
+        if self.sample is not None and not sample > 0.0:
+            raise DeckError("a sample time must be above zero.", where("sample"))
+        if sample and kind not in ("proportional", "pid", "table"):
+            raise DeckError(
+                f"a sample time applies to proportional, pid or table. {kind} switches at the exact instant; leave sample out.",
+                where("sample"),
+            )
+        fields = self.parameters(dict.fromkeys(slot.partition(".")[0] for slot in CONTROL_SLOTS))
+        fields |= {f"modes.{name}": value for name, value in (self.modes or {}).items()}
+        self._check(kind, follows, fields, where)
+        shape = curve_of(self.table, "1", where("table"))
+        ways = {name: self._transition(t, where(f"transitions.{name}")) for name, t in self.transitions.items()}
+        fields |= {f"transitions.{name}.{t.sense}": getattr(self.transitions[name], t.sense) for name, t in ways.items()}
+        out = Control(kind, follows, fields, shape, self.starts, ways, sample, self.test_only)
+        if kind == "modes":
+            check_modes(out, where(""))
+        return out
+
+    def _check(self, kind: str, follows: Mapping[str, float], fields: Mapping[str, Parameter], where: Where) -> None:
+        """Refuse what does not go together in one control."""
+        if kind != "modes" and (self.transitions or self.starts):
+            raise DeckError("starts and transitions apply to modes only.", where(""))
+        if kind == "modes" and not (self.starts and self.transitions):
+            raise DeckError("modes need starts (the mode at the start) and transitions.", where(""))
+        if kind == "thermostat":
+            ends = {name.partition(".")[2] for name in fields}
+            if ends not in ({"on_below", "off_above"}, {"on_above", "off_below"}):
+                raise DeckError(
+                    "give a thermostat on_below and off_above (heating), or on_above and off_below (cooling).", where("thermostat")
+                )
+        if kind == "pid":
+            derived = {"pid.derivative_time", "pid.filter_time"} & set(fields)
+            if len(derived) == 1:
+                raise DeckError("the derivative part of a PID control needs both derivative_time and filter_time.", where("pid"))
+            if len(follows) > (1 if derived else 2):
+                raise DeckError(
+                    f"a PID control may follow one node with a derivative part, two without; {len(follows)} are given.", where("pid")
+                )
+        if kind == "table" and isinstance(self.table, Points):
+            if self.table.over == "difference" and not of_difference(follows):
+                raise DeckError("a table over a difference needs a difference: follows = { hot = 1, cold = -1 }.", where("table"))
+            if self.table.outside == "refuse":
+                raise DeckError("outside = 'refuse' is not possible for a control's table. Leave it out, or use 'hold'.", where("table"))
+
+    def _transition(self, t: TransitionTable, where: str) -> ModeChange:
+        senses = [s for s in ("above", "below", "after") if getattr(t, s) is not None]
+        if len(senses) != 1:
+            raise DeckError("give a transition exactly one of above, below (a temperature) and after (a time in its mode).", where)
+        return ModeChange(t.before, t.after_mode, senses[0], followed(t.follows, where) if t.follows is not None else {})
+
+
+class MadeInTable(StrictTable):
+    """The state of a gas in which a reduced deck was made; it runs in no other."""
+
+    pressure: str
+    gravity: str = "9.80665 [m/s^2]"
+    gas: str = "air"
+    wind: str = "0 [m/s]"
+
+    def element(self, where: Where) -> MadeIn:
+        """Return the state."""
+        slots = {"pressure": "Pa", "gravity": "m/s^2", "wind": "m/s"}
+        numbers = {name: literal(getattr(self, name), slot, where(name)) for name, slot in slots.items()}
+        return MadeIn(gas=gas_named(self.gas, where("")).name, **numbers)
+
+
+def _check_stream(given: set[str], fluid: str, where: str) -> None:
+    """Refuse a stream whose fluid is unknown, a gas with a density of its own, and another fluid without its properties."""
+    if fluid in GASES:
+        if "density" in given:
+            raise DeckError(f"the density of {fluid} follows from its pressure and temperature: leave density out.", where)
+        return
+    if fluid not in ("", LIQUID):
+        raise DeckError(
+            f"'{fluid}' is not a known fluid.{nearest(fluid, (*GASES, LIQUID))} There are {', '.join(GASES)} and {LIQUID}.", where
+        )
+    whole = given in ({"mass_flow", "specific_heat"}, {"volume_flow", "density", "specific_heat"})
+    if not whole:
+        what = f"of {fluid}" if fluid else "without a fluid"
+        cure = "" if fluid else '. For a gas give fluid = "air"; density and specific heat then follow'
+        raise DeckError(
+            f"a stream {what} needs volume_flow and density and specific_heat, or mass_flow and specific_heat{cure}. "
+            f"Given: {', '.join(sorted(given))}.",
+            where,
+        )
+
+
+def _check_gap(fields: dict[str, Parameter], words: Mapping[str, str], where: str) -> None:
+    """Refuse a gap that says half of how it lies; give one that convects the scatter of its correlation."""
+    if not {"tilt", "aspect"} & set(words):
+        if "convection_factor" in fields:
+            raise DeckError("convection_factor applies to a gap that convects only. Give tilt and aspect too.", where)
+        return
+    if not {"tilt", "aspect"} <= set(words):
+        raise DeckError('a gap that convects needs both tilt ("0 [deg]": first end below) and aspect (height over thickness).', where)
+    tilt, aspect = degrees(words["tilt"], where), literal(words["aspect"], "1", where)
+    if not (0.0 <= tilt <= 180.0 and 1.0 <= aspect < float("inf")):
+        raise DeckError(f"the tilt of a gap must be 0 to 180 degrees and its aspect 1 or more; given: {tilt:g} and {aspect:g}.", where)
+    fields.setdefault("convection_factor", gap_scatter(words, where))
+
+
+class _ConductorTable(ElementTable):
+    """A path of heat between two nodes."""
+
+    kind: Annotated[str, Field(pattern=f"^({'|'.join(KINDS)})$")]
+    between: tuple[str, str]
+    table: CurveTable | None = None
+    takes: list[str] = []
+    gas: str = ""
+    fluid: str = ""
+    to: str = ""
+    tilt: str = ""
+    aspect: str = ""
+    control: Controlled | None = None
+    reversible: bool = False
+    carried_by: CarriedBy | None = None
+
+    def element(self, where: Where) -> Conductor:
+        """Return the conductor."""
+        kind = KINDS[self.kind]
+        name = kind.tabulated or "conductivity"
+        written = getattr(self, name, None)
+        shape = written.of(name, where(name)) if isinstance(written, Property) else None
+        if shape is not None and not kind.tabulated:
+            raise DeckError(f"a conductor of kind '{self.kind}' takes no table of conductivity.", where(""))
+        fields, words = self._of_kind({name} if shape is not None else set(), where(""))
+        _check_carried_by(fields, words, where(""))
+        if self.kind == "gas":
+            _check_gap(fields, words, where(""))
+        if self.kind == "flow":
+            _check_stream(set(fields), words.get("fluid", ""), where(""))
+        if self.reversible and (self.kind != "flow" or (words.get("fluid") in GASES and "volume_flow" in fields)):
+            raise DeckError("reversible applies to a flow only; for a gas the flow must be a mass_flow.", where("reversible"))
+        points = curve_of(self.table, "W/K", where(""))
+        if (points is not None) != kind.needs_curve:
+            raise DeckError(f"a conductor of kind '{self.kind}' {'needs' if kind.needs_curve else 'has no'} table of points.", where(""))
+        if points is not None and (points.y < 0).any():
+            k = int(np.argmax(points.y < 0))
+            raise DeckError(
+                f"the table gives {points.y[k]:g} W/K at {points.x[k]:.9g} K. A conductance must not be negative: heat would flow "
+                "from cold to hot.",
+                where(""),
+            )
+        if self.between[0] == self.between[1]:
+            raise DeckError("both ends are the same node.", where(""))
+        if self.takes and "area" not in fields:
+            raise DeckError("it takes area from a surface but gives no area. Give area.", where("takes"))
+        law = shape if points is None else limited(points)
+        by = control_names(self.control)
+        return Conductor(self.kind, self.between, fields, law, tuple(self.takes), self.test_only, words, by, self.reversible)
+
+    def _of_kind(self, tables: set[str], where: str) -> tuple[dict[str, Parameter], dict[str, str]]:
+        """Return parameters and words after a look whether they are those of the kind; `tables` are fields given over temperature."""
+        kind = KINDS[self.kind]
+        fields = self.parameters(name for name in _SLOTS if name in self.model_fields_set)
+        words = self.words(_WORDS)
+        odd = sorted(set(words) - kind.words)
+        if odd:
+            raise DeckError(f"a conductor of kind '{self.kind}' has no {odd[0]}.", where)
+        if {*fields, *tables} - kind.optional not in [set(a) for a in kind.alternatives]:
+            wanted = ", or ".join(" and ".join(s for s in kind.slots if s in a) for a in kind.alternatives if a)
+            strange = sorted(set(fields) - set(kind.slots))
+            also = (
+                f" It has no {', '.join(strange)}.{nearest(strange[0], kind.slots)}"
+                if strange
+                else f" Given: {', '.join(fields) or 'nothing'}."
+            )
+            raise DeckError(f"a conductor of kind '{self.kind}' needs {wanted}.{also}", where)
+        return fields, words
+
+
+_SLOTS = tuple(dict.fromkeys(slot.partition(".")[0] for kind in KINDS.values() for slot in kind.slots))
+_WORDS = frozenset[str]().union(*(kind.words for kind in KINDS.values()))
+"""Fields and words of all kinds of conductors."""
+
+
+def _with_fields_of_kinds() -> type[_ConductorTable]:
+    """Return the conductor's table with the fields of every kind, so that a new kind needs no line here."""
+    shaped: dict[str, Any] = {"htc": Coefficient | None, "conductivity": Tabulated | None}
+    names = sorted({slot.partition(".")[0] for kind in KINDS.values() for slot in kind.slots})
+    fields: dict[str, Any] = {name: (shaped.get(name, Value | None), None) for name in names}
+    return create_model("ConductorTable", __base__=_ConductorTable, __doc__=_ConductorTable.__doc__, **fields)
+
+
+ConductorTable = _with_fields_of_kinds()
+
+
+class SubmodelTable(UsedTable):
+    """A deck used inside this one: once, or as an array with conductors between neighbours."""
+
+    links: dict[str, ConductorTable] = {}  # type: ignore[valid-type]  # made above
+
+    def joined(self, where: Where) -> dict[str, Conductor]:
+        """Return the conductors to the next neighbour, their ends by their names inside an instance; both may have one name."""
+        out = {}
+        for name, table in self.links.items():
+            between = tuple(f"{side}.{end}" for side, end in zip(("here", "next"), table.between, strict=True))  # type: ignore[attr-defined]
+            made = table.model_copy(update={"between": between}).element(lambda key, name=name: where(f"links.{name}.{key}".rstrip(".")))  # type: ignore[attr-defined]
+            out[name] = replace(made, between=(between[0].partition(".")[2], between[1].partition(".")[2]))
+        return out
+
+
+class RowsTable(StrictTable):
+    """A table that makes elements: one row, one element."""
+
+    makes: str
+    file: str = ""
+    rows: list[dict[str, Any]] = []
+    each: dict[str, Any] = {}
+
+
+class Deck(StrictTable):
+    """What the hardware is."""
+
+    title: str
+    box: Box = "light grey"
+    use: str = ""
+    needs: list[str] = []
+    offers: list[str] = []
+    parameters: dict[str, Value] = {}
+    nodes: dict[str, NodeTable] = {}
+    surfaces: dict[str, SurfaceTable] = {}
+    conductors: dict[str, ConductorTable] = {}  # type: ignore[valid-type]  # made above
+    joints: dict[str, JointTable] = {}
+    enclosures: dict[str, EnclosureTable] = {}
+    loads: dict[str, LoadTable] = {}
+    controls: dict[str, ControlTable] = {}
+    submodels: dict[str, SubmodelTable] = {}
+    packages: dict[str, PackageTable] = {}
+    ladders: dict[str, LadderTable] = {}
+    coolers: dict[str, CoolerTable] = {}
+    fans: dict[str, FanTable] = {}
+    tables: dict[str, RowsTable] = {}
+    set: dict[str, Value] = {}
+    cuts: list[str] = []
+    aliases: dict[str, str] = {}
+    made_in: dict[str, MadeInTable] = {}
+
+
+GROUPS = (
+    "nodes",
+    "surfaces",
+    "conductors",
+    "joints",
+    "enclosures",
+    "loads",
+    "controls",
+    "submodels",
+    "packages",
+    "ladders",
+    "coolers",
+    "fans",
+)
+"""Groups of a deck whose elements a table of rows may make."""
+
+
+def fields_of_groups() -> dict[str, dict[str, Any]]:
+    """Return group of a deck -> the fields of its elements."""
+    return {group: get_args(Deck.model_fields[group].annotation)[1].model_fields for group in GROUPS}
+
+
+def tables_of(written: Mapping[str, Any], where: Where) -> dict[str, RowsTable]:
+    """Return the tables that make elements, checked against their grammar."""
+    return {
+        name: RowsTable.from_file(raw, lambda inner, name=name: where(f"tables.{name}.{inner}".rstrip(".")))  # type: ignore[misc]
+        for name, raw in written.items()
+    }
+
+
+assert set(LoadTable.model_fields) >= {slot.partition(".")[0] for slot in LOAD_SLOTS}

@@ -1,0 +1,195 @@
+"""Tables: straight lines between their points, the same here and in the kernel; smooth where that is asked for.
+
+A smooth table is a monotone cubic: slopes after Fritsch and Butland, SIAM J. Sci. Stat. Comput. 5 (1984) 300, as SciPy computes them, add
+no new extremes. A curve made from a function has the function's own slopes. Outside its points a table keeps its last value, or goes on as
+a straight line, or is refused.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from itertools import pairwise
+from typing import Any, Final
+
+import numpy as np
+from numpy.typing import NDArray
+
+from thermid.base.errors import DeckError
+
+INTERPOLATIONS: Final = ("linear", "smooth")
+"""How a table runs between its points; the first is the default."""
+OUTSIDE: Final = ("hold", "linear", "refuse")
+"""What a table is outside its points; the first is the default."""
+LEAST: Final = 0.01
+"""Part of its last value down to which a quantity above zero is extended as a straight line; beyond, the run is refused. [-]"""
+FAR: Final = 1e5
+"""How far a table is extended as a straight line; no temperature of a run is that high. [K]"""
+
+
+@dataclass(frozen=True, eq=False)
+class Curve:
+    """A tabulated function of one temperature or one difference.
+
+    Parameters
+    ----------
+    over : str              'temperature' (the mean of both ends', or a load's own) or 'difference'.
+    x : array (points,)     Temperatures or differences, increasing. [K]
+    y : array (points,)     Values. [SI]
+    d : array (points,)     Slopes of a smooth table; None where they follow from the points. [SI/K]
+    film : tuple of Curve   Tables that stand behind it: properties over film temperature, for a law of natural convection; that of the
+                            second end, for a potential.
+    source, basis : str     Of a table that an author gives: kind of source, and what it rests on.
+    interpolation : str     'linear', straight lines, or 'smooth', a monotone cubic; a table with slopes is smooth.
+    outside : str           Outside the points: 'hold' the last value, go on as a straight line ('linear'), or 'refuse' the run.
+    limits : (low, high)    Outside these a run is refused; see `limited`. [K]
+    """
+
+    over: str
+    x: NDArray[np.float64]
+    y: NDArray[np.float64]
+    d: NDArray[np.float64] | None = None
+    film: tuple[Curve, ...] = ()
+    source: str = ""
+    basis: str = ""
+    interpolation: str = "linear"
+    outside: str = "hold"
+    limits: tuple[float, float] | None = None
+
+    @property
+    def straight(self) -> bool:
+        """Whether it consists of straight lines."""
+        return self.d is None and self.interpolation == "linear"
+
+    def __eq__(self, other: object) -> bool:
+        """Whether two curves have the same points from the same source."""
+        return isinstance(other, Curve) and self._bytes() == other._bytes()
+
+    def __hash__(self) -> int:
+        """Hash of the points."""
+        return hash(self._bytes())
+
+    def _bytes(self) -> tuple[Any, ...]:
+        return (
+            self.over,
+            self.x.tobytes(),
+            self.y.tobytes(),
+            b"" if self.d is None else self.d.tobytes(),
+            self.film,
+            self.source,
+            self.basis,
+            self.interpolation,
+            self.outside,
+            self.limits,
+        )
+
+
+def curve(
+    over: str,
+    points: Sequence[tuple[float, ...]],
+    where: str = "",
+    source: str = "",
+    basis: str = "",
+    interpolation: str = "linear",
+    outside: str = "hold",
+    steps: bool = False,
+) -> Curve:
+    """Return a curve through points: abscissa and value, or abscissa, value and slope; the rest as in `Curve`.
+
+    `steps` says whether two points may lie at one abscissa, as those of an enthalpy at a melting point.
+
+    Raises
+    ------
+    DeckError   With fewer than two points, abscissae that do not increase, a number that is not finite, or slopes for some points only.
+    """
+    falls = [b[0] < a[0] or (b[0] == a[0] and not steps) for a, b in pairwise(points)]
+    if len(points) < 2 or any(falls):
+        raise DeckError("a table needs at least two points, with increasing temperatures.", where)
+    if len({len(p) for p in points}) > 1:
+        raise DeckError("some points of the table have slopes and some have none; give all or none.", where)
+    if not all(math.isfinite(v) for p in points for v in p):
+        raise DeckError("a table holds a number that is not finite.", where)
+    columns = np.array(points).T
+    x, y, *slope = (np.ascontiguousarray(c) for c in columns)
+    if (interpolation == "smooth" or slope) and (np.diff(x) == 0.0).any():
+        raise DeckError("the table has a step (two points at one temperature), so it cannot have slopes. Leave out the slopes.", where)
+    return Curve(over, x, y, slope[0] if slope else None, (), source, basis, interpolation, outside)
+
+
+def slopes(given: Curve) -> NDArray[np.float64]:
+    """Return the slope of a smooth table at each point (points,); zero at both ends where they follow from the points."""
+    if given.d is not None:
+        return given.d
+    from scipy.interpolate import PchipInterpolator
+
+    out = np.asarray(PchipInterpolator(given.x, given.y).derivative()(given.x), dtype=float)
+    out[[0, -1]] = 0.0
+    return out
+
+
+def ends(given: Curve) -> tuple[float, float]:
+    """Return the slopes at both ends, by which a table goes on."""
+    if given.straight:
+        first, last = ((given.y[k + 1] - given.y[k]) / (given.x[k + 1] - given.x[k]) for k in (0, given.x.size - 2))
+        return float(first), float(last)
+    d = slopes(given)
+    return float(d[0]), float(d[-1])
+
+
+def limited(given: Curve, positive: bool = True) -> Curve:
+    """Return a table with the limits outside which a run is refused: its outer points, or where a straight line that goes on nears zero.
+
+    A quantity that must be above zero (`positive`) goes on as far as the LEAST part of its last value.
+    """
+    low, high = -math.inf, math.inf
+    if given.outside == "refuse":
+        low, high = float(given.x[0]), float(given.x[-1])
+    elif given.outside == "linear" and positive:
+        first, last = ends(given)
+        low = float(given.x[0] - (1.0 - LEAST) * given.y[0] / first) if first > 0.0 else low
+        high = float(given.x[-1] - (1.0 - LEAST) * given.y[-1] / last) if last < 0.0 else high
+    return given if low == -math.inf and high == math.inf else replace(given, limits=(low, high))
+
+
+def whole(given: Curve) -> tuple[NDArray[np.float64], NDArray[np.float64], NDArray[np.float64] | None]:
+    """Return points, values and slopes (points,), with what lies outside where the table goes on; no slopes for straight lines."""
+    x, y, d = given.x, given.y, None if given.straight else slopes(given)
+    if given.outside != "linear":
+        return x, y, d
+    first, last = ends(given)
+    low, high = given.limits or (-math.inf, math.inf)
+    low, high = max(low, x[0] - FAR), min(high, x[-1] + FAR)
+    y = np.r_[y[0] - (x[0] - low) * first, y, y[-1] + (high - x[-1]) * last]
+    return np.r_[low, x, high], y, None if d is None else np.r_[d[0], d, d[-1]]
+
+
+def hermite(
+    x: NDArray[np.float64], y: NDArray[np.float64], d: NDArray[np.float64], at: NDArray[np.float64]
+) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    """Return values and slopes (places,) of the cubic pieces through points with slopes, at places within them, as the kernel has them."""
+    k = np.clip(np.searchsorted(x, at, side="right") - 1, 0, x.size - 2)
+    width, t = x[k + 1] - x[k], at - x[k]
+    jump = (y[k + 1] - y[k]) / width
+    c2, c3 = (3.0 * jump - 2.0 * d[k] - d[k + 1]) / width, (d[k] + d[k + 1] - 2.0 * jump) / width**2
+    return y[k] + t * (d[k] + t * (c2 + t * c3)), d[k] + t * (2.0 * c2 + 3.0 * t * c3)
+
+
+def evaluate(given: Curve, at: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Return the curve's values (times,) at temperatures or differences `at`. [SI]"""
+    return value_and_slope(given, at)[0]
+
+
+def value_and_slope(given: Curve, at: NDArray[np.float64]) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    """Return the curve's values and slopes (times,) at temperatures or differences `at`. [SI], [SI/K]
+
+    Outside its points a table that is refused there is held, so that what left it can be shown.
+    """
+    x, y, d = whole(given)
+    inside = np.clip(at, x[0], x[-1])
+    if d is not None:
+        return hermite(x, y, d, inside)
+    k = np.clip(np.searchsorted(x, inside, side="right") - 1, 0, x.size - 2)
+    width = x[k + 1] - x[k]
+    slope = (y[k + 1] - y[k]) / np.where(width > 0.0, width, 1.0)
+    return y[k] + slope * (inside - x[k]), slope

@@ -1,0 +1,166 @@
+"""A law of the user: a Python function of one temperature or one difference, tabulated so finely that the kernel can take its place."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import Any, Final, Literal
+
+import numpy as np
+
+from thermid.base.errors import DeckError, nearest
+from thermid.base.linear_algebra import Array, Indices
+from thermid.model._laws.curves import Curve, hermite
+from thermid.model._laws.options import Source
+from thermid.model._laws.signal import literal
+
+FINEST: Final = 1e-3
+"""Points stand no closer than this: a kink is rounded over it. [K]"""
+MOST: Final = 20_000
+"""Points of one table, beyond which the function is refused."""
+WATCH: Final = 0.1
+"""Distance of the points at which the function is looked at before anything is known of it. [K]"""
+FLAT: Final = 1e-3
+"""Share of the largest value below which errors count relative to that share, so that a zero needs no end of points."""
+NUDGE: Final = 1e-5
+"""Step of the differences that give slopes. [K]"""
+
+
+def law(
+    function: Callable[[Any], Any],
+    *,
+    over: Literal["temperature", "difference"] = "temperature",
+    between: tuple[str | float, str | float],
+    tolerance: float = 1e-7,
+    source: Source | Literal[""] = "",
+    basis: str = "",
+) -> Curve:
+    """Return a function as a smooth table with slopes, for the `table` of a conductor or a load.
+
+    Parameters
+    ----------
+    function : callable         Takes kelvin, an array or one number; returns a conductance [W/K], or for a load a power [W].
+    over : str                  What it takes: 'temperature', the mean of a conductor's ends or that of a load's node; or 'difference', the
+                                first end's less the second's, of both signs.
+    between : (low, high)       Range over which it is asked; constant beyond, and a run that leaves the range states this. [K]
+    tolerance : float           Largest relative error between points; where the function is smaller than a thousandth of its largest
+                                value, relative to that. A kink is rounded over 1 mK. [-]
+    source, basis : str         Kind of source, as of a value of a deck, and what the function rests on.
+
+    Raises
+    ------
+    DeckError   When the function fails, jumps, is not finite or swings too fast somewhere; the message says where.
+    """
+    if over not in ("temperature", "difference"):
+        raise DeckError(f"over = '{over}' is neither 'temperature' nor 'difference'.{nearest(over, ('temperature', 'difference'))}", "law")
+    slot = "temperature" if over == "temperature" else "K"
+    low, high = (literal(b, slot, "law, between") if isinstance(b, str) else float(b) for b in between)
+    if not (low < high and np.isfinite([low, high]).all() and (over == "difference" or low >= 0.0)):
+        raise DeckError(f"between {low:g} K and {high:g} K the range is empty. Give the lower end first.", "law, between")
+    if not 1e-12 <= tolerance < 1.0:
+        raise DeckError(f"a tolerance of {tolerance:g} cannot be reached in double precision. Give 1e-12 or more.", "law, tolerance")
+    asked = _Asked(function)
+    x = np.array([low, 0.0, high] if over == "difference" and low < 0.0 < high else [low, high])
+    knots, values, slopes = _refined(asked, x, tolerance)
+    return Curve(over, knots, values, slopes, source=source, basis=basis)
+
+
+class _Asked:
+    """The function, asked for arrays; every answer is checked."""
+
+    def __init__(self, function: Callable[[Any], Any]) -> None:
+        self.function = function
+
+    def __call__(self, at: Array) -> Array:
+        """Return the values (points,) at `at`, in one call where the function takes arrays."""
+        with np.errstate(all="ignore"):
+            try:
+                found = np.asarray(self.function(at.copy()), dtype=float)
+            except (TypeError, ValueError):
+                found = np.array([self._one(x) for x in at.tolist()])
+            except Exception as error:
+                raise DeckError(f"the function fails: {type(error).__name__}: {error}.", "law") from error
+        if found.shape not in ((), at.shape):
+            raise DeckError(f"the function returns {found.shape} for {at.shape} temperatures; it must return one value for each.", "law")
+        found = np.broadcast_to(found, at.shape)
+        bad = ~np.isfinite(found)
+        if bad.any():
+            raise DeckError(
+                f"the function is {found[bad][0]} at {at[bad][0]:.9g} K. Correct the function there, or choose another range.", "law"
+            )
+        return found
+
+    def _one(self, x: float) -> float:
+        try:
+            return float(self.function(x))
+        except Exception as error:
+            raise DeckError(f"the function fails at {x:.9g} K: {type(error).__name__}: {error}.", "law") from error
+
+    def slopes(self, at: Array, low: float, high: float) -> Array:
+        """Return the slopes (points,) by central differences, of second order at the ends too, where they lean inward."""
+        middle = np.clip(at, low + NUDGE, high - NUDGE)
+        left, right = middle - NUDGE, middle + NUDGE
+        before, here, after = self(left), self(middle), self(right)
+        slope = (after - before) / (right - left)
+        bend = (after - 2.0 * here + before) / NUDGE**2
+        return np.asarray(slope + np.where(at == middle, 0.0, bend * (at - middle)))
+
+
+def _refined(asked: _Asked, x: Array, tolerance: float) -> tuple[Array, Array, Array]:
+    """Return points, values and slopes: intervals are halved until the curve meets the function at fresh points in each."""
+    low, high = float(x[0]), float(x[-1])
+    watch = np.linspace(low, high, min(int((high - low) / WATCH) + 2, MOST))
+    seen = asked(watch)
+    largest = float(np.abs(seen).max())
+    y, d = asked(x), asked.slopes(x, low, high)
+    opened = np.ones(x.size - 1, dtype=bool)
+    while True:
+        width = np.diff(x)
+        fresh = (x[:-1, None] + width[:, None] * (0.211, 0.5, 0.789))[opened].ravel()
+        real = asked(fresh)
+        largest = max(largest, float(np.abs(real).max()))
+        old = opened[_interval(x, watch)]
+        at, want = np.concatenate((fresh, watch[old])), np.concatenate((real, seen[old]))
+        wrong = np.abs(hermite(x, y, d, at)[0] - want) > tolerance * np.maximum(np.abs(want), FLAT * largest)
+        coarse = np.unique(_interval(x, at[wrong]))
+        halve = coarse[width[coarse] > FINEST]
+        _refuse_jumps(asked, x, coarse[width[coarse] <= FINEST], largest)
+        if not halve.size:
+            return x, y, d
+        if x.size + halve.size > MOST:
+            raise DeckError(
+                f"the function needs more than {MOST} points, most of them near {x[np.argmin(width)]:.6g} K."
+                " Allow a larger tolerance or a narrower range, or smooth it there.",
+                "law",
+            )
+        new = 0.5 * (x[halve] + x[halve + 1])
+        opened = np.zeros(x.size - 1, dtype=bool)
+        opened[halve] = True
+        opened = np.insert(opened, halve + 1, True)
+        more = asked(new), asked.slopes(new, low, high)
+        x, y, d = (np.insert(a, halve + 1, b) for a, b in ((x, new), (y, more[0]), (d, more[1])))
+
+
+def _interval(x: Array, at: Array) -> Indices:
+    """Return the index of the interval that each place lies in."""
+    return np.clip(np.searchsorted(x, at, side="right") - 1, 0, x.size - 2)
+
+
+def _refuse_jumps(asked: _Asked, x: Array, sharp: Indices, largest: float) -> None:
+    """Refuse a function that jumps: its change across a finest interval does not shrink as that is halved on."""
+    for k in sharp.tolist():
+        ends = np.array([x[k], x[k + 1]])
+        values = asked(ends)
+        change = abs(values[1] - values[0])
+        for _ in range(24):
+            middle = np.array([ends.mean()])
+            value = asked(middle)
+            right = abs(values[1] - value[0]) > abs(value[0] - values[0])
+            ends = np.array([middle[0], ends[1]] if right else [ends[0], middle[0]])
+            values = np.array([value[0], values[1]] if right else [values[0], value[0]])
+        left = abs(values[1] - values[0])
+        if left > 0.5 * change and left > 1e-9 * largest:
+            raise DeckError(
+                f"the function jumps at {ends[0]:.7g} K, from {values[0]:.6g} to {values[1]:.6g}. A law must be continuous. Connect "
+                "both sides over a few hundredths of a kelvin, or use a thermostat.",
+                "law",
+            )

@@ -1,0 +1,890 @@
+"""Signals: what changes with time - a boundary temperature, a power, a scheduled parameter - and the one algebra of them.
+
+Nothing outside this file takes a signal apart, but for what writes it down for another program (the kernel, SPICE, Octave): builders of
+scenarios shift, cut, scale, add and multiply by the methods below, which keep every property of every kind.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, field, replace
+from numbers import Real
+from typing import Any
+
+import numpy as np
+
+from thermid.base.errors import ScenarioError, ThermidError, cap, raising
+from thermid.base.expression import parse
+from thermid.base.linear_algebra import Array
+from thermid.base.units import require, require_unit, unit as read_unit
+
+Span = tuple[float, float]
+
+AFTER = ("hold", "repeat")
+"""What a table may say of the time beyond its last row."""
+SAMPLES = ("instant", "average")
+"""What a sample of a log is: the value at its stamp, or the mean over the interval that ends there."""
+SINE_SAMPLES = 400
+"""Samples of a period where a sine must become a table: within 3e-5 of its amplitude. [-]"""
+JUMP = 1e-6
+"""Time in which a held value jumps where it meets one that is not held. [s]"""
+BEND = 2e-5
+"""Share of a signal's range by which straight lines may miss what follows from other signals. [-]"""
+MOST_HALVINGS = 8
+"""Times that a stretch is halved until straight lines do."""
+NEAR = 0.01
+"""Share of its length by which a table may end before a run, or begin after it, if that is no more than one of its intervals. [-]"""
+FOREVER = (-math.inf, math.inf)
+CONDUCT = ("before", "after", "period", "samples")
+"""What may be said of a table and of a column of a log alike."""
+
+
+class _Still:
+    """What does not change in a run: a value. [SI]"""
+
+    value: float
+
+    @property
+    def span(self) -> Span:
+        """Time that it holds for. [s]"""
+        return FOREVER
+
+    @property
+    def extent(self) -> float:
+        """Time by which all that it does has happened. [s]"""
+        return 0.0
+
+    @property
+    def onset(self) -> float:
+        """Time of its first row, zero where it has none. [s]"""
+        return 0.0
+
+    @property
+    def held(self) -> bool:
+        """Whether it changes by jumps alone."""
+        return True
+
+    @property
+    def cycle(self) -> float | None:
+        """Time after which it repeats, zero where it never changes, None where it does not repeat. [s]"""
+        return 0.0
+
+    @property
+    def bounds(self) -> tuple[float, float]:
+        """Lowest and highest value. [SI]"""
+        return self.value, self.value
+
+    def at(self, times: Array) -> Array:
+        """Values (times,) at times [s]. [SI]"""
+        return np.full(times.shape, self.value)
+
+    @property
+    def levels(self) -> Array:
+        """Values that it takes (levels,), those between rows left out. [SI]"""
+        return np.array([self.value])
+
+    def drawn(self, end: float) -> Constant:
+        """Return the signal as a run from zero to `end` [s] sees it: a constant, a sine, or a table that repeats nothing."""
+        return Constant(self.value)
+
+    def knots(self, begin: float, end: float) -> Array:
+        """Return the times between which it is straight, over a stretch at least. [s]"""
+        return np.zeros(1)
+
+    def turns(self, end: float) -> Array:
+        """Return when it turns from rising to falling, or back, from zero to an end. [s]"""
+        return np.zeros(0)
+
+    def mean_over(self, begin: float, end: float) -> float:
+        """Return its mean over a stretch of time, or its value where the stretch has no length. [SI]"""
+        return self.value
+
+
+@dataclass(frozen=True)
+class Constant(_Still):
+    """A value that does not change. [SI]"""
+
+    value: float
+
+    def drawn(self, end: float) -> Constant:
+        """Return the signal as a run from zero to `end` [s] sees it: itself."""
+        return self
+
+    def shifted(self, seconds: float) -> Constant:
+        """Return the signal as it is from a time on: zero is where that time was."""
+        return self
+
+    def cut(self, begin: float, end: float) -> Constant:
+        """Return the signal without what lies outside a stretch of time. [s]"""
+        return self
+
+    def held_on(self) -> Constant:
+        """Return the signal with its last value held where nothing else is said of the time beyond: itself."""
+        return self
+
+    def scaled(self, factor: float) -> Constant:
+        """Return the signal times a number."""
+        return Constant(factor * self.value)
+
+    def raised(self, shift: float) -> Constant:
+        """Return the signal with a number added."""
+        return Constant(self.value + shift)
+
+
+@dataclass(frozen=True, eq=False)
+class TableSignal:
+    """Samples, joined by straight lines or held until the next one.
+
+    Parameters
+    ----------
+    times : array (samples,)    Strictly increasing. [s]
+    values : array (samples,)   [SI]
+    hold : bool                 Whether each value holds until the next sample; the last one of a table that was written then holds on.
+    unit : str                  Unit in which a log had the values; what it stands for must be of the same dimension. Empty where none said.
+    log : (str, float) or None  Of a column of a log: the hash of its samples, and the time in it that is zero here. [s]
+    after : str                 What holds beyond the last row: ``hold``, ``repeat`` (the last row ends the period), or nothing (empty): a
+                                run that lasts longer is refused.
+    before : str                What holds before the first row: ``hold``, or nothing (empty): a run that begins earlier is refused.
+    samples : str               Of a log: ``instant`` or ``average``, as somebody said; empty where nobody did, which is taken as instants.
+    """
+
+    times: Array
+    values: Array
+    hold: bool = False
+    unit: str = ""
+    log: tuple[str, float] | None = None
+    after: str = ""
+    before: str = ""
+    samples: str = ""
+
+    def __post_init__(self) -> None:
+        """Refuse tables that are no function of time."""
+        if self.times.ndim != 1 or self.times.shape != self.values.shape or self.times.size == 0:
+            raise ScenarioError("a table needs as many values as times, and at least one.")
+        if not (np.isfinite(self.times).all() and np.isfinite(self.values).all()):
+            raise ScenarioError("a table holds a time or a value that is not a number.")
+        if (np.diff(self.times) <= 0).any():
+            k = int(np.argmax(np.diff(self.times) <= 0))
+            raise ScenarioError(f"times of a table must increase; {self.times[k + 1]:g} s follows {self.times[k]:g} s.")
+        if self.after not in ("", *AFTER):
+            raise ScenarioError(f"after is 'hold' or 'repeat', not '{self.after}'.")
+        if self.before not in ("", "hold"):
+            raise ScenarioError(f"before is 'hold' (the first value), not '{self.before}'.")
+        if self.samples not in ("", *SAMPLES):
+            raise ScenarioError(f"samples are 'instant' or 'average', not '{self.samples}'.")
+        if self.after == "repeat":
+            self._check_period()
+
+    def _check_period(self) -> None:
+        """Refuse a table whose end does not meet its beginning."""
+        if self.times.size < 2:
+            raise ScenarioError("a table of one row has no period to repeat.")
+        size = max(float(np.ptp(self.values)), 1e-12 * float(np.abs(self.values).max()))
+        if abs(float(self.values[-1] - self.values[0])) > 1e-9 * size:
+            raise ScenarioError(
+                f"a table that repeats must end with its first value. Its last row, at {self.times[-1]:g} s, has "
+                f"{self.values[-1]:.6g} and its "
+                f"first {self.values[0]:.6g} (SI). Repeat the first value at the end, or give the period: period = '24 [h]'."
+            )
+
+    @property
+    def span(self) -> Span:
+        """Time that it holds for: to one interval beyond its first and last sample, of no log to a hundredth of its length at most. [s]"""
+        first, last = float(self.times[0]), float(self.times[-1])
+        if self.after == "repeat" or self.times.size == 1:
+            return FOREVER
+        most = math.inf if self.log is not None else NEAR * (last - first)
+        ahead, beyond = (min(float(step), most) for step in (self.times[1] - self.times[0], self.times[-1] - self.times[-2]))
+        begin = -math.inf if self.before == "hold" else first - ahead
+        return begin, math.inf if self.after == "hold" or (self.hold and self.log is None) else last + beyond
+
+    @property
+    def extent(self) -> float:
+        """Time by which all that it does has happened. [s]"""
+        return float(self.times[-1])
+
+    @property
+    def onset(self) -> float:
+        """Time of its first row, zero where it has none. [s]"""
+        return float(self.times[0])
+
+    @property
+    def held(self) -> bool:
+        """Whether it changes by jumps alone."""
+        return self.hold or self.times.size == 1
+
+    @property
+    def cycle(self) -> float | None:
+        """Time after which it repeats, zero where it never changes, None where it does not repeat. [s]"""
+        if self.after == "repeat":
+            return float(self.times[-1] - self.times[0])
+        return 0.0 if float(np.ptp(self.values)) == 0.0 else None
+
+    @property
+    def bounds(self) -> tuple[float, float]:
+        """Lowest and highest value. [SI]"""
+        return float(self.values.min()), float(self.values.max())
+
+    @property
+    def levels(self) -> Array:
+        """Values that it takes (levels,), those between rows left out. [SI]"""
+        return self.values
+
+    def at(self, times: Array) -> Array:
+        """Values (times,) at times [s]; those at the ends beyond what it holds for, which a run never asks for. [SI]"""
+        if self.after == "repeat":
+            times = self.times[0] + np.mod(times - self.times[0], self.times[-1] - self.times[0])
+        if self.hold:
+            index = np.clip(np.searchsorted(self.times, times, side="right") - 1, 0, None)
+            return self.values[index]
+        return np.interp(times, self.times, self.values)
+
+    def shifted(self, seconds: float) -> TableSignal:
+        """Return the signal as it is from a time on: zero is where that time was."""
+        log = None if self.log is None else (self.log[0], self.log[1] + seconds)
+        return replace(self, times=self.times - seconds, log=log)
+
+    @property
+    def instants(self) -> Array:
+        """Times of its samples. [s]"""
+        return self.times
+
+    def held_on(self) -> TableSignal:
+        """Return the signal with its last value held where nothing else is said of the time beyond."""
+        return self if self.after else replace(self, after="hold")
+
+    def within(self, times: Array, where: str) -> Array:
+        """Return values (times,) at times [s], none of which lies beyond what it holds for. [SI]
+
+        Raises
+        ------
+        ScenarioError   When one does.
+        """
+        first, last = self.span
+        beyond = times[(times < first - 1e-6) | (times > last + 1e-6)]
+        if beyond.size:
+            raise ScenarioError(f"it is known from {first:g} to {last:g} s, but requested at {beyond[0]:g} s.", where)
+        return self.at(times)
+
+    def retimed(self, law: Callable[[Array], Array]) -> TableSignal:
+        """Return the signal with other times for its samples, those of another clock; its ends hold for what that leaves open. [s]"""
+        return replace(self, times=law(self.times), before="hold", after=self.after or "hold")
+
+    def changed_within(self) -> TableSignal:
+        """Return a signal that was sampled, with each change in the middle of the interval in which it happened."""
+        times, change = self.times.copy(), 1 + np.flatnonzero(np.diff(self.values))
+        times[change] -= 0.5 * (self.times[change] - self.times[change - 1])
+        return replace(self, times=times)
+
+    def largest_changes(self, most: int) -> list[int]:
+        """Return the places of its largest changes, so many at most, the largest first."""
+        steps = np.abs(np.diff(self.values))
+        return [int(k) + 1 for k in np.argsort(-steps, kind="stable")[: min(most, np.count_nonzero(steps))]]
+
+    def levelled(self, least: float) -> TableSignal:
+        """Return the signal at its mean between changes from sample to sample that are larger than `least`."""
+        stretch = np.append(0, np.cumsum(np.abs(np.diff(self.values)) > least))
+        return replace(self, values=(np.bincount(stretch, self.values) / np.bincount(stretch))[stretch], unit="")
+
+    def delayed(self, place: int, by: float) -> TableSignal:
+        """Return the signal with one of its samples later. [s]"""
+        times = self.times.copy()
+        times[place] += by
+        return replace(self, times=times)
+
+    def mapped(self, law: Callable[[Array], Array]) -> TableSignal:
+        """Return what follows from each value by itself; between samples it is as straight, or held, as before."""
+        return replace(self, values=law(self.values), unit="")
+
+    def cut(self, begin: float, end: float) -> TableSignal:
+        """Return the signal without what lies outside a stretch of time; one that repeats is kept whole. [s]"""
+        if self.after == "repeat" or self.times.size == 1:
+            return self
+        inside = self.times[(self.times > begin) & (self.times < end)]
+        ends = [t for t in (max(begin, float(self.times[0])), min(end, float(self.times[-1]))) if begin <= t <= end]
+        times = np.union1d(inside, ends) if inside.size or ends else np.array([begin])
+        return replace(self, times=times, values=self.at(times))
+
+    def scaled(self, factor: float) -> TableSignal:
+        """Return the signal times a number."""
+        return replace(self, values=factor * self.values)
+
+    def raised(self, shift: float) -> TableSignal:
+        """Return the signal with a number added."""
+        return replace(self, values=self.values + shift)
+
+    def drawn(self, end: float) -> TableSignal:
+        """Return the signal as a run from zero to `end` [s] sees it: its rows of that time, and periods laid one after the other."""
+        if self.after != "repeat":
+            if end <= 0.0:
+                return self
+            first = max(int(np.searchsorted(self.times, 0.0, side="right")) - 1, 0)
+            last = int(np.searchsorted(self.times, end, side="left")) + 1
+            return (
+                self
+                if first == 0 and last >= self.times.size
+                else replace(self, times=self.times[first:last], values=self.values[first:last])
+            )
+        length = float(self.times[-1] - self.times[0])
+        lead = math.floor((0.0 - self.times[0]) / length)
+        count = max(math.ceil((end - self.times[0]) / length), lead + 1) - lead
+        _samples(float(count * self.times.size), length)
+        times = (self.times[:-1][None, :] + (lead + np.arange(count))[:, None] * length).ravel()
+        values = np.tile(self.values[:-1], count)
+        last = self.times[0] + (lead + count) * length
+        return replace(self, times=np.append(times, last), values=np.append(values, self.values[-1]), after="hold", log=None)
+
+    def turns(self, end: float) -> Array:
+        """Return when it turns from rising to falling, or back, and its first and last row, from zero to an end. [s]"""
+        drawn = self.drawn(end)
+        steps = np.sign(np.diff(drawn.values))
+        turns = np.concatenate(([True], steps[1:] * steps[:-1] <= 0.0, [True])) if steps.size else np.ones(1, dtype=bool)
+        times = drawn.times[turns]
+        return np.asarray(times[(times >= 0.0) & (times <= end)])
+
+    def corners(self) -> Array:
+        """Return the times of its rows; of a held table those at which its value changes, the first included. [s]"""
+        changes = np.concatenate(([True], np.diff(self.values) != 0.0)) if self.hold else np.ones(self.times.size, dtype=bool)
+        return np.asarray(self.times[changes])
+
+    def knots(self, begin: float, end: float) -> Array:
+        """Return the times between which it is straight, over a stretch at least; a held value jumps within a moment. [s]"""
+        times = self.drawn(end).times if self.after == "repeat" else self.times
+        if not self.hold or times.size < 2:
+            return times
+        moment = min(JUMP, 0.25 * float(np.diff(times).min()))
+        return np.union1d(times, times[1:] - moment)
+
+    def mean_over(self, begin: float, end: float) -> float:
+        """Return its mean over a stretch of time, or its value where the stretch has no length. [SI]"""
+        if end <= begin:
+            return float(self.at(np.array([begin]))[0])
+        whole = self.drawn(end)
+        inside = whole.times[(whole.times > begin) & (whole.times < end)]
+        times = np.concatenate(([begin], inside, [end]))
+        values = whole.at(times)
+        levels = values[:-1] if self.hold else 0.5 * (values[1:] + values[:-1])
+        return float(levels @ np.diff(times)) / (end - begin)
+
+
+@dataclass(frozen=True)
+class Sine:
+    """A mean and a sine: mean + amplitude sin(2 pi t / period + phase).
+
+    Parameters
+    ----------
+    mean, amplitude : float   [SI]
+    period : float            [s]
+    phase : float             [rad]
+    unit : str                Unit in which it was written, where only the model knows what it is for; empty otherwise.
+    """
+
+    mean: float
+    amplitude: float
+    period: float
+    phase: float = 0.0
+    unit: str = ""
+
+    def turns(self, end: float) -> Array:
+        """Return when it turns from rising to falling, or back, from zero to an end. [s]"""
+        first = (0.25 - self.phase / (2.0 * np.pi)) % 0.5
+        return np.asarray(self.period * np.arange(first, end / self.period, 0.5))
+
+    @property
+    def span(self) -> Span:
+        """Time that it holds for. [s]"""
+        return FOREVER
+
+    @property
+    def extent(self) -> float:
+        """Time by which all that it does has happened. [s]"""
+        return self.period
+
+    @property
+    def onset(self) -> float:
+        """Time of its first row, zero where it has none. [s]"""
+        return 0.0
+
+    @property
+    def held(self) -> bool:
+        """Whether it changes by jumps alone."""
+        return False
+
+    @property
+    def cycle(self) -> float | None:
+        """Time after which it repeats. [s]"""
+        return self.period if self.amplitude else 0.0
+
+    @property
+    def bounds(self) -> tuple[float, float]:
+        """Lowest and highest value. [SI]"""
+        return self.mean - abs(self.amplitude), self.mean + abs(self.amplitude)
+
+    def at(self, times: Array) -> Array:
+        """Values (times,) at times [s]. [SI]"""
+        return self.mean + self.amplitude * np.sin(2.0 * np.pi * times / self.period + self.phase)
+
+    def shifted(self, seconds: float) -> Sine:
+        """Return the signal as it is from a time on: zero is where that time was."""
+        return replace(self, phase=self.phase + 2.0 * math.pi * math.fmod(seconds / self.period, 1.0))
+
+    @property
+    def levels(self) -> Array:
+        """Lowest and highest value. [SI]"""
+        return np.array(self.bounds)
+
+    def held_on(self) -> Sine:
+        """Return the signal with its last value held where nothing else is said of the time beyond: itself, which has no end."""
+        return self
+
+    def cut(self, begin: float, end: float) -> Sine:
+        """Return the signal without what lies outside a stretch of time: itself. [s]"""
+        return self
+
+    def scaled(self, factor: float) -> Sine:
+        """Return the signal times a number."""
+        return replace(self, mean=factor * self.mean, amplitude=factor * self.amplitude)
+
+    def raised(self, shift: float) -> Sine:
+        """Return the signal with a number added."""
+        return replace(self, mean=self.mean + shift)
+
+    def drawn(self, end: float) -> Sine:
+        """Return the signal as a run from zero to `end` [s] sees it: itself."""
+        return self
+
+    def knots(self, begin: float, end: float) -> Array:
+        """Return times between which it is straight to 3e-5 of its amplitude. [s]"""
+        return np.unique(np.linspace(begin, end, max(2, _samples((end - begin) / self.period * SINE_SAMPLES, self.period))))
+
+    def mean_over(self, begin: float, end: float) -> float:
+        """Return its mean over a stretch of time, or its value where the stretch has no length. [SI]"""
+        if end <= begin:
+            return float(self.at(np.array([begin]))[0])
+        rate = 2.0 * math.pi / self.period
+        ups = math.cos(rate * begin + self.phase) - math.cos(rate * end + self.phase)
+        return self.mean + self.amplitude * ups / (rate * (end - begin))
+
+
+@dataclass(frozen=True, eq=False)
+class Mixed:
+    """What follows at every instant from other signals: a product, a sum, the radiation between two temperatures.
+
+    It keeps its parts as they are, so that a shift loses nothing, until a run draws it as a table.
+
+    Parameters
+    ----------
+    law : callable      Values (times,) of the parts -> values (times,); a ufunc, or an object whose fields say what it is. [SI]
+    parts : tuple       Signals that it is made of.
+    bend : float        Share of its range by which straight lines between the rows of a table may miss it; without limit it is straight
+                        between the rows of its parts. [-]
+    """
+
+    law: Callable[..., Array]
+    parts: tuple[Signal, ...]
+    bend: float = BEND
+
+    @property
+    def span(self) -> Span:
+        """Time that all parts hold for. [s]"""
+        spans = [p.span for p in self.parts]
+        return max(s[0] for s in spans), min(s[1] for s in spans)
+
+    @property
+    def extent(self) -> float:
+        """Time by which all that it does has happened. [s]"""
+        return max(p.extent for p in self.parts)
+
+    @property
+    def onset(self) -> float:
+        """Time of its first row, zero where it has none. [s]"""
+        return max(p.onset for p in self.parts)
+
+    @property
+    def held(self) -> bool:
+        """Whether it changes by jumps alone."""
+        return all(p.held for p in self.parts)
+
+    @property
+    def cycle(self) -> float | None:
+        """Time after which all parts repeat, where one is a multiple of every other. [s]"""
+        return common_cycle([p.cycle for p in self.parts])
+
+    @property
+    def bounds(self) -> tuple[float, float]:
+        """Lowest and highest value at the knots of its parts. [SI]"""
+        return self.drawn(self.extent).bounds
+
+    def at(self, times: Array) -> Array:
+        """Values (times,) at times [s]. [SI]"""
+        return np.asarray(self.law(*(p.at(times) for p in self.parts)))
+
+    def shifted(self, seconds: float) -> Mixed:
+        """Return the signal as it is from a time on: zero is where that time was."""
+        return replace(self, parts=tuple(p.shifted(seconds) for p in self.parts))
+
+    @property
+    def levels(self) -> Array:
+        """Values that it takes (levels,) as a table. [SI]"""
+        return self.drawn(self.extent).levels
+
+    def held_on(self) -> Mixed:
+        """Return what follows from parts that are held on."""
+        return replace(self, parts=tuple(p.held_on() for p in self.parts))
+
+    def cut(self, begin: float, end: float) -> Mixed:
+        """Return the signal without what lies outside a stretch of time. [s]"""
+        return replace(self, parts=tuple(p.cut(begin, end) for p in self.parts))
+
+    def scaled(self, factor: float) -> Mixed:
+        """Return the signal times a number."""
+        return Mixed(np.multiply, (Constant(factor), self))
+
+    def raised(self, shift: float) -> Mixed:
+        """Return the signal with a number added."""
+        return Mixed(np.add, (Constant(shift), self))
+
+    def drawn(self, end: float) -> Constant | TableSignal:
+        """Return the signal as a run from zero to `end` [s] sees it, halving stretches until straight lines do."""
+        parts = [p.drawn(end) for p in self.parts]
+        if all(isinstance(p, Constant) for p in parts):
+            return Constant(float(self.at(np.zeros(1))[0]))
+        drawn = replace(self, parts=tuple(parts))
+        times, held = together(parts, end)
+        if held:
+            return TableSignal(times, drawn.at(times), hold=True, after="hold")
+        times = np.append(times[times < end], end) if times[0] < end < times[-1] else times
+        return TableSignal(*_straightened(drawn.at, times, self.bend), after="hold")
+
+    def knots(self, begin: float, end: float) -> Array:
+        """Return the times between which it is straight, over a stretch at least. [s]"""
+        return self.drawn(end).knots(begin, end)
+
+    def mean_over(self, begin: float, end: float) -> float:
+        """Return its mean over a stretch of time, or its value where the stretch has no length. [SI]"""
+        return self.drawn(end).mean_over(begin, end)
+
+
+@dataclass(frozen=True, eq=False)
+class MeanOf(_Still):
+    """The mean of a signal over a run: what no law of the network follows in time.
+
+    Parameters
+    ----------
+    of : Signal
+    length : float  Of the run. [s]
+    value : float   The mean. [SI]
+    """
+
+    of: Signal
+    length: float
+    value: float = field(init=False)
+
+    def __post_init__(self) -> None:
+        """Take the mean."""
+        object.__setattr__(self, "value", self.of.mean_over(0.0, self.length))
+
+    def shifted(self, seconds: float) -> MeanOf:
+        """Return the mean over a run that begins at another time."""
+        return replace(self, of=self.of.shifted(seconds))
+
+    def held_on(self) -> MeanOf:
+        """Return the mean of a signal that is held on."""
+        return replace(self, of=self.of.held_on())
+
+    def cut(self, begin: float, end: float) -> MeanOf:
+        """Return itself: a mean needs all of its run. [s]"""
+        return self
+
+    def scaled(self, factor: float) -> MeanOf:
+        """Return the mean times a number."""
+        return replace(self, of=self.of.scaled(factor))
+
+    def raised(self, shift: float) -> MeanOf:
+        """Return the mean with a number added."""
+        return replace(self, of=self.of.raised(shift))
+
+
+Signal = Constant | TableSignal | Sine | Mixed | MeanOf
+Drawn = Constant | TableSignal | Sine
+"""What a run sees, and what is written for other programs."""
+
+
+def check_span(given: Signal, end: float, where: str) -> None:
+    """Refuse a signal that ends before a run, or begins after it: nothing says what holds there.
+
+    Parameters
+    ----------
+    given : Signal
+    end : float     Of the run, which begins at zero. [s]
+    where : str     For messages.
+
+    Raises
+    ------
+    ScenarioError   With what can be said of the time beyond.
+    """
+    first, last = given.span
+    if last < end:
+        raise ScenarioError(
+            f"it ends at {_hours(given.extent)} and the run lasts {_hours(end)}. State the value beyond its end: after = 'hold' (its "
+            "last value) or 'repeat'; or give it up to the end, or shorten the run.",
+            where,
+        )
+    if first > 0.0:
+        raise ScenarioError(
+            f"its first row is at {_hours(given.onset)} and the run begins at zero. Give the value there, or before = 'hold'.", where
+        )
+
+
+def _hours(seconds: float) -> str:
+    return f"{seconds:g} s" if seconds < 3600.0 else f"{seconds / 3600.0:.5g} h"
+
+
+def together(signals: Sequence[Drawn], end: float) -> tuple[Array, bool]:
+    """Return the times at which several signals are to be sampled as one table up to `end` [s], and whether all of them are held."""
+    held = all(s.held for s in signals)
+    return np.unique(np.concatenate([s.times if held and isinstance(s, TableSignal) else s.knots(0.0, end) for s in signals])), held
+
+
+def multiplied(*factors: Signal) -> Signal:
+    """Return the product of signals; that with a constant stays what it is."""
+    number = math.prod(s.value for s in factors if isinstance(s, Constant))
+    rest = [s for s in factors if not isinstance(s, Constant)]
+    if not rest:
+        return Constant(number)
+    whole: Signal = rest[0] if len(rest) == 1 else Mixed(_product, tuple(rest))
+    return whole if number == 1.0 else whole.scaled(number)
+
+
+def added(*terms: Signal) -> Signal:
+    """Return the sum of signals; that with a constant stays what it is."""
+    number = math.fsum(s.value for s in terms if isinstance(s, Constant))
+    rest = [s for s in terms if not isinstance(s, Constant)]
+    if not rest:
+        return Constant(number)
+    whole: Signal = rest[0] if len(rest) == 1 else Mixed(_sum, tuple(rest))
+    return whole if number == 0.0 else whole.raised(number)
+
+
+def _product(*values: Array) -> Array:
+    return np.asarray(np.prod(values, axis=0))
+
+
+def _sum(*values: Array) -> Array:
+    return np.asarray(np.sum(values, axis=0))
+
+
+def joined(before: Signal, instant: float, then: Signal) -> Signal:
+    """Return a signal that gives way to another at an instant; each keeps what it is. [s]"""
+    if instant <= 0.0:
+        return then
+    whole = before.held_on() if before.span[1] >= instant * (1.0 - 1e-9) else before
+    return Mixed(Until(), (whole, then, TableSignal(np.array([0.0, instant]), np.array([0.0, 1.0]), hold=True)))
+
+
+@dataclass(frozen=True)
+class Until:
+    """The first of two signals while a third is zero, then the second."""
+
+    def __call__(self, before: Array, then: Array, gone: Array) -> Array:
+        """Values (times,). [SI]"""
+        return np.where(gone > 0.5, then, before)
+
+
+def common_cycle(cycles: Sequence[float | None]) -> float | None:
+    """Return the time after which all repeat, where it is at most a thousand periods of any; None where there is none. [s]"""
+    from fractions import Fraction
+
+    if any(c is None for c in cycles):
+        return None
+    several = [c for c in cycles if c]
+    if not several:
+        return 0.0
+    shares = [Fraction(c / several[0]).limit_denominator(1000) for c in several]
+    if any(abs(float(f) * several[0] - c) > 1e-9 * c for f, c in zip(shares, several, strict=True)):
+        return None
+    whole = Fraction(math.lcm(*(f.numerator for f in shares)), math.gcd(*(f.denominator for f in shares)))
+    length = float(whole) * several[0]
+    return length if length <= 1000.0 * min(several) else None
+
+
+def _straightened(law: Callable[[Array], Array], times: Array, bend: float) -> tuple[Array, Array]:
+    """Return times and values between which straight lines miss a law by little; stretches of a jump are left alone."""
+    values = law(times)
+    for _ in range(MOST_HALVINGS if math.isfinite(bend) else 0):
+        middles = 0.5 * (times[1:] + times[:-1])
+        mine = law(middles)
+        size = max(float(np.ptp(values)), 1e-300)
+        bent = (np.abs(mine - 0.5 * (values[1:] + values[:-1])) > bend * size) & (np.diff(times) > 2.0 * JUMP)
+        if not bent.any():
+            break
+        order = np.argsort(np.concatenate((times, middles[bent])), kind="stable")
+        times, values = np.concatenate((times, middles[bent]))[order], np.concatenate((values, mine[bent]))[order]
+    return times, values
+
+
+def _samples(count: float, period: float) -> int:
+    """Return how many samples a periodic signal needs.
+
+    Raises
+    ------
+    ScenarioError   When they would fill the memory.
+    """
+    if count > cap("samples"):
+        raise ScenarioError(
+            f"a period of {period:g} s would take {count:.3g} samples for this run, more than the limit of {cap('samples'):.0e}. "
+            f"Give a longer period, its mean instead, or a shorter run.{raising('samples')}",
+            "a periodic signal",
+        )
+    return int(np.ceil(count)) + 1
+
+
+def pulses(period: float, duty: float) -> Signal:
+    """Return what is 1 for a share of every period, first, and 0 for the rest; a period above zero, a duty from 0 to 1. [s, -]"""
+    if duty in (0.0, 1.0):
+        return Constant(duty)
+    return TableSignal(np.array([0.0, duty * period, period]), np.array([1.0, 0.0, 1.0]), hold=True, after="repeat")
+
+
+def averages(times: Array, values: Array, **more: Any) -> TableSignal:
+    """Return samples that are means over the intervals that end at their times, as steps; the first interval is as long as the second.
+
+    Steps keep the integral of every interval, which straight lines between means would not.
+    """
+    if times.size < 2:
+        return TableSignal(times, values, **more)
+    edges = np.concatenate(([2.0 * times[0] - times[1]], times))
+    # a row at the last stamp says how far the last mean reaches
+    return TableSignal(edges, np.append(values, values[-1]), **{**more, "hold": True, "samples": "average"})
+
+
+def literal(text: str | float, slot: str, where: str = "") -> float:
+    """Return the SI value of a number with a unit, checked against a slot.
+
+    Raises
+    ------
+    ThermidError   When it is not a number, or of another dimension.
+    """
+    try:
+        if isinstance(text, bool) or not isinstance(text, str | Real):
+            raise ScenarioError(f"a number with a unit is needed, such as '5 [{slot or 'K'}]', not {text!r}.")
+        expression = parse(text if isinstance(text, str) else repr(text if isinstance(text, int) else float(text)))
+        if expression.literal is None:
+            raise ScenarioError(f"'{text}' must be a number with a unit; names of parameters are not allowed here.")
+        require_unit(expression.literal.unit, slot)
+        return expression.literal.value
+    except ThermidError as error:
+        raise error.located(where) from None
+
+
+def signal(value: Any, slot: str, where: str = "") -> Signal:
+    """Return a signal from what a scenario writes.
+
+    Parameters
+    ----------
+    value : str, number, table or Signal
+        ``"24 [degC]"``; ``{times = ["0 [s]", "1 [h]"], values = ["24 [degC]", "25 [degC]"]}`` with ``hold = true`` for steps, ``after``
+        (hold or repeat; ``period`` where the last row does not end it) for the time beyond the last row, ``before`` (hold), and
+        ``samples = "average"`` where each value is the mean over the interval that ends at its time;
+        ``{mean = "24 [degC]", amplitude = "3 [K]", period = "24 [h]", phase = 0.0}``; a pair (times, values) of arrays in SI.
+    slot : str      What it must be: a unit text or `temperature`.
+
+    Raises
+    ------
+    ThermidError    When it is none of these.
+    """
+    if isinstance(value, TableSignal | Sine) and value.unit:
+        of = read_unit(value.unit)
+        try:
+            require(of.dimension, slot, value.unit, of.absolute)
+        except ThermidError as error:
+            raise error.located(where) from None
+    if isinstance(value, Signal):
+        return value
+    if isinstance(value, Mapping):
+        return _from_table(value, slot, where)
+    if isinstance(value, tuple) and len(value) == 2 and not isinstance(value[0], str):
+        return TableSignal(np.asarray(value[0], dtype=float), np.asarray(value[1], dtype=float))
+    if isinstance(value, str | int | float):
+        return Constant(literal(value, slot, where))
+    raise ScenarioError("give a signal as a value with a unit, a table of times and values, or a sine.", where)
+
+
+def own_signal(value: Any, where: str = "") -> Any:
+    """Return what is written of a parameter that only the model knows, as a signal in its own unit; a constant stays as it is written.
+
+    Raises
+    ------
+    ThermidError    When it is no table and no sine.
+    """
+    if not isinstance(value, Mapping):
+        return value
+    rows = value.get("values", ())
+    first = next(iter(rows if isinstance(rows, Sequence | np.ndarray) else ()), None) if "values" in value else value.get("mean")
+    if first is None:
+        return signal(value, "1", where)
+    try:
+        given = parse(first if isinstance(first, str) else repr(float(first))).literal
+    except ThermidError as error:
+        raise error.located(where) from None
+    if given is None:
+        return signal(value, "1", where)
+    made = signal(value, "temperature" if given.unit.absolute else given.unit.text, where)
+    return replace(made, unit=given.unit.text) if isinstance(made, TableSignal | Sine) else made
+
+
+def _column(values: Sequence[str | float], slot: str, where: str) -> Array:
+    return np.array([literal(v, slot, where) for v in values])
+
+
+def _from_table(value: Mapping[str, Any], slot: str, where: str) -> Signal:
+    """Read the table form of a signal."""
+    keys = {str(key) for key in value}
+    for key in ("times", "values"):
+        if key in value and (isinstance(value[key], str) or not isinstance(value[key], Sequence | np.ndarray)):
+            raise ScenarioError(f"the {key} of a table are a list, not {value[key]!r}.", where)
+    if {"times", "values"} <= keys <= {"times", "values", "hold", *CONDUCT}:
+        try:
+            rows = TableSignal(_column(value["times"], "s", where), _column(value["values"], slot, where), bool(value.get("hold", False)))
+            return conducted(rows, value, where)
+        except ThermidError as error:
+            raise error.located(where) from None
+    if {"mean", "amplitude", "period"} <= keys <= {"mean", "amplitude", "period", "phase"}:
+        difference = "K" if slot == "temperature" else slot
+        period = literal(value["period"], "s", where)
+        if period <= 0:
+            raise ScenarioError("a sine needs a period above zero.", where)
+        amplitude = literal(value["amplitude"], difference, where)
+        return Sine(literal(value["mean"], slot, where), amplitude, period, literal(value.get("phase", 0.0), "1", where))
+    raise ScenarioError(
+        f"a signal is a table of times and values (hold, before, after, period, samples), or of mean, amplitude and period (phase), not of "
+        f"{', '.join(sorted(keys))}.",
+        where,
+    )
+
+
+def conducted(rows: TableSignal, said: Mapping[str, Any], where: str) -> TableSignal:
+    """Return samples with what is said of them: ``samples``, ``before``, ``after`` and the ``period`` of what repeats.
+
+    Raises
+    ------
+    ScenarioError   When a word is unknown, a period is too short, or steps of their own are said to be averages.
+    """
+    samples, after = str(said.get("samples", "")), str(said.get("after", ""))
+    if samples == "average":
+        if said.get("hold"):
+            raise ScenarioError("samples = 'average' implies steps, each up to its time stamp. Leave hold out.", where)
+        rows = averages(rows.times, rows.values, unit=rows.unit, log=rows.log)
+    if "period" in said:
+        if after != "repeat":
+            raise ScenarioError("a period applies to after = 'repeat' only. Add it, or leave the period out.", where)
+        length = literal(said["period"], "s", where)
+        if not length > float(rows.times[-1] - rows.times[0]):
+            raise ScenarioError(
+                f"a period of {length:g} s ends before the last row of its table. Give a longer period, or leave it out if the last "
+                "row is its end.",
+                where,
+            )
+        rows = replace(rows, times=np.append(rows.times, rows.times[0] + length), values=np.append(rows.values, rows.values[0]))
+    return replace(rows, samples=samples or rows.samples, after=after, before=str(said.get("before", "")))

@@ -1,0 +1,315 @@
+"""Properties that change with temperature, integrated: heat is then conducted and stored exactly, whatever the swing.
+
+A conductivity becomes its integral over temperature (Kirchhoff's transform; Carslaw and Jaeger, Conduction of Heat in Solids, 2nd ed.,
+section 1.6), a specific heat the temperature that a mass of constant specific heat would have with the same enthalpy.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+from functools import lru_cache
+from typing import Any, Final
+
+import numpy as np
+
+from thermid.base.errors import DeckError
+from thermid.base.linear_algebra import Array
+from thermid.model._laws.curves import Curve, curve, ends, hermite, limited, slopes, value_and_slope
+
+TABULATED: Final = {"conductivity": "W/(m K)", "specific_heat": "J/(kg K)", "enthalpy": "J/kg"}
+"""Fields that may be a table over temperature, with the unit of their values."""
+SLOPES: Final = {"1": "1/K", "W/K": "W/K^2", "W": "W/K", "W/(m K)": "W/(m K^2)", "J/(kg K)": "J/(kg K^2)", "J/kg": "J/(kg K)"}
+"""Unit of the values of a table -> unit of its slopes over temperature."""
+COLDEST, HOTTEST = 1.0, 6000.0
+"""Temperatures to which a property is held constant beyond its table. [K]"""
+CLOSE: Final = 1e-12
+"""Error of an inverse table between its points, over rounding. [K]"""
+FINEST: Final = 1e-3
+"""Pieces of an inverse table are divided no further than this. [K]"""
+PARTS: Final = 32
+"""Parts of each piece of a smooth table that is integrated."""
+ROUNDING: Final = 8.0 * float(np.finfo(float).eps)
+"""Relative error that rounding leaves of a temperature."""
+ROOM: Final = 293.15
+"""Temperature at which the capacitance of a node with a table of specific heat is quoted. [K]"""
+
+
+@dataclass(frozen=True)
+class Supercooling:
+    """How far a melt cools before it freezes.
+
+    Parameters
+    ----------
+    liquidus : float    Temperature from which on everything is liquid; freezing would begin here. [K]
+    degree : float      By how much the melt cools below it until crystals form. [K]
+    starts : str        'solid' or 'liquid': what a node is that starts between the two temperatures.
+    """
+
+    liquidus: float
+    degree: float
+    starts: str = "solid"
+
+    @property
+    def nucleation(self) -> float:
+        """Temperature at which crystals form. [K]"""
+        return self.liquidus - self.degree
+
+
+@dataclass(frozen=True, eq=False)
+class Melt:
+    """The liquid branch of a store that supercools.
+
+    Parameters
+    ----------
+    given : Supercooling
+    rise, curve : Curve     As those of `HeatStore`, of the melt without crystals.
+    molten, freezes : float Levels at which the last crystal melts and at which crystals form. [K]
+    """
+
+    given: Supercooling
+    rise: Curve
+    curve: Curve
+    molten: float
+    freezes: float
+
+
+@dataclass(frozen=True, eq=False)
+class HeatStore:
+    """How a node stores heat: H = capacitance * level(T), with the capacitance at a reference.
+
+    Parameters
+    ----------
+    reference : float   Specific heat that the capacitance is made with. [J/(kg K)]
+    given : Curve       As written: specific heat or enthalpy over temperature.
+    rise : Curve        Level over temperature. [K]
+    curve : Curve       Temperature over level, for the kernel; its second table is the identity. [K]
+    melt : Melt or None     Its liquid branch where it supercools.
+    """
+
+    reference: float
+    given: Curve
+    rise: Curve
+    curve: Curve
+    melt: Melt | None = None
+
+    def level(self, kelvin: Any, liquid: bool = False) -> Array:
+        """Return the temperature that a constant specific heat would show at temperatures, by enthalpy; solid at a melting point. [K]
+
+        `liquid`: of the melt without crystals, where that is.
+        """
+        at = np.asarray(kelvin, dtype=float)
+        return np.where(np.isnan(at), np.nan, self._at(np.where(np.isnan(at), ROOM, at), liquid)[0])
+
+    def share(self, kelvin: Any, liquid: bool = False) -> Array:
+        """Return the specific heat at temperatures over that at the reference. [-]"""
+        return self._at(np.asarray(kelvin, dtype=float), liquid)[1]
+
+    def begins(self, kelvin: Any) -> tuple[Array, Array]:
+        """Return level [K] and specific heat over that at the reference [-] of starts at temperatures; a melt where the deck states it."""
+        at = np.asarray(kelvin, dtype=float)
+        solid = self.level(at), self.share(at)
+        if self.melt is None or self.melt.given.starts != "liquid":
+            return solid
+        melt = at > self.melt.given.nucleation
+        return np.where(melt, self.level(at, True), solid[0]), np.where(melt, self.share(at, True), solid[1])
+
+    def _at(self, kelvin: Array, liquid: bool) -> tuple[Array, Array]:
+        rise = self.melt.rise if liquid and self.melt is not None else self.rise
+        inside = np.clip(kelvin, COLDEST, HOTTEST)
+        if not rise.straight:
+            return hermite(rise.x, rise.y, slopes(rise), inside)
+        x, y = rise.x, rise.y
+        k = np.clip(np.searchsorted(x, inside, side="left") - 1, 0, x.size - 2)  # of two points at one temperature the first
+        slope = (y[k + 1] - y[k]) / (x[k + 1] - x[k])
+        return y[k] + slope * (inside - x[k]), slope
+
+
+def tabulated(name: str, given: Curve, where: str) -> Curve:
+    """Return the table of a property after a look at it.
+
+    Raises
+    ------
+    DeckError   When it is not over temperature, or holds values that no material has.
+    """
+    if given.over != "temperature":
+        raise DeckError(f"{name} must be a table over temperature.", where)
+    if given.x[0] <= COLDEST or given.x[-1] >= HOTTEST:
+        raise DeckError(f"the points of {name} must lie between {COLDEST:g} and {HOTTEST:g} K.", where)
+    if name == "enthalpy" and (np.diff(given.y) <= 0.0).any():
+        k = int(np.argmax(np.diff(given.y) <= 0.0))
+        raise DeckError(f"an enthalpy must increase with temperature; it does not from {given.x[k]:.6g} to {given.x[k + 1]:.6g} K.", where)
+    if name == "enthalpy" and (np.diff(given.x)[[0, -1]] == 0.0).any():
+        raise DeckError("an enthalpy needs a point below and a point above the temperature at which it melts.", where)
+    if name != "enthalpy" and (given.y <= 0.0).any():
+        k = int(np.argmax(given.y <= 0.0))
+        raise DeckError(f"{name} must be above zero; it is {given.y[k]:g} {TABULATED[name]} at {given.x[k]:.6g} K.", where)
+    return limited(given, positive=name != "enthalpy")
+
+
+def melting(heat: float, liquid: float, latent: float, begins: float, ends: float, where: str) -> Curve:
+    """Return the enthalpy over temperature of a material that melts: one straight line each for solid, melting and liquid.
+
+    Between `begins` and `ends` it takes up its latent heat beside the mean of both specific heats.
+
+    Parameters
+    ----------
+    heat, liquid : float    Specific heat of the solid and of the liquid. [J/(kg K)]
+    latent : float          Latent heat. [J/kg]
+    begins, ends : float    Temperatures at which melting begins and ends; equal ones melt at one temperature. [K]
+    where : str             The node, for messages.
+
+    Raises
+    ------
+    DeckError   When a heat is not above zero, or melting ends below where it begins.
+    """
+    if not (heat > 0.0 and liquid > 0.0 and latent > 0.0):
+        raise DeckError("specific heats and the latent heat of a node that melts must be above zero.", where)
+    low, high = 1.5 * COLDEST, HOTTEST - 1.0
+    if not low < begins <= ends < high:
+        raise DeckError(f"melting from {begins:.6g} to {ends:.6g} K is not possible. Give melts_to at or above melts_from.", where)
+    solid = heat * (begins - low)
+    molten = solid + latent + 0.5 * (heat + liquid) * (ends - begins)
+    return curve("temperature", [(low, 0.0), (begins, solid), (ends, molten), (high, molten + liquid * (high - ends))], where, steps=True)
+
+
+def _extended(x: Array, y: Array, d: Array, given: Curve) -> tuple[Array, Array, Array]:
+    """Return points, integral and integrand carried on to the coldest and hottest temperature: as a line to its limits, or held."""
+    if given.outside == "linear":
+        low, high = given.limits or (COLDEST, HOTTEST)
+        for k, far, slope in zip((0, -1), (max(low, COLDEST), min(high, HOTTEST)), ends(given), strict=True):
+            step = far - x[k]
+            last = d[k] + slope * step
+            x, y, d = (
+                np.r_[(new, old) if k == 0 else (old, new)] for new, old in ((far, x), (y[k] + 0.5 * (d[k] + last) * step, y), (last, d))
+            )
+    below, above = x[0] > COLDEST, x[-1] < HOTTEST
+    if below:
+        x, y, d = np.r_[COLDEST, x], np.r_[y[0] - d[0] * (x[0] - COLDEST), y], np.r_[d[0], d]
+    if above:
+        x, y, d = np.r_[x, HOTTEST], np.r_[y, y[-1] + d[-1] * (HOTTEST - x[-1])], np.r_[d, d[-1]]
+    return x, y, d
+
+
+def _integral(given: Curve) -> tuple[Array, Array, Array]:
+    """Return points, integral and integrand of a table; exact between them for straight lines, at them for cubic pieces.
+
+    The integral of a straight line is a parabola, which is the cubic through its ends with the integrand as slopes.
+    """
+    if given.straight:
+        area = 0.5 * np.diff(given.x) * (given.y[1:] + given.y[:-1])
+        return given.x, np.concatenate(([0.0], np.cumsum(area))), given.y
+    x = np.unique(np.concatenate([np.linspace(a, b, PARTS + 1) for a, b in zip(given.x[:-1], given.x[1:], strict=True)]))
+    value, slope = hermite(given.x, given.y, slopes(given), x)
+    width = np.diff(x)
+    area = width * (0.5 * (value[1:] + value[:-1]) + width / 12.0 * (slope[:-1] - slope[1:]))  # of a cubic, by values and slopes
+    return x, np.concatenate(([0.0], np.cumsum(area))), value
+
+
+def _inverse(given: Curve, x: Array, y: Array, d: Array | None) -> Curve:
+    """Return the temperatures x over the levels y, and behind them the identity and the table as written; d: slopes over the levels."""
+    identity = Curve("temperature", np.array([0.5 * COLDEST, 2.0 * HOTTEST]), np.array([0.5 * COLDEST, 2.0 * HOTTEST]), np.ones(2))
+    limits = None
+    if given.limits is not None:
+        low, high = max(given.limits[0], COLDEST), min(given.limits[1], HOTTEST)
+        limits = (float(y[np.searchsorted(x, low)]), float(y[np.searchsorted(x, high, side="right") - 1]))
+    return Curve("temperature", y, x, d, (identity, given), limits=limits)
+
+
+@lru_cache(maxsize=64)
+def potential(given: Curve) -> Curve:
+    """Return the integral of a property over temperature, for both ends of a conductor; the property itself stands behind. [W/m]"""
+    x, y, d = _extended(*_integral(given), given)
+    plain = Curve("temperature", x, y, d, limits=given.limits)
+    return replace(plain, film=(plain, given))
+
+
+@lru_cache(maxsize=64)
+def store(name: str, given: Curve, supercooling: Supercooling | None = None) -> HeatStore:
+    """Return how a node with a table of specific heat or of enthalpy stores heat.
+
+    Raises
+    ------
+    DeckError   When a specific heat falls to zero, or a melt cannot supercool as asked.
+    """
+    if name == "enthalpy" and given.straight:
+        reference = ends(given)[0]
+        x, y, _ = _extended(given.x, given.y, np.array(ends(given)), replace(given, outside="hold"))
+        y = COLDEST + (y - y[0]) / reference
+        melt = _melt(given, x, y, supercooling) if supercooling is not None else None
+        return HeatStore(reference, given, Curve("temperature", x, y), _inverse(given, x, y, None), melt)
+    if supercooling is not None:
+        raise DeckError("supercooling needs an enthalpy of straight lines, or latent_heat, melts_from and melts_to.")
+    if name == "enthalpy":
+        x, y, d = _enthalpy(given)
+        reference = float(d[0])
+    else:
+        x, y, d = _integral(given)
+        reference = float(value_and_slope(given, np.clip([ROOM], x[0], x[-1]))[0][0])
+    if not (d > 0.0).all():
+        raise DeckError(
+            f"the specific heat falls to zero at {x[np.argmin(d)]:.6g} K; it must be above zero everywhere. Correct the "
+            "table or its slopes there."
+        )
+    x, y, d = _extended(x, y, d, replace(given, outside="hold") if name == "enthalpy" else given)
+    y, d = COLDEST + (y - y[0]) / reference, d / reference
+    rise = Curve("temperature", x, y, d)
+    x, y, d = _divided(x, y, d)
+    return HeatStore(reference, given, rise, _inverse(given, x, y, 1.0 / d))
+
+
+def _melt(given: Curve, x: Array, y: Array, supercooling: Supercooling) -> Melt:
+    """Return the liquid branch of temperatures x over levels y: the line above the liquidus, carried on below it.
+
+    Freezing begins where the melt has reached its nucleation temperature; the heat that it holds then belongs to the table, so that its
+    temperature rises at once to the one that the table gives (recalescence, in no time and without a loss; Günther, Mehling and Hiebler,
+    Modelling Simul. Mater. Sci. Eng. 15 (2007) 879).
+    """
+    liquidus, nucleation = supercooling.liquidus, supercooling.nucleation
+    k = int(np.searchsorted(x, liquidus, side="right")) - 1
+    if not (0 < k < x.size - 1 and x[k] == liquidus):
+        raise DeckError(
+            f"melts_to = {liquidus:.6g} K is not a point of the enthalpy table. Add that point; supercooling is counted from it."
+        )
+    if not (supercooling.degree > 0.0 and nucleation > COLDEST):
+        raise DeckError(f"supercooling of {supercooling.degree:.6g} K below {liquidus:.6g} K cannot be; give some kelvin.")
+    rate = (y[k + 1] - y[k]) / (x[k + 1] - x[k])
+    xs, ys = np.r_[COLDEST, x[k:]], np.r_[y[k] - rate * (liquidus - COLDEST), y[k:]]
+    freezes = float(y[k] - rate * supercooling.degree)
+    after = float(np.interp(freezes, y, x))
+    if not after > nucleation:
+        raise DeckError(
+            f"a melt that cools by {supercooling.degree:.6g} K has given off more than its latent heat: with crystals it would be at"
+            f" {after:.6g} K, below the {nucleation:.6g} K at which they form. Give less supercooling."
+        )
+    return Melt(supercooling, Curve("temperature", xs, ys), _inverse(given, xs, ys, None), float(y[k]), freezes)
+
+
+def _divided(x: Array, y: Array, d: Array) -> tuple[Array, Array, Array]:
+    """Return points, values and slopes of a rising cubic, its pieces divided until their inverse is the cubic through the same points."""
+    rise = (x, y, d)
+    while True:
+        middle = 0.5 * (x[1:] + x[:-1])
+        back = hermite(y, x, 1.0 / d, hermite(*rise, middle)[0])[0]
+        coarse = (np.abs(back - middle) > CLOSE + ROUNDING * middle) & (np.diff(x) > FINEST)
+        if not coarse.any():
+            return x, y, d
+        x = np.sort(np.r_[x, middle[coarse]])
+        y, d = hermite(*rise, x)
+
+
+def _enthalpy(given: Curve) -> tuple[Array, Array, Array]:
+    """Return points, enthalpies and specific heats of a smooth table of enthalpy. [J/kg]"""
+    d = _rising(given)
+    x = np.unique(np.concatenate([np.linspace(a, b, PARTS + 1) for a, b in zip(given.x[:-1], given.x[1:], strict=True)]))
+    value, slope = hermite(given.x, given.y, d, x)
+    return x, value, slope
+
+
+def _rising(given: Curve) -> Array:
+    """Return the slopes of a smooth table of enthalpy: its own, or monotone ones, those of its outer pieces at both ends."""
+    if given.d is not None:
+        return given.d
+    d = slopes(given).copy()
+    jump = np.diff(given.y) / np.diff(given.x)
+    d[0], d[-1] = jump[0], jump[-1]
+    return d

@@ -1,0 +1,252 @@
+"""What a model is made of: nodes, conductors, surfaces, joints, heat loads. Every value is a `Parameter` under its field's name."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+
+import numpy as np
+
+from thermid.model._laws.curves import Curve
+from thermid.model._laws.signal import Signal, TableSignal
+from thermid.model._laws.stores import Supercooling
+from thermid.model._parts.facing import Facing, degrees
+from thermid.model._parts.parameter import Parameter, parameter
+from thermid.physics.constants import STANDARD_GRAVITY
+from thermid.physics.correlations import GapLaw
+from thermid.physics.finishes import finish
+
+Fields = Mapping[str, Parameter]
+
+NODE_SLOTS: Mapping[str, str] = {"mass": "kg", "specific_heat": "J/(kg K)", "capacitance": "J/K"}
+LOAD_SLOTS: Mapping[str, str] = {
+    "power": "W",
+    "scale": "1",
+    "command_curve": "1",
+    "temperature_coefficient": "1/K",
+    "quadratic_coefficient": "1/K^2",
+    "exponential_coefficient": "1/K",
+    "reference_temperature": "temperature",
+    "periodic.period": "s",
+    "periodic.duty": "1",
+    "sine.amplitude": "W",
+    "sine.period": "s",
+    "thermostat.on_below": "temperature",
+    "thermostat.off_above": "temperature",
+    "proportional.gain": "W/K",
+    "proportional.band": "K",
+    "proportional.setpoint": "temperature",
+}
+CONTROLS = ("thermostat", "proportional")
+"""What may control a load: let its power through, or a share of it, by the temperature of a sensor."""
+
+
+@dataclass(frozen=True)
+class Node:
+    """A thermal mass; without mass and capacitance it is arithmetic (massless).
+
+    Parameters
+    ----------
+    fields : dict           mass [kg] and specific_heat [J/(kg K)], or capacitance [J/K], or nothing.
+    reference_point : bool  Whether limits apply here.
+    test_only : bool        Whether it exists on the bench only (a sensor, a lead).
+    table : tuple           ('specific_heat' or 'enthalpy', Curve) over temperature beside a mass; None without.
+    stands_for : str        air, walls, or air and walls; what its surroundings show where empty, see `flat.gas_nodes`.
+    supercooling : Supercooling or None     How far its melt cools before it freezes.
+    """
+
+    fields: Fields = field(default_factory=dict)
+    reference_point: bool = False
+    test_only: bool = False
+    table: tuple[str, Curve] | None = None
+    stands_for: str = ""
+    supercooling: Supercooling | None = None
+
+
+@dataclass(frozen=True)
+class Conductor:
+    """A path of heat between two nodes; positive from the first to the second.
+
+    Parameters
+    ----------
+    kind : str              One of `kinds.KINDS`.
+    between : (str, str)    Paths of the two nodes.
+    fields : dict           What the kind needs.
+    curve : Curve or None   For the kind `table`; of kind `conduction`, a conductivity over temperature.
+    takes : tuple of str    Surfaces that its area is taken from, in the ledger.
+    test_only : bool        Whether it exists on the bench only.
+    words : dict            What the kind needs that is no number: a gas, a correlation.
+    controls : tuple        Controls whose shares its heat flow is multiplied by; ``1 - name`` takes the rest of one.
+    reversible : bool       Whether a stream may turn: a flow below zero goes from the second node to the first.
+    """
+
+    kind: str
+    between: tuple[str, str]
+    fields: Fields
+    curve: Curve | None = None
+    takes: tuple[str, ...] = ()
+    test_only: bool = False
+    words: Mapping[str, str] = field(default_factory=dict)
+    controls: tuple[str, ...] = ()
+    reversible: bool = False
+
+
+@dataclass(frozen=True)
+class Surface:
+    """The outer surface of a node, declared once; joints take area from it and what is left exchanges with `to`.
+
+    Parameters
+    ----------
+    of : str            The node it belongs to.
+    to : str            The gas node or surroundings.
+    fields : dict       area [m^2]; htc (or htc.coefficient and htc.exponent) or effective_htc; emissivity and absorptance [-].
+    sees : str          What it radiates to; `to` when empty.
+    finish : str        Finish that the emissivity comes from; empty where it is given itself.
+    words : dict        Correlation and orientation, where the coefficient comes from one; what carries the heat behind a constant one.
+    facing : Facing     Where it looks, for sun and sky; None where nobody said.
+    controls : dict     htc or emissivity -> controls whose shares it is multiplied by; what an emissivity absorbs goes with it.
+    """
+
+    of: str
+    to: str
+    fields: Fields
+    sees: str = ""
+    test_only: bool = False
+    finish: str = ""
+    words: Mapping[str, str] = field(default_factory=dict)
+    facing: Facing | None = None
+    controls: Mapping[str, tuple[str, ...]] = field(default_factory=dict)
+
+    @property
+    def is_effective(self) -> bool:
+        """Whether its coefficient holds convection and radiation together."""
+        return "effective_htc" in self.fields
+
+
+def finish_emissivity(name: str, where: str) -> Parameter:
+    """Return the emissivity of a finish."""
+    surface = finish(name, where)
+    return parameter({"value": surface.typical, "min": 0.005, "max": 1.0, "source": "assumed", "basis": surface.basis}, where)
+
+
+def gap_scatter(words: Mapping[str, str], where: str) -> Parameter:
+    """Return the factor on the convection of a closed gap: one, with the scatter of its correlation as bounds."""
+    law = GapLaw(degrees(words["tilt"], where), float(words["aspect"]))
+    known = {"value": 1, "min": 1.0 - law.scatter, "max": 1.0 + law.scatter, "source": "published"}
+    return parameter(known | {"basis": f"scatter of {law.name} about their correlation"}, where)
+
+
+@dataclass(frozen=True)
+class Joint:
+    """Two surfaces pressed together: half-contacts that meet at a massless node, and a gap that loses heat from there.
+
+    Parameters
+    ----------
+    between : (str, str)    Paths of two surfaces.
+    fields : dict           area [m^2] and contact_conductance of each half [W/(m^2 K)], or conductivity and thickness of each half;
+                            gap.area [m^2] of each face and gap.htc [W/(m^2 K)].
+    mid : str               The name of the massless node; ``<joint>.mid`` when empty.
+    gap_to : str            The node that the gap loses heat to; empty without a gap.
+    """
+
+    between: tuple[str, str]
+    fields: Fields
+    mid: str = ""
+    gap_to: str = ""
+    test_only: bool = False
+
+
+@dataclass(frozen=True)
+class Enclosure:
+    """Surfaces that see one another and radiate to one another, with every reflection between them.
+
+    Parameters
+    ----------
+    faces : dict                Name of a face -> path of its surface, which has an emissivity; it radiates here and nowhere else.
+    shape : str                 One of `physics.view_factors.SHAPES`; empty where factors are given.
+    dimensions : dict           Lengths of the shape. [m]
+    view_factors : tuple        Rows (faces, faces) in the order of the faces; empty with a shape. [-]
+    exchange_factors : tuple    Rows of script-F, reflections counted, in place of view factors; zero on the diagonal. [-]
+    rest : str                  The node that takes what the view factors leave, as a black surface; empty where they sum to one.
+    """
+
+    faces: Mapping[str, str]
+    shape: str = ""
+    dimensions: Mapping[str, float] = field(default_factory=dict)
+    view_factors: tuple[tuple[float, ...], ...] = ()
+    exchange_factors: tuple[tuple[float, ...], ...] = ()
+    rest: str = ""
+    test_only: bool = False
+
+    @property
+    def fields(self) -> Fields:
+        """No parameters of its own; its surfaces have them."""
+        return {}
+
+
+@dataclass(frozen=True)
+class Cycle:
+    """A factor on a load that repeats, over time from 0.
+
+    Parameters
+    ----------
+    times : tuple of float      From 0; the last one is the period. [s]
+    values : tuple of float     At these times; the last is the first again, unless they are steps. [-]
+    hold : bool                 Steps in place of straight lines.
+    """
+
+    times: tuple[float, ...]
+    values: tuple[float, ...]
+    hold: bool = False
+
+    def signal(self) -> Signal:
+        """Return it as a signal."""
+        return TableSignal(np.array(self.times), np.array(self.values), hold=self.hold, after="repeat")
+
+
+@dataclass(frozen=True)
+class HeatLoad:
+    """Heat put into a node.
+
+    Parameters
+    ----------
+    into : str              The node.
+    fields : dict           power [W] and what changes it: see `LOAD_SLOTS`.
+    sensor : str            The node whose temperature a thermostat or proportional control follows; `into` when empty. What the load would
+                            give without control follows `into`.
+    curve : Curve or None   Power over the node's temperature. [W]
+    controls : tuple        Controls whose shares its power is multiplied by, beside its own; ``1 - name`` takes the rest of one.
+    cycle : Cycle or None   What its power is multiplied with, over and over; None for a steady load. [-]
+    """
+
+    into: str
+    fields: Fields
+    sensor: str = ""
+    curve: Curve | None = None
+    test_only: bool = False
+    controls: tuple[str, ...] = ()
+    cycle: Cycle | None = None
+
+
+@dataclass(frozen=True)
+class MadeIn:
+    """The state of a gas in which a reduced model was made.
+
+    Parameters
+    ----------
+    pressure, gravity, wind : float     [Pa], [m/s^2], [m/s]
+    gas : str                           Its kind.
+    """
+
+    pressure: float
+    gravity: float
+    gas: str
+    wind: float = 0.0
+
+    def __str__(self) -> str:
+        """`air at 101325 Pa`, with what is not as on the ground; `vacuum` without gas."""
+        if self.pressure == 0.0:
+            return "vacuum"
+        weight = "" if abs(self.gravity / STANDARD_GRAVITY - 1.0) < 0.01 else f", {self.gravity:.4g} m/s^2"
+        wind = f", {self.wind:.3g} m/s" if self.wind else ""
+        return f"{self.gas} at {self.pressure:.6g} Pa{weight}{wind}"

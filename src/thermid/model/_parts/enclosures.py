@@ -1,0 +1,265 @@
+"""Enclosures: from the tables of a deck to one radiating pair for every two faces."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, field
+from typing import Any, Final
+
+import numpy as np
+
+from thermid.base.dual import Number, gradient_of, value_of
+from thermid.base.errors import DeckError
+from thermid.base.linear_algebra import Array
+from thermid.base.memo import Memo
+from thermid.model._parts.elements import Enclosure, Surface
+from thermid.model._parts.kinds import Law
+from thermid.model._parts.takes import Take, exposed_area
+from thermid.physics.constants import STEFAN_BOLTZMANN
+from thermid.physics.enclosure import absorbing_areas, exchange_areas_of, factor_faults
+from thermid.physics.view_factors import SHAPES
+
+SAME_AREA: Final = 0.01
+"""Largest relative difference of a surface's area and that of the face of a shape which it fills. [-]"""
+
+
+@dataclass(frozen=True)
+class Face:
+    """A surface as the face of an enclosure: its name there, its path, what it is, its node and what joints take from it."""
+
+    name: str
+    path: str
+    surface: Surface
+    node: str
+    takes: tuple[Take, ...]
+
+
+@dataclass(frozen=True, eq=False)
+class Pair:
+    """Two faces that exchange heat: path, the two nodes, the parameters of all faces (path -> path), and the law that follows."""
+
+    path: str
+    ends: tuple[str, str]
+    fields: Mapping[str, str]
+    recipe: Callable[[Mapping[str, Any]], Law]
+
+
+def enclosure_to(enclosure: Enclosure) -> dict[str, Any]:
+    """Return the table of a deck."""
+    out: dict[str, Any] = {"faces": dict(enclosure.faces)}
+    if enclosure.shape:
+        out |= {"shape": enclosure.shape, "dimensions": {n: f"{d!r} [m]" for n, d in enclosure.dimensions.items()}}
+    for name in ("view_factors", "exchange_factors"):
+        if getattr(enclosure, name):
+            out[name] = [list(row) for row in getattr(enclosure, name)]
+    return out | ({"rest": enclosure.rest} if enclosure.rest else {})
+
+
+_Matrix = Callable[[list[Number], list[Number]], list[list[Number]]]
+
+
+def _memorised(memo: Memo, areas: list[Number], shares: list[Number], law: _Matrix) -> list[list[Number]]:
+    """Return what a law makes of areas and shares (faces,): floats, numbers with derivatives, or those of members, one after the other."""
+    numbers: tuple[Any, ...] = (*areas, *shares)
+    many: Any = next((x for x in numbers if hasattr(x, "values")), None)
+    if many is not None:
+        sets = np.array([np.broadcast_to(getattr(x, "values", x), many.values.shape) for x in numbers])
+        found = np.array([law(list(own[: len(areas)]), list(own[len(areas) :])) for own in sets.T.tolist()])
+        return [[type(many)(np.ascontiguousarray(found[:, i, j])) for j in range(found.shape[2])] for i in range(found.shape[1])]
+    free = max((gradient_of(x, 0).size for x in numbers), default=0)
+    key = np.concatenate([[value_of(x), *gradient_of(x, free)] for x in numbers]).tobytes()
+    return memo.made(key, lambda: law(areas, shares), 1)
+
+
+@dataclass(frozen=True, eq=False)
+class FaceExchange:
+    """The exchange areas of an enclosure at the values of its faces; the latest are kept, since every pair asks for them."""
+
+    path: str
+    enclosure: Enclosure
+    faces: Sequence[Face]
+    rest: bool
+    where: str
+    memo: Memo = field(init=False, default_factory=Memo, compare=False, repr=False)
+    suns: Memo = field(init=False, default_factory=Memo, compare=False, repr=False)
+
+    def at(self, values: Mapping[str, Number]) -> list[list[Number]]:
+        """Return the exchange areas (faces, faces), the rest as a last face. [m^2]"""
+        areas = [exposed_area(f.path, values[f"{f.path}.area"], f.takes, values, self.where) for f in self.faces]
+        grey = [values[f"{f.path}.emissivity"] for f in self.faces]
+        return _memorised(self.memo, areas, grey, self._found)
+
+    def absorbed(self, values: Mapping[str, Number]) -> list[list[Number]]:
+        """Return what each face, and the rest as a last one, absorbs of a flux that falls on each first (faces, faces). [m^2]
+
+        Raises
+        ------
+        DeckError   When an absorptance is none, or only exchange factors are given, which hold no reflections of the sun.
+        """
+        areas = [exposed_area(f.path, values[f"{f.path}.area"], f.takes, values, self.where) for f in self.faces]
+        dark = [values[f"{f.path}.absorptance"] for f in self.faces]
+        return _memorised(self.suns, areas, dark, self._absorbed)
+
+    def _absorbed(self, areas: list[Number], dark: list[Number]) -> list[list[Number]]:
+        for face, number in zip(self.faces, dark, strict=True):
+            # a fit at its bound of 1 may lie a rounding above
+            if not 0.0 <= value_of(number) <= 1.0 + 1e-6:
+                raise DeckError(f"the absorptance of '{face.path}' is {value_of(number):.4g}; give 0 to 1.", self.where)
+        if self.enclosure.exchange_factors:
+            raise DeckError(
+                f"what the sun leaves in '{self.path}' is reflected by view factors, and it has exchange factors, which hold those of heat "
+                "alone. Give view_factors, a shape or places.",
+                self.where,
+            )
+        size, names = np.array([value_of(a) for a in areas]), [f.name for f in self.faces]
+        factors, sized, areas = self._factors(size, names, areas)
+        factor_faults(factors, sized, names, self.where, closed=not self.rest)
+        if not self.rest and all(value_of(a) == 0.0 for a in dark):
+            raise DeckError(f"no face of '{self.path}' absorbs, so the sun in it goes round for ever. Give one an absorptance.", self.where)
+        out = absorbing_areas(factors, areas, dark)
+        if self.rest:
+            first = [sum((row[k] for row in out), 0.0 * out[0][k]) for k in range(len(areas))]
+            out.append([area - taken for area, taken in zip(areas, first, strict=True)])
+        return out
+
+    def _factors(self, size: Array, names: list[str], areas: list[Number]) -> tuple[Array, Array, list[Number]]:
+        """Return the view factors (faces, faces), the areas that they are of, and these as numbers with derivatives."""
+        if not self.enclosure.shape:
+            return np.array(self.enclosure.view_factors), size, areas
+        factors, size = self._of_shape(size, names)
+        return factors, size, list(size.tolist())
+
+    def _found(self, areas: list[Number], grey: list[Number]) -> list[list[Number]]:
+        for face, number in zip(self.faces, grey, strict=True):
+            if not 0.0 < value_of(number) <= 1.0:
+                raise DeckError(
+                    f"the emissivity of '{face.path}' is {value_of(number):g}. In an enclosure it must be above 0, up to 1.",
+                    self.where,
+                )
+        size = np.array([value_of(a) for a in areas])
+        names = [f.name for f in self.faces]
+        if self.enclosure.exchange_factors:
+            return self._imported(areas, size, names)
+        factors, size, areas = self._factors(size, names, areas)
+        factor_faults(factors, size, names, self.where, closed=not self.rest)
+        if self.rest:
+            lost = np.maximum(1.0 - factors.sum(axis=1), 0.0)
+            opening = float(lost @ size)
+            back = lost * size / opening if opening > 0.0 else 0.0 * lost
+            factors = np.block([[factors, lost[:, None]], [back[None, :], np.zeros((1, 1))]])
+            areas, grey = [*areas, opening or 1.0], [*grey, 1.0]  # a black face sends only what it emits
+        return exchange_areas_of(factors, areas, grey)
+
+    def _of_shape(self, size: Array, names: list[str]) -> tuple[Array, Array]:
+        """Return the view factors of the faces that are there, and their areas, checked against those of the surfaces. [-], [m^2]"""
+        shape = SHAPES[self.enclosure.shape]
+        geometric, factors = shape.factors(self.enclosure.dimensions)
+        at = [shape.faces.index(n) for n in names]
+        for face, own, wanted in zip(self.faces, size, geometric[at], strict=True):
+            if abs(own - wanted) > SAME_AREA * wanted:
+                raise DeckError(
+                    f"the surface '{face.path}' has {own * 1e4:.6g} cm^2 free, but the face '{face.name}' has {wanted * 1e4:.6g} cm^2. "
+                    "Correct the area or a dimension, or give view factors.",
+                    self.where,
+                )
+        return factors[np.ix_(at, at)], geometric[at]
+
+    def _imported(self, areas: list[Number], size: Array, names: list[str]) -> list[list[Number]]:
+        """Return exchange areas from given exchange factors: the mean of both directions, which must agree. [m^2]"""
+        factors = np.array(self.enclosure.exchange_factors)
+        factor_faults(factors - np.diag(np.diag(factors)), size, names, self.where, closed=False)
+        each = range(len(names))
+        return [[0.5 * (areas[i] * factors[i, j] + areas[j] * factors[j, i]) for j in each] for i in each]
+
+
+@dataclass(frozen=True, eq=False)
+class _Recipe:
+    """The law of one pair of faces at some values."""
+
+    exchange: FaceExchange
+    first: int
+    second: int
+
+    def __call__(self, values: Mapping[str, Any]) -> Law:
+        """Return it."""
+        return Law("radiation", (STEFAN_BOLTZMANN * self.exchange.at(values)[self.first][self.second],), "radiation")
+
+
+@dataclass(frozen=True, eq=False)
+class SunShare:
+    """What one face, or the rest, absorbs of the sun on another, at some values. [m^2]"""
+
+    exchange: FaceExchange
+    to: int
+    first: int
+
+    def __call__(self, values: Mapping[str, Any]) -> Number:
+        """Return it."""
+        return self.exchange.absorbed(values)[self.to][self.first]
+
+
+@dataclass(frozen=True, eq=False)
+class Enclosed:
+    """A surface in its enclosure: its place among the faces, the enclosure's faces, and the node of the rest, empty without one."""
+
+    place: int
+    exchange: FaceExchange
+    rest: str
+
+    def targets(self) -> list[tuple[str, str, SunShare]]:
+        """Return name, node and share of what absorbs the sun on it: itself first, the other faces, the rest."""
+        faces = [(f.name, f.node) for f in self.exchange.faces] + ([("rest", self.rest)] if self.rest else [])
+        order = [self.place, *(k for k in range(len(faces)) if k != self.place)]
+        return [(*faces[k], SunShare(self.exchange, k, self.place)) for k in order]
+
+    def fields(self) -> dict[str, str]:
+        """Return the parameters that it follows, path -> path.
+
+        Raises
+        ------
+        DeckError   When a face has no absorptance.
+        """
+        out: dict[str, str] = {}
+        for face in self.exchange.faces:
+            if "absorptance" not in face.surface.fields:
+                own = self.exchange.faces[self.place].path
+                raise DeckError(
+                    f"'{own}' is in the sun and reflects it to '{face.path}' in '{self.exchange.path}', which has no absorptance. "
+                    "Give it one; 1 for a black face.",
+                    self.exchange.where,
+                )
+            out |= {p: p for p in (f"{face.path}.area", f"{face.path}.absorptance", *(t.path for t in face.takes))}
+        return out
+
+
+def pairs(exchange: FaceExchange, rest: str) -> list[Pair]:
+    """Return the radiating pairs of an enclosure.
+
+    Parameters
+    ----------
+    exchange : FaceExchange     Its faces.
+    rest : str              The node of the rest; empty without one.
+
+    Raises
+    ------
+    DeckError   When a face is no surface with an emissivity of its own.
+    """
+    path, faces, where = exchange.path, exchange.faces, exchange.where
+    for face in faces:
+        if face.surface.is_effective or "emissivity" not in face.surface.fields:
+            why = "its effective_htc includes radiation already" if face.surface.is_effective else "it has no emissivity"
+            raise DeckError(f"'{face.path}' cannot be a face of '{path}': {why}. Give it htc and emissivity.", where)
+        if face.surface.sees:
+            raise DeckError(
+                f"'{face.path}' radiates to '{face.surface.sees}' and in the enclosure '{path}', so its radiation would "
+                "count twice. Leave sees out.",
+                where,
+            )
+    fields = {p: p for f in faces for p in (f"{f.path}.area", f"{f.path}.emissivity", *(t.path for t in f.takes))}
+    nodes = [(f.name, f.node) for f in faces] + ([("rest", rest)] if rest else [])
+    out = []
+    for i, (first, a) in enumerate(nodes):
+        for j, (second, b) in enumerate(nodes[:i]):
+            if a != b:
+                out.append(Pair(f"{path}.{second}.{first}", (b, a), fields, _Recipe(exchange, j, i)))
+    return out

@@ -1,0 +1,261 @@
+"""`Parameter`: a value as written, with unit, bounds and source; `Standing`: how far values and what rests on them may be trusted."""
+
+from __future__ import annotations
+
+from collections.abc import Container, Iterable, Mapping
+from dataclasses import dataclass, field, replace
+from typing import Any, Final, Literal as OneOf, get_args
+
+from thermid.base.errors import DeckError, UnitError, errors_at, refuse_unknown
+from thermid.base.expression import Expression, Literal, parse
+from thermid.base.units import describe, from_si, unit
+from thermid.model._laws.options import Source
+
+State = OneOf["credible", "unjudged", "not adequate", "not credible", "failed"]
+ORDER: tuple[State, ...] = get_args(State)
+"""From best to worst."""
+FAIR = 2
+"""How many of them nobody needs to be told of."""
+UNUSABLE, INADEQUATE = 1, 5
+"""Exit codes of an answer that rests on values which are not credible or failed, and on values which are not adequate."""
+
+
+SOURCES: Final = get_args(Source)
+
+
+@dataclass(frozen=True)
+class Standing:
+    """How far a value or a result may be trusted, and why.
+
+    Parameters
+    ----------
+    state : str     credible (a fit that its data support), unjudged (a deck's or hand-tuned value), not adequate (the model misses more
+                    than its stage allows), not credible (contradicts what was stated, or did not converge), or failed (a verdict failed).
+    because : str   The reason in words; empty for credible and unjudged.
+    stage : str     The stage that the reason is about; empty for none.
+    accepted : bool Whether that stage was accepted as it is: the state stays, the exit code does not count it.
+    beside : tuple  Standings of further stages that the result rests on and that are not fair either.
+    """
+
+    state: State
+    because: str = ""
+    stage: str = ""
+    accepted: bool = False
+    beside: tuple[Standing, ...] = ()
+
+    @property
+    def rank(self) -> int:
+        """Position from best (0, credible) to worst."""
+        return ORDER.index(self.state)
+
+    @property
+    def fair(self) -> bool:
+        """Whether there is nothing to be told: credible or unjudged."""
+        return self.rank < FAIR
+
+    @property
+    def usable(self) -> bool:
+        """Whether an answer may rest on it: neither not credible nor failed."""
+        return self.rank < ORDER.index("not credible")
+
+    @property
+    def judgeable(self) -> bool:
+        """Whether hold-out data may be opened for it: nothing that it rests on is not credible, accepted or not."""
+        return all(s.state != "not credible" for s in self.causes)
+
+    @property
+    def causes(self) -> tuple[Standing, ...]:
+        """Every cause that is not fair, the worst one first, each by itself."""
+        return tuple(replace(s, beside=()) for s in (self, *self.beside) if not s.fair)
+
+    @property
+    def exit_code(self) -> int:
+        """Exit code of an answer that rests on it: 0; 1 for not credible or failed; 5 for not adequate. Accepted stages do not count."""
+        open_causes = [s for s in self.causes if not s.accepted]
+        return 0 if not open_causes else INADEQUATE if all(s.usable for s in open_causes) else UNUSABLE
+
+    def reason(self, of: str = "", link: str = "rests on stage") -> str:
+        """Return the reason in words for a result of stage `of`: its own, or that it rests on another stage."""
+        return self.because if not self.stage or self.stage == of else f"{link} '{self.stage}' ({self.because})"
+
+    def line(self, of: str = "", link: str = "rests on stage") -> str:
+        """Return the line that stands first in a result of stage `of`; empty where there is nothing to be told."""
+        return "; also ".join(f"{s.state.upper()}{' (accepted)' * s.accepted}: {s.reason(of, link)}" for s in self.causes)
+
+    def over(self, text: str, link: str = "rests on stage") -> str:
+        """Return a result as text below the line that must stand first in it."""
+        return f"{self.line(link=link)}\n{text}" if not self.fair else text
+
+    def accept(self, stages: Container[str]) -> Standing:
+        """Return it with the causes of some stages accepted."""
+        beside = tuple(s.accept(stages) for s in self.beside)
+        return replace(self, accepted=self.accepted or (not self.fair and self.stage in stages), beside=beside)
+
+    def kept(self) -> dict[str, Any]:
+        """Return it as a file holds it; see `read`."""
+        out: dict[str, Any] = {"state": self.state, "because": self.because, "stage": self.stage}
+        out |= {"accepted": True} if self.accepted else {}
+        return out | ({"beside": [s.kept() for s in self.beside]} if self.beside else {})
+
+    @classmethod
+    def read(cls, table: Mapping[str, Any]) -> Standing:
+        """Return what `kept` wrote.
+
+        Raises
+        ------
+        ValueError   When there is no such state.
+        """
+        if table["state"] not in ORDER:
+            raise ValueError(f"unknown state '{table['state']}'")
+        beside = tuple(cls.read(s) for s in table.get("beside", ()))
+        return cls(table["state"], str(table["because"]), str(table["stage"]), bool(table.get("accepted", False)), beside)
+
+    def to_dict(self, of: str = "") -> dict[str, Any]:
+        """Return it as the JSON of a command holds it, for a result of a stage: the reason is that of its first line."""
+        out: dict[str, Any] = {"state": self.state, "because": self.reason(of), "stage": self.stage}
+        out |= {"accepted": True} if self.accepted else {}
+        return out | ({"beside": [s.to_dict(of) for s in self.causes[1:]]} if self.beside else {})
+
+
+CREDIBLE = Standing("credible")
+UNJUDGED = Standing("unjudged")
+
+
+def worst(standings: Iterable[Standing]) -> Standing:
+    """Return the worst of several standings with the other causes beside it; credible where there is none.
+
+    Of equals the one that is not accepted comes first, then the first one.
+    """
+    several = list(standings)
+    causes = list(dict.fromkeys(c for s in several for c in s.causes))
+    if not causes:
+        return replace(max(several, key=lambda s: s.rank, default=CREDIBLE), beside=())
+    first = max(causes, key=lambda s: (s.rank, not s.accepted))
+    taken: dict[tuple[str, str], Standing] = {}
+    for s in causes:
+        if s is not first and (s.state, s.stage) != (first.state, first.stage):
+            taken.setdefault((s.state, s.stage), s)
+    return replace(first, beside=tuple(sorted(taken.values(), key=lambda s: -s.rank)))
+
+
+@dataclass(frozen=True)
+class Parameter:
+    """A value with what is known of it.
+
+    Parameters
+    ----------
+    expression : Expression     A literal with its unit, or arithmetic over other names.
+    minimum, maximum : float    Bounds, or None. [SI]
+    source : str                published, datasheet, derived, assumed, measured, or empty.
+    note, basis : str           Free text: what it is, and what it rests on.
+    standing : Standing         How far a value that was laid over a model may be trusted; None for that of a deck. It is no part of what
+                                the value is: two that differ in it alone are equal.
+    """
+
+    expression: Expression
+    minimum: float | None = None
+    maximum: float | None = None
+    source: str = ""
+    note: str = ""
+    basis: str = ""
+    standing: Standing | None = field(default=None, compare=False, repr=False)
+
+    @property
+    def text(self) -> str:
+        """The value as written."""
+        return self.expression.text
+
+    @property
+    def is_literal(self) -> bool:
+        """Whether the value is a number; only a literal can be freed."""
+        return self.expression.literal is not None
+
+    @property
+    def unit(self) -> str:
+        """The unit it was written in; empty for a derived value."""
+        return self.expression.literal.unit.text if self.expression.literal else ""
+
+
+def exact(value: float, unit_text: str, note: str = "") -> Parameter:
+    """Return an SI number as a parameter written in a unit; the float itself is kept, so that writing and reading do not change it."""
+    import ast
+
+    of = unit(unit_text)
+    plain = from_si(value, of)
+    tree = ast.parse(repr(abs(plain)), mode="eval").body
+    return Parameter(Expression(f"{plain!r} [{unit_text}]", (), Literal(value, of), tree), source="", note=note)
+
+
+def _bound(value: Any, expression: Expression) -> float | None:
+    """Return a bound in SI: a number in the value's own unit, or a text with its own."""
+    if value is None:
+        return None
+    if isinstance(value, str):
+        literal = parse(value).literal
+        if literal is None:
+            raise DeckError(f"the bound '{value}' must be a number with a unit.")
+        if expression.literal is not None and literal.unit.dimension != expression.literal.unit.dimension:
+            raise UnitError(
+                f"the bound '{value}' is {describe(literal.unit.dimension)}; the value is {describe(expression.literal.unit.dimension)}."
+            )
+        return literal.value
+    number = float(_written_number(value))
+    if expression.literal is None or abs(number) == float("inf"):
+        return number
+    own = expression.literal.unit
+    return parse(f"{number!r} [{own.text}]").literal.value  # type: ignore[union-attr]  # a pure number is a literal
+
+
+def _written_number(value: Any) -> str:
+    """Return the text of a number that was given without one."""
+    if isinstance(value, bool) or value != value or not hasattr(value, "__float__"):
+        raise DeckError(f"{value!r} is not a value. Write a text with a unit, '2.5 [W]', or a number.")
+    return repr(float(value))
+
+
+def parameter(value: str | float | Mapping[str, Any] | Parameter, where: str = "") -> Parameter:
+    """Return a parameter from what a deck or a Python caller writes.
+
+    Parameters
+    ----------
+    value : str, number, table or Parameter
+        ``"2.168 [W]"``, ``"(1 - x)*area"``, ``0.3``, or a table with `value` and any of `min`, `max`, `source`, `note`, `basis`.
+    where : str     File and key path, for messages.
+
+    Raises
+    ------
+    ThermidError    When the text cannot be read, a bound is reversed or has another dimension, or a key is unknown.
+    """
+    if isinstance(value, Parameter):
+        return value
+    table: Mapping[str, Any] = value if isinstance(value, Mapping) else {"value": value}
+    with errors_at(where):
+        unknown = set(table) - {"value", "min", "max", "source", "note", "basis"}
+        if unknown or "value" not in table:
+            raise DeckError(
+                "the keys of a parameter are value, min, max, source, note and basis; given: "
+                f"{', '.join(sorted(unknown)) or 'a table without value'}."
+            )
+        raw = table["value"]
+        expression = parse(raw if isinstance(raw, str) else _written_number(raw))
+        low, high = _bound(table.get("min"), expression), _bound(table.get("max"), expression)
+        if low is not None and high is not None and low > high:
+            raise DeckError(f"its minimum {table['min']} is above its maximum {table['max']}. Exchange the two bounds.")
+        source = table.get("source", "")
+        refuse_unknown([source] if source else (), SOURCES, refusal="source '{}' is not one of {known}.", error=DeckError)
+        return Parameter(expression, low, high, source, table.get("note", ""), table.get("basis", ""))
+
+
+def check_bounds(value: float, given: Parameter, where: str) -> None:
+    """Refuse a value outside its bounds.
+
+    Raises
+    ------
+    DeckError   Never moved silently (R6).
+    """
+    for bound, side, beyond in ((given.minimum, "minimum", -1.0), (given.maximum, "maximum", 1.0)):
+        if bound is not None and (value - bound) * beyond > 1e-12 * abs(bound):
+            word = "below" if beyond < 0 else "above"
+            of = unit(given.unit or "1")
+            shown = [f"{from_si(v, of):.6g}" for v in (value, bound)]
+            raise DeckError(f"{shown[0]} lies {word} its {side} {shown[1]} [{of.text}]. Correct the value or the bound.", where)

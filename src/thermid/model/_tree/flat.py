@@ -1,0 +1,672 @@
+"""The tree laid flat: every node, conductor and load with canonical names, still in terms of parameters; its gas nodes and its streams."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from dataclasses import dataclass, field, replace
+from typing import Any, Final
+
+import numpy as np
+
+from thermid.base.dual import value_of
+from thermid.base.errors import DeckError, NameNotFoundError, errors_at, nearest, quoted
+from thermid.base.units import require, require_unit
+from thermid.model._laws.curves import Curve
+from thermid.model._laws.signal import Signal
+from thermid.model._laws.stores import HeatStore, potential, store
+from thermid.model._parts.controls import COMPLEMENT, Control, ModeChange, named_control, of_difference, slot_of
+from thermid.model._parts.elements import LOAD_SLOTS, NODE_SLOTS, HeatLoad, Joint, MadeIn, Surface
+from thermid.model._parts.enclosures import Enclosed, Face, FaceExchange, pairs
+from thermid.model._parts.facing import Facing
+from thermid.model._parts.kinds import KINDS, Law
+from thermid.model._parts.takes import Take
+from thermid.model._tree.tree import Names, ParameterSet, Tree
+from thermid.physics.gas import GASES
+
+BALANCED: Final = 1e-3
+"""Share of a node's flow that may be missing: flows are written with three digits or more. [-]"""
+WALLS = ("walls", "air and walls")
+"""What a node stands for that radiation can reach."""
+
+
+@dataclass(frozen=True)
+class FlatNode:
+    """A node: field -> parameter path; empty fields for an arithmetic node; how it stores heat where that changes with temperature."""
+
+    path: str
+    fields: Mapping[str, str]
+    reference_point: bool = False
+    where: str = ""
+    store: HeatStore | None = None
+    stands_for: str = ""
+
+    def capacitance(self, values: Mapping[str, Any]) -> Any:
+        """Return m c or C at values of parameters, or None for a massless node. [J/K]"""
+        if not self.fields:
+            return None
+        if "capacitance" in self.fields:
+            return values[self.fields["capacitance"]]
+        mass = values[self.fields["mass"]]
+        return mass * (self.store.reference if self.store is not None else values[self.fields["specific_heat"]])
+
+
+@dataclass(frozen=True)
+class FlatConductor:
+    """A conductor: field -> parameter path, the area that joints take from it, and a factor on its conductance.
+
+    `recipe` stands in for that of its kind where a pair's law needs more than its own fields. `sees` is what an effective coefficient
+    leaves its radiation to without gas, by a conductor of its own, where that is not the gas node.
+    """
+
+    path: str
+    kind: str
+    ends: tuple[str, str]
+    fields: Mapping[str, str]
+    curve: Curve | None = None
+    takes: tuple[Take, ...] = ()
+    factor: float = 1.0
+    gas: str = ""
+    emissivity: str = ""
+    sees: str = ""
+    where: str = ""
+    recipe: Callable[[Mapping[str, Any]], Law] | None = None
+    words: Mapping[str, str] = field(default_factory=dict)
+    controls: tuple[str, ...] = ()
+    reversible: bool = False
+
+    def laws(self, fields: Mapping[str, Any]) -> tuple[Law, ...]:
+        """Return the rows that it is at the values of its fields (float or Dual, SI)."""
+        found = (self.recipe or KINDS[self.kind].recipe)(fields)
+        return found if isinstance(found, tuple) else (found,)
+
+
+@dataclass(frozen=True)
+class FlatLoad:
+    """A heat load: field -> parameter path; one that a surface absorbs has the area that joints take, and its flux by the boundaries.
+
+    `recipe` gives what of a flux is absorbed where reflections between faces count. [m^2]
+    """
+
+    path: str
+    node: str
+    sensor: str
+    fields: Mapping[str, str]
+    curve: Curve | None = None
+    where: str = ""
+    takes: tuple[Take, ...] = ()
+    flux: Callable[[Mapping[str, Signal]], Signal] | None = None
+    controls: tuple[str, ...] = ()
+    cycle: Signal | None = None
+    recipe: Callable[[Mapping[str, Any]], Any] | None = None
+
+    @property
+    def follows_temperature(self) -> bool:
+        """Whether its power changes with a temperature other than by being switched."""
+        laws = ("proportional.setpoint", "command_curve")
+        return bool(self.controls) or self.curve is not None or any(f in laws or f.endswith("_coefficient") for f in self.fields)
+
+
+@dataclass(frozen=True)
+class FlatControl:
+    """A control: canonical nodes with their weights, field -> parameter path; of transitions the nodes that they follow."""
+
+    path: str
+    control: Control
+    follows: tuple[tuple[str, float], ...]
+    fields: Mapping[str, str]
+    ways: Mapping[str, tuple[tuple[str, float], ...]] = field(default_factory=dict)
+    where: str = ""
+
+    @property
+    def has_history(self) -> bool:
+        """Whether what it gives depends on more than the temperatures of the moment."""
+        return self.control.kind in ("thermostat", "modes", "pid") or bool(self.control.sample)
+
+    def transition(self, name: str) -> tuple[ModeChange, tuple[tuple[str, float], ...]]:
+        """Return a transition and what it follows."""
+        return self.control.transitions[name], self.ways[name]
+
+
+@dataclass(frozen=True)
+class FlatSurface:
+    """A surface as radiation from outside meets it: field -> parameter path; what it sees, nothing where that is an enclosure's faces.
+
+    `exchange` is htc or effective_htc, whichever it has, or empty; `controls` those of its emissivity.
+    """
+
+    node: str
+    to: str
+    fields: Mapping[str, str]
+    takes: tuple[Take, ...] = ()
+    facing: Facing | None = None
+    sees: str = ""
+    where: str = ""
+    exchange: str = ""
+    controls: tuple[str, ...] = ()
+    enclosed: Enclosed | None = None
+
+
+@dataclass(frozen=True)
+class Flat:
+    """A tree laid flat.
+
+    Parameters
+    ----------
+    names : Names                       Canonical nodes and boundaries.
+    parameters : ParameterSet           Every value by path.
+    nodes, conductors, loads : tuple    The elements.
+    surfaces : dict                     Surface path -> its area's parameter path and what joints take from it.
+    finishes : dict                     Parameter path of an emissivity -> the finish that it comes from.
+    faces : dict                        Surface path -> the surface as radiation from outside meets it.
+    made_in : tuple                     Title of a reduced part, gas node or ``*``, the state that it was made in, and where that stands.
+    controls : dict                     Control path -> the control.
+    """
+
+    names: Names
+    parameters: ParameterSet
+    nodes: tuple[FlatNode, ...]
+    conductors: tuple[FlatConductor, ...]
+    loads: tuple[FlatLoad, ...]
+    surfaces: Mapping[str, tuple[str, tuple[Take, ...]]] = field(default_factory=dict)
+    finishes: Mapping[str, str] = field(default_factory=dict)
+    faces: Mapping[str, FlatSurface] = field(default_factory=dict)
+    made_in: tuple[tuple[str, str, MadeIn, str], ...] = ()
+    controls: Mapping[str, FlatControl] = field(default_factory=dict)
+
+
+def flatten(model: Tree) -> Flat:
+    """Return the tree laid flat, with every name resolved and every unit checked.
+
+    Raises
+    ------
+    ThermidError   With file and key path of the first thing that does not fit.
+    """
+    return model.memo.made("flat", lambda: _laid_flat(model))
+
+
+def _laid_flat(model: Tree) -> Flat:
+    names, parameters = Names(model), ParameterSet(model)
+    takes = _takes(model, names)
+    enclosed, inside = _enclosures(model, names, takes)
+    nodes: list[FlatNode] = []
+    conductors: list[FlatConductor] = []
+    loads: list[FlatLoad] = []
+    controls: dict[str, FlatControl] = {}
+    surfaces: dict[str, tuple[str, tuple[Take, ...]]] = {}
+    finishes: dict[str, str] = {}
+    faces: dict[str, FlatSurface] = {}
+    for owner, prefix in model.walk():
+        for name, node in owner.nodes.items():
+            fields = {f: f"{prefix}{name}.{f}" for f in node.fields}
+            with errors_at(owner.where(f"nodes.{name}")):
+                heat = store(*node.table, node.supercooling) if node.table else None
+            nodes.append(FlatNode(prefix + name, fields, node.reference_point, owner.where(f"nodes.{name}"), heat, node.stands_for))
+        for name, joint in owner.joints.items():
+            mid = prefix + (joint.mid or f"{name}.mid")
+            nodes.append(FlatNode(mid, {}, False, owner.where(f"joints.{name}")))
+            conductors += _joint(owner, prefix, name, joint, mid, names)
+        for name, surface in owner.surfaces.items():
+            taken = tuple(takes.get(prefix + name, ()))
+            surfaces[prefix + name] = (f"{prefix}{name}.area", taken)
+            finishes |= {f"{prefix}{name}.emissivity": surface.finish} if surface.finish else {}
+            conductors += _surface(owner, prefix, name, surface, taken, names, prefix + name in enclosed)
+            own = _face(owner, prefix, name, surface, taken, names, prefix + name in enclosed)
+            faces[prefix + name] = replace(own, enclosed=enclosed.get(prefix + name))
+        for name, c in owner.conductors.items():
+            key = f"conductors.{name}"
+            at = names.seen if c.kind == "radiation" else names.end
+            ends = (at(owner, prefix, c.between[0], key), at(owner, prefix, c.between[1], key))
+            fields = {f: f"{prefix}{name}.{f}" for f in c.fields}
+            gas = names.end(owner, prefix, c.words["to"], f"{key}.to") if "to" in c.words else ""
+            gas = gas or next((e for e in reversed(ends) if e in names.boundaries), ends[1])
+            law = potential(c.curve) if c.curve is not None and KINDS[c.kind].tabulated else c.curve
+            made = FlatConductor(prefix + name, c.kind, ends, fields, law, gas=gas, where=owner.where(key), words=c.words)
+            made = replace(made, controls=_controls(owner, prefix, c.controls, key), reversible=c.reversible)
+            conductors += [made, *_losses(made)]
+        for name, load in owner.loads.items():
+            loads.append(_load(owner, prefix, name, load, names))
+        for name, control in owner.controls.items():
+            controls[prefix + name] = _control(owner, prefix, name, control, names)
+    made_in = tuple(
+        (owner.title, gas if gas == "*" else names.end(owner, prefix, gas, f"made_in.{gas}"), state, owner.where(f"made_in.{gas}"))
+        for owner, prefix in model.walk()
+        for gas, state in owner.made_in.items()
+    )
+    flat = Flat(names, parameters, tuple(nodes), (*conductors, *inside), tuple(loads), surfaces, finishes, faces, made_in, controls)
+    _check_slots(flat)
+    return flat
+
+
+def _takes(model: Tree, names: Names) -> dict[str, list[Take]]:
+    """Return surface path -> what each joint or conductor takes from it."""
+    out: dict[str, list[Take]] = {}
+    for owner, prefix in model.walk():
+        for name, joint in owner.joints.items():
+            for end in joint.between:
+                path, _, _ = names.surface(owner, prefix, end, f"joints.{name}")
+                out.setdefault(path, []).append(Take(prefix + name, f"{prefix}{name}.area", "contact"))
+                if joint.gap_to:
+                    out[path].append(Take(prefix + name, f"{prefix}{name}.gap.area", "gap"))
+        for name, conductor in owner.conductors.items():
+            for end in conductor.takes:
+                path, _, _ = names.surface(owner, prefix, end, f"conductors.{name}.takes")
+                out.setdefault(path, []).append(Take(prefix + name, f"{prefix}{name}.area", "contact"))
+    return out
+
+
+def _enclosures(model: Tree, names: Names, takes: Mapping[str, list[Take]]) -> tuple[dict[str, Enclosed], list[FlatConductor]]:
+    """Return surface -> its place in the enclosure that it is a face of, and the radiation between the faces of every enclosure."""
+    enclosed: dict[str, Enclosed] = {}
+    out = []
+    for owner, prefix in model.walk():
+        for name, enclosure in owner.enclosures.items():
+            key = f"enclosures.{name}"
+            faces: list[Face] = []
+            for face, raw in enclosure.faces.items():
+                path, part, part_prefix = names.surface(owner, prefix, raw, f"{key}.faces.{face}")
+                surface = part.surfaces[path.rpartition(".")[2]]
+                if path in enclosed or path in [f.path for f in faces]:
+                    first = enclosed[path].exchange.path if path in enclosed else prefix + name
+                    raise DeckError(
+                        f"'{raw}' is a face of '{first}' already, so its radiation would count twice. "
+                        "List the surface in one enclosure only.",
+                        owner.where(key),
+                    )
+                node = names.end(part, part_prefix, surface.of, key)
+                faces.append(Face(face, path, surface, node, tuple(takes.get(path, ()))))
+            rest = names.seen(owner, prefix, enclosure.rest, f"{key}.rest") if enclosure.rest else ""
+            exchange = FaceExchange(prefix + name, enclosure, faces, bool(rest), owner.where(key))
+            enclosed |= {f.path: Enclosed(k, exchange, rest) for k, f in enumerate(faces)}
+            for pair in pairs(exchange, rest):
+                out.append(FlatConductor(pair.path, "radiation", pair.ends, pair.fields, where=owner.where(key), recipe=pair.recipe))
+    return enclosed, out
+
+
+def _surface(
+    owner: Tree, prefix: str, name: str, surface: Surface, takes: tuple[Take, ...], names: Names, enclosed: bool
+) -> list[FlatConductor]:
+    """Return the conductors that a surface stands for: what convects, and what radiates when that is apart and no enclosure has it."""
+    key = f"surfaces.{name}"
+    path = prefix + name
+    by = {what: _controls(owner, prefix, several, key) for what, several in surface.controls.items()}
+    a, b = names.end(owner, prefix, surface.of, key), names.end(owner, prefix, surface.to, key)
+    fields = {f: f"{path}.{f}" for f in surface.fields}
+    out = []
+    emissivity = fields.pop("emissivity", "")
+    fields.pop("absorptance", "")
+    if surface.is_effective:
+        sees = names.seen(owner, prefix, surface.sees or surface.to, key)
+        held = FlatConductor(path, "effective", (a, b), fields, None, takes, gas=b, emissivity=emissivity, where=owner.where(key))
+        held = replace(held, controls=by.get("htc", ()), words=surface.words)
+        if not emissivity or sees == b:
+            return [held]
+        left = {"emissivity": emissivity, "area": fields["area"]}
+        return [
+            replace(held, sees=sees),
+            FlatConductor(f"{path}.radiation", "radiation", (a, sees), left, None, takes, gas=b, where=owner.where(key), recipe=_left),
+        ]
+    if len(fields) > 1:
+        made = FlatConductor(path, "convection", (a, b), fields, None, takes, gas=b, where=owner.where(key), words=surface.words)
+        out.append(replace(made, controls=by.get("htc", ())))
+    if emissivity and not enclosed:
+        to = names.seen(owner, prefix, surface.sees or surface.to, key)
+        radiating = {"emissivity": emissivity, "area": fields["area"]}
+        made = FlatConductor(f"{path}.radiation", "radiation", (a, to), radiating, None, takes, where=owner.where(key))
+        out.append(replace(made, controls=by.get("emissivity", ())))
+    if enclosed and by.get("emissivity"):
+        raise DeckError(
+            "a face of an enclosure needs a constant emissivity, because all exchange factors depend on it. Give a number, or take "
+            "the face out of the enclosure.",
+            owner.where(key),
+        )
+    return out
+
+
+def _face(owner: Tree, prefix: str, name: str, surface: Surface, takes: tuple[Take, ...], names: Names, enclosed: bool) -> FlatSurface:
+    """Return a surface as radiation from outside meets it."""
+    key = f"surfaces.{name}"
+    fields = {f: f"{prefix}{name}.{f}" for f in ("area", "emissivity", "absorptance") if f in surface.fields}
+    to = names.end(owner, prefix, surface.to, key)
+    sees = "" if enclosed else names.seen(owner, prefix, surface.sees or surface.to, key)
+    exchange = next((f.partition(".")[0] for f in surface.fields if f.partition(".")[0] in ("htc", "effective_htc")), "")
+    by = _controls(owner, prefix, surface.controls.get("emissivity", ()), key)
+    return FlatSurface(names.end(owner, prefix, surface.of, key), to, fields, takes, surface.facing, sees, owner.where(key), exchange, by)
+
+
+def _left(fields: Mapping[str, Any]) -> Law:
+    """Return the radiation that an effective coefficient holds, which shows without gas."""
+    law = KINDS["radiation"].recipe(fields)
+    assert isinstance(law, Law)
+    return replace(law, medium="left")
+
+
+def _joint(owner: Tree, prefix: str, name: str, joint: Joint, mid: str, names: Names) -> list[FlatConductor]:
+    """Return the conductors that a joint stands for: two half-contacts and, with a gap, its loss to the air."""
+    key, path = f"joints.{name}", prefix + name
+    out = []
+    kind = "contact" if "contact_conductance" in joint.fields else "conduction"
+    wanted = {f: f"{path}.{f}" for f in joint.fields if not f.startswith("gap.")}
+    for which, raw in zip(("first", "second"), joint.between, strict=True):
+        _, part, part_prefix = names.surface(owner, prefix, raw, key)
+        surface_name = owner.canonical(raw).rpartition(".")[2]
+        node = names.end(part, part_prefix, part.surfaces[surface_name].of, key)
+        out.append(FlatConductor(f"{path}.{which}", kind, (node, mid), wanted, where=owner.where(key)))
+    if joint.gap_to:
+        to = names.end(owner, prefix, joint.gap_to, key)
+        fields = {"htc": f"{path}.gap.htc", "area": f"{path}.gap.area"}
+        out.append(FlatConductor(f"{path}.gap", "convection", (mid, to), fields, factor=2.0, gas=to, where=owner.where(key)))
+    return out
+
+
+def _losses(made: FlatConductor) -> list[FlatConductor]:
+    """Return what both ends of a lead lose to its surroundings; an end that is these loses nothing."""
+    if KINDS[made.kind].loss is None:
+        return []
+    if "to" not in made.words:
+        if {"htc", "effective_htc", "emissivity"} & set(made.fields):
+            raise DeckError('the lead loses heat along its length, but no node takes it. Name the node: to = "air".', made.where)
+        return []
+    if {"htc", "effective_htc"} <= set(made.fields):
+        raise DeckError(
+            "give a lead either htc (convection alone) or effective_htc (convection and radiation together), not both.", made.where
+        )
+    sides = zip(("first", "second"), made.ends, strict=True)
+    return [
+        replace(made, path=f"{made.path}.{which}", ends=(end, made.gas), recipe=KINDS[made.kind].loss)
+        for which, end in sides
+        if end != made.gas
+    ]
+
+
+def _load(owner: Tree, prefix: str, name: str, load: HeatLoad, names: Names) -> FlatLoad:
+    key = f"loads.{name}"
+    node = names.end(owner, prefix, load.into, key)
+    sensor = names.end(owner, prefix, load.sensor, key) if load.sensor else node
+    fields = {f: f"{prefix}{name}.{f}" for f in load.fields}
+    cycle = load.cycle.signal() if load.cycle is not None else None
+    by = _controls(owner, prefix, load.controls, key)
+    return FlatLoad(prefix + name, node, sensor, fields, load.curve, owner.where(key), controls=by, cycle=cycle)
+
+
+def _controls(owner: Tree, prefix: str, raw: Sequence[str], key: str) -> tuple[str, ...]:
+    """Return the canonical paths of controls by the names that an element gives them, ``1 - path`` where the rest of one is taken.
+
+    Raises
+    ------
+    NameNotFoundError   When there is no such control, here or in a part.
+    """
+    out: list[str] = []
+    for each in raw:
+        name, rest = named_control(each)
+        path = owner.canonical(name)
+        head, _, tail = path.rpartition(".")
+        part = owner.submodel(head) if head else owner
+        if tail not in part.controls:
+            raise NameNotFoundError(
+                f"no control '{name}'.{nearest(tail, part.controls)} Declare it under controls.", owner.where(f"{key}.control")
+            )
+        if prefix + path in {named_control(c)[0] for c in out}:
+            raise DeckError(f"the control '{name}' is named twice. Remove one of them.", owner.where(f"{key}.control"))
+        out.append(f"{COMPLEMENT}{prefix}{path}" if rest else prefix + path)
+    return tuple(out)
+
+
+def _control(owner: Tree, prefix: str, name: str, control: Control, names: Names) -> FlatControl:
+    key = f"controls.{name}"
+
+    def nodes(follows: Mapping[str, float], at: str) -> tuple[tuple[str, float], ...]:
+        return tuple((names.end(owner, prefix, node, at), weight) for node, weight in follows.items())
+
+    own = nodes(control.follows, f"{key}.follows")
+    ways = {n: nodes(t.follows, f"{key}.transitions.{n}") or own for n, t in control.transitions.items()}
+    return FlatControl(prefix + name, control, own, {f: f"{prefix}{name}.{f}" for f in control.fields}, ways, owner.where(key))
+
+
+def _check_slots(flat: Flat) -> None:
+    """Check the dimension of every element's value against its slot, at the place where the value was written."""
+    known: set[tuple[str, str]] = set()  # units that fit a slot
+    for node in flat.nodes:
+        for name, path in node.fields.items():
+            _require(known, flat.parameters, path, NODE_SLOTS[name])
+    for conductor in flat.conductors:
+        slots = KINDS[conductor.kind].slots
+        for name, path in conductor.fields.items():
+            _require(known, flat.parameters, path, slots.get(name, "1" if name.endswith(".emissivity") else "m^2"))
+        if conductor.emissivity:
+            _require(known, flat.parameters, conductor.emissivity, "1")
+    for load in flat.loads:
+        for name, path in load.fields.items():
+            _require(known, flat.parameters, path, LOAD_SLOTS[name])
+    for control in flat.controls.values():
+        for name, path in control.fields.items():
+            way = control.control.transitions.get(name.split(".")[1]) if name.startswith("transitions.") else None
+            follows = way.follows if way is not None and way.follows else control.control.follows
+            _require(known, flat.parameters, path, slot_of(name, of_difference(follows)))
+    for face in flat.faces.values():
+        for name in {"absorptance", "emissivity"} & set(face.fields):
+            _require(known, flat.parameters, face.fields[name], "1")
+    for area, takes in flat.surfaces.values():
+        _require(known, flat.parameters, area, "m^2")
+        for take in takes:
+            _require(known, flat.parameters, take.path, "m^2")
+
+
+def _require(known: set[tuple[str, str]], parameters: ParameterSet, path: str, slot: str) -> None:
+    root = parameters.literal_behind(path)
+    entry = parameters.table[root]
+    literal = entry.parameter.expression.literal
+    if literal is None or (literal.unit.text, slot) not in known:
+        with errors_at(entry.where):
+            if literal is not None:
+                require_unit(literal.unit, slot)
+                known.add((literal.unit.text, slot))
+            else:
+                require(parameters.dimension(path), slot)
+    if literal is not None and slot == "m^2" and literal.value < 0:
+        raise DeckError("an area cannot be negative.", entry.where)
+
+
+def gas_nodes(flat: Flat) -> frozenset[str]:
+    """Return the inner nodes that are gas: declared as air, or convected to without being a solid.
+
+    Surfaces, gaps of joints and leads name the gas that takes their convection. A node that has a surface of its own is a solid. A boundary
+    is none of these: it is the air of a large room and its walls alike.
+    """
+    around = surrounding(flat)
+    return frozenset(n.path for n in flat.nodes if n.stands_for == "air" or (n.path in around and n.stands_for not in WALLS))
+
+
+def into_gas(flat: Flat, values: Mapping[str, Any]) -> dict[str, list[str]]:
+    """Return gas node -> what radiates to it with an emissivity above zero: surfaces, leads, conductors, enclosures by their rest.
+
+    Parameters
+    ----------
+    values : dict   Parameter path -> value. [SI]
+    """
+    gases = gas_nodes(flat)
+    out: dict[str, dict[str, None]] = {}
+    if not gases:
+        return {}
+    faces = {path: (face.sees, face.fields.get("emissivity", "")) for path, face in flat.faces.items()}
+    leads = {_lead(c.path): (c.gas, c.fields["emissivity"]) for c in flat.conductors if c.kind == "lead" and "emissivity" in c.fields}
+    for path, (node, emissivity) in (faces | leads).items():
+        if node in gases and emissivity and values[emissivity] != 0.0:
+            out.setdefault(node, {})[path] = None
+    for c in flat.conductors:
+        path = c.path.removesuffix(".radiation")
+        if c.kind == "radiation" and path not in flat.faces:
+            factor = next((values[c.fields[f]] for f in ("emissivity", "exchange_factor") if f in c.fields), 1.0)
+            enclosure = path.rpartition(".")[0].rpartition(".")[0] if c.recipe is not None else path
+            for node in gases & set(c.ends) if factor != 0.0 else ():
+                out.setdefault(node, {})[enclosure] = None
+    return {node: list(paths) for node, paths in out.items()}
+
+
+def radiates_into(gas: str, radiating: list[str]) -> str:
+    """Return what is said of what radiates into a gas."""
+    radiates, sees = ("radiate", "they see") if len(radiating) > 1 else ("radiates", "it sees")
+    return (
+        f"{quoted(radiating)} {radiates} to '{gas}', which is gas, and gas does not absorb radiation here. Name the wall that {sees}, "
+        "sees = ...; define an enclosure; bind the need of a part separately, "
+        f'bind = {{ need = {{ to = "{gas}", sees = "..." }} }}; or, where \'{gas}\' is one node for the air and the walls around it, '
+        'stands_for = "air and walls" (a solid: stands_for = "walls").'
+    )
+
+
+def bare(flat: Flat) -> dict[str, str]:
+    """Return surface or lead -> its gas, of those with a convection and without a word on radiation."""
+    faces = {path: face.to for path, face in flat.faces.items() if face.exchange == "htc" and "emissivity" not in face.fields}
+    leads = {_lead(c.path): c.gas for c in flat.conductors if c.kind == "lead" and "htc" in c.fields and "emissivity" not in c.fields}
+    return faces | leads
+
+
+def _lead(path: str) -> str:
+    """Return the lead of one of its losses."""
+    return path.removesuffix(".first").removesuffix(".second")
+
+
+def still(flat: Flat) -> dict[str, str]:
+    """Return surface -> its gas, of those with an emissivity, in no enclosure, and without a word on convection."""
+
+    def silent(face: FlatSurface) -> bool:
+        return not face.exchange and bool(face.sees) and "emissivity" in face.fields
+
+    return {path: face.to for path, face in flat.faces.items() if silent(face)}
+
+
+def surrounding(flat: Flat) -> frozenset[str]:
+    """Return the nodes, boundaries among them, that surfaces, gaps and leads convect to, and that have no surface of their own."""
+    return frozenset(_convected(flat)) - {face.node for face in flat.faces.values()}
+
+
+def _convected(flat: Flat) -> set[str]:
+    found = {face.to for face in flat.faces.values() if face.exchange}
+    found |= {c.gas for c in flat.conductors if (c.path.endswith(".gap") and c.kind == "convection") or c.kind in ("duct", "heat_sink")}
+    return found | {c.gas for c in flat.conductors if c.kind == "lead" and {"htc", "effective_htc"} & set(c.fields)}
+
+
+def streams_of(conductors: Iterable[FlatConductor]) -> tuple[FlatConductor, ...]:
+    """Return the streams between two nodes."""
+    return tuple(c for c in conductors if c.kind == "flow" and c.ends[0] != c.ends[1])
+
+
+def fluid_of(c: FlatConductor) -> str:
+    """Return the fluid of a stream: a gas, liquid, or empty where it names none."""
+    return c.words.get("fluid", "")
+
+
+def by_volume(c: FlatConductor) -> bool:
+    """Return whether a stream is written as a flow of volume."""
+    return "volume_flow" in c.fields
+
+
+def flow_of(c: FlatConductor, values: Mapping[str, Any]) -> Any:
+    """Return the flow of a stream as it is written: of mass [kg/s], or of volume [m^3/s] where its density follows from the gas."""
+    flow = value_of(values[c.fields["volume_flow" if by_volume(c) else "mass_flow"]])
+    return flow * value_of(values[c.fields["density"]]) if "density" in c.fields else flow
+
+
+def unclosed(flat: Flat, values: Mapping[str, Any]) -> Iterator[tuple[str, str]]:
+    """Yield place and sentence of each node that does not pass on what enters it, where a stream names its fluid or the node is gas.
+
+    What enters a node and is not passed on leaves it unwritten, at its temperature: the last node of a line. A boundary gives and takes.
+
+    Parameters
+    ----------
+    values : dict   Parameter path -> value. [SI]
+    """
+    inner, gases = {n.path for n in flat.nodes}, gas_nodes(flat)
+    joined: dict[str, list[FlatConductor]] = {}
+    for c in streams_of(flat.conductors):
+        for end in c.ends:
+            joined.setdefault(end, []).append(c)
+    for node in joined:
+        for fluid, several in _by_fluid(joined[node]).items() if node in inner else ():
+            into = [c for c in several if c.ends[1] == node]
+            out = [c for c in several if c.ends[0] == node]
+            if out and (fluid or (into and node in gases)):  # of one without fluid that none feeds, `unfed` speaks
+                yield from _met(node, several)
+                yield from _kept(node, into, out, values)
+
+
+def _kept(node: str, into: Sequence[FlatConductor], out: Sequence[FlatConductor], values: Mapping[str, Any]) -> Iterator[tuple[str, str]]:
+    """Yield what is wrong with the sums of a node."""
+    entering, leaving = (sum((flow_of(c, values) for c in part), start=0.0) for part in (into, out))
+    sums: dict[tuple[str, ...], Any] = {}
+    most: Any = 0.0
+    for sign, part in ((1.0, into), (-1.0, out)):
+        for c in part:
+            flow = flow_of(c, values)
+            most = most + (flow * flow) ** 0.5
+            for names, weight in _products(c.controls):
+                sums[names] = sums.get(names, 0.0) + sign * weight * flow
+    if any(gap * gap > (BALANCED * most) * (BALANCED * most) for gap in sums.values()):
+        by = sorted({name for names in sums for name in names})
+        driven = f", which is not one and the same whatever {quoted(by)} {'give' if len(by) > 1 else 'gives'}" if by else ""
+        yield (
+            out[0].where,
+            f"'{node}' takes in {_said(into, entering, values)} and passes on {_said(out, leaving, values)}{driven}. "
+            "The flows into and out of a node must be equal. Correct them, or add the missing stream from or to a boundary such as "
+            "the ambient. Use one parameter for all streams of a line: the balance then holds in fits and schedules too.",
+        )
+
+
+def _products(controls: Sequence[str]) -> list[tuple[tuple[str, ...], float]]:
+    """Return the product of controls as a sum: names whose shares are multiplied, and a factor; ``1 - x`` is one less x."""
+    out: list[tuple[tuple[str, ...], float]] = [((), 1.0)]
+    for each in controls:
+        name, rest = named_control(each)
+        taken = [(tuple(sorted((*names, name))), -weight if rest else weight) for names, weight in out]
+        out = [*out, *taken] if rest else taken
+    return out
+
+
+def _by_fluid(streams: Sequence[FlatConductor]) -> dict[str, list[FlatConductor]]:
+    """Return fluid -> streams of a node: all gas in one, with a stream that names no fluid beside it; a liquid apart."""
+    gas = any(fluid_of(c) in GASES for c in streams)
+    out: dict[str, list[FlatConductor]] = {}
+    for c in streams:
+        fluid = fluid_of(c)
+        out.setdefault("gas" if fluid in GASES or (gas and not fluid) else fluid, []).append(c)
+    return out
+
+
+def _met(node: str, streams: Sequence[FlatConductor]) -> Iterator[tuple[str, str]]:
+    """Yield two gases in one node, and volumes of gas beside masses."""
+    gases = {fluid_of(c): c for c in streams if fluid_of(c)}
+    if len(gases) > 1:
+        (one, a), (two, b) = list(gases.items())[:2]
+        yield (
+            b.where,
+            (f"{one} ('{a.path}') and {two} ('{b.path}') meet in '{node}'. Mixtures are not modelled. Give both streams the same fluid."),
+        )
+    kinds = {by_volume(c) and "density" not in c.fields: c for c in streams}
+    if len(kinds) > 1:
+        yield (
+            kinds[False].where,
+            f"in '{node}' the volume of '{kinds[True].path}' meets the mass of '{kinds[False].path}', whose balance closes at one pressure "
+            "and temperature at most. Write streams that meet all as volume_flow or all as mass_flow.",
+        )
+
+
+def unfed(flat: Flat) -> dict[str, str]:
+    """Return what is said of each stream that names no fluid and leaves a gas node that no stream enters, by its path."""
+    streams = streams_of(flat.conductors)
+    empty = gas_nodes(flat) - {c.ends[1] for c in streams}
+    return {
+        c.path: f"'{c.path}' takes no heat from '{c.ends[0]}', because no stream enters there. Add the inlet stream, and name the "
+        "fluid of both"
+        for c in streams
+        if not fluid_of(c) and c.ends[0] in empty
+    }
+
+
+def _said(streams: Sequence[FlatConductor], flow: Any, values: Mapping[str, Any]) -> str:
+    """Return a flow with the names of its streams, as volume where all are written so; of many members the first."""
+    if not streams:
+        return "nothing"
+    volume = all(by_volume(c) for c in streams)
+    size = sum((value_of(values[c.fields["volume_flow"]]) for c in streams), start=0.0) if volume else flow
+    plain = float(np.asarray(getattr(size, "values", size)).ravel()[0])
+    text = f"{6e4 * plain:.4g} l/min" if volume else f"{1e3 * plain:.4g} g/s"
+    return f"{text} ({', '.join(repr(c.path) for c in streams)})"

@@ -1,0 +1,109 @@
+"""`Model`: one recursive type for component, submodel, full model and macro model. It is what the hardware is, and nothing else."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
+from typing import Any
+
+from thermid.base.arguments import takes_objects
+from thermid.model._tree.identity import Identity, cut, definition_of, identity_of, lay_values, local_identities
+from thermid.model._tree.replacement import Replacement, replaced
+from thermid.model._tree.rules import Finding, findings
+from thermid.model._tree.tree import Tree
+
+
+@dataclass(frozen=True)
+class Model(Tree):
+    """A lumped thermal model at any depth. Frozen; every change returns a new one. Its fields are those of `Tree`."""
+
+    @takes_objects
+    def with_values(self, values: Mapping[str, Any], origin: str = "caller", at: str = "") -> Model:
+        """Return the model with values laid over it.
+
+        Given to one of several instances of a deck, a value cuts it from the others, which `check` lists. A fitted value given to several
+        instances stays one value of them all.
+
+        Parameters
+        ----------
+        values : dict   Path -> text with unit, `Parameter`, or anything with ``as_parameter()`` such as a fitted value.
+        origin : str    Who sets them.
+        at : str        Path of a submodel whose own values these are, by their paths there: what a [set] above says still wins over them.
+
+        Raises
+        ------
+        NameNotFoundError   When a path is no parameter of the model.
+        """
+        if at:
+            return self.with_part(at, self.submodel(at).with_values(values, origin))
+        return lay_values(self, values, origin)
+
+    @takes_objects
+    def cut(self, *places: str) -> Model:
+        """Return the model in which some instances or values share with no other; numbers stay as they are.
+
+        Parameters
+        ----------
+        places : str    Paths of submodels or of values.
+
+        Raises
+        ------
+        NameNotFoundError   When a path is neither.
+        """
+        return cut(self, places)
+
+    @takes_objects
+    def with_part(self, path: str, changed: Model) -> Model:
+        """Return the model with a submodel in another state; it stays the same part, and what lies over it stays too.
+
+        Raises
+        ------
+        NameNotFoundError   When there is no such submodel.
+        """
+        head, _, rest = self.canonical(path).partition(".")
+        self.submodel(head)
+        old = self.submodels[head]
+        inner = old.model.with_part(rest, changed) if rest else changed
+        return replace(self, submodels={**self.submodels, head: replace(old, model=inner)})
+
+    @takes_objects
+    def replace(self, path: str, new: Model, keep: Sequence[str] = ()) -> Model:
+        """Return the model with the submodel at `path` replaced; see `replaced`, which says what became of the old one's values too."""
+        return self.replaced(path, new, keep)[0]
+
+    @takes_objects
+    def replaced(self, path: str, new: Model, keep: Sequence[str] = ()) -> tuple[Model, Replacement]:
+        """Return the model with the submodel at `path` replaced, and what became of the values there.
+
+        The new part has the values of its own deck. What a [set], a stage or a caller gave the old one is dropped at every level, with
+        its ties; twins keep theirs. What a deck above derives from its own values stays. `with_part` changes the state of one part.
+
+        Parameters
+        ----------
+        path : str      The submodel.
+        new : Model     The new part.
+        keep : list     Paths inside the part whose rows stay as they are, and fields of joints that stay shared.
+
+        Raises
+        ------
+        DeckError   When the new part needs or offers other ports than are used, or lacks a value that a deck above reads.
+        """
+        return replaced(self, path, new, keep)
+
+    def check(self) -> tuple[Finding, ...]:
+        """Check the model: errors, warnings and notes, one per finding."""
+        return findings(self) if self.runner is None else ()  # of what runs elsewhere, a deck has names alone
+
+    def identity(self) -> str:
+        """Return a hash of what the model means: not of its file, comments, layout or the order of its tables."""
+        return identity_of(self)
+
+
+@takes_objects
+def identities(model: Model) -> Mapping[str, Identity]:
+    """Return path -> `Identity` of every value of a tree.
+
+    A value in the deck of a part is one value for all its instances. A row of a [set] belongs to the deck that has it; rows of one [set]
+    with equal number, dimension and bounds, on one field of instances of one definition, are one value. A cut separates them.
+    """
+    return local_identities(model, definition_of(model))

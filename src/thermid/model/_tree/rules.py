@@ -1,0 +1,472 @@
+"""Checks of a model: one small function per rule.
+
+Rules see the tree laid flat. They say what to do, and change nothing.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator, Mapping
+from dataclasses import dataclass
+from typing import Any, Final, Literal
+
+import numpy as np
+
+from thermid.base.dual import value_of
+from thermid.base.errors import ThermidError, quoted
+from thermid.model._laws.curves import evaluate
+from thermid.model._parts.controls import named_control
+from thermid.model._parts.kinds import CARRIED_BY
+from thermid.model._parts.takes import exposed_area
+from thermid.model._tree.flat import Flat, FlatConductor, FlatLoad, FlatNode, bare, flatten, into_gas, radiates_into, still, unclosed, unfed
+from thermid.model._tree.identity import APART, cuts_of, local_identities
+from thermid.model._tree.tree import Tree
+
+Severity = Literal["error", "warning", "note"]
+SEVERITIES: Final = ("error", "warning", "note")
+SINGLY: Final = 2
+"""Up to so many values of one kind are remarked upon one by one."""
+FAR: Final = 20.0
+"""Factor by which a value is far from the median of its peers. [-]"""
+PEERS: Final = 5
+"""So many values of one field show what is usual."""
+READINGS: Final = ("psi_JT", "psi_JB")
+"""Values that only tables of results use: what a reading of a package's top or board adds to its temperature per watt."""
+ROOM: Final = 293.15
+"""Temperature at which a table of power is read for a rate. [K]"""
+
+
+@dataclass(frozen=True)
+class Finding:
+    """One remark.
+
+    Parameters
+    ----------
+    severity : str      error: the model cannot be simulated; warning: it probably is not what was meant; note: good to know.
+    where : str         File, line and key path.
+    message : str       What was found and what to do.
+    """
+
+    severity: Severity
+    where: str
+    message: str
+
+    def __str__(self) -> str:
+        """`severity: where: message`."""
+        return f"{self.severity}: {self.where}: {self.message}"
+
+
+@dataclass(frozen=True, eq=False)
+class _View:
+    """A model as the rules see it.
+
+    Parameters
+    ----------
+    model : Tree           The tree.
+    flat : Flat             The tree laid flat.
+    values : dict           Path -> value. [SI]
+    conductances : dict     Conductor -> the leading coefficient of its law, zero for no heat; without those that have no law.
+    refused : tuple         What their laws say of the others.
+    """
+
+    model: Tree
+    flat: Flat
+    values: Mapping[str, Any]
+    conductances: Mapping[str, float]
+    refused: tuple[Finding, ...]
+
+    def grounded(self) -> set[str]:
+        """Return the nodes from which heat can reach a boundary; a flow reaches only downstream."""
+        reached = set(self.flat.names.boundaries)
+        todo = list(reached)
+        while todo:
+            here = todo.pop()
+            for c in self._conducting():
+                new = [b for a, b in (c.ends, c.ends[::-1]) if a == here and b not in reached and (c.kind != "flow" or a == c.ends[0])]
+                reached.update(new)
+                todo += new
+        return reached
+
+    def islands(self) -> list[list[FlatNode]]:
+        """Return the groups of joined nodes from which heat can reach no boundary."""
+        grounded = self.grounded()
+        left = {n.path: n for n in self.flat.nodes if n.path not in grounded}
+        out = []
+        while left:
+            group = [left.pop(next(iter(left)))]
+            for node in group:
+                near = {e for c in self._conducting() if node.path in c.ends for e in c.ends}
+                group += [left.pop(path) for path in list(left) if path in near]
+            out.append(group)
+        return out
+
+    def capacitance(self, node: FlatNode) -> float:
+        """Return m c or C, zero for a massless node. [J/K]"""
+        return float(node.capacitance(self.values) or 0.0)
+
+    def power(self, load: FlatLoad) -> float:
+        """Return the heat that a load gives, averaged over its cycle; a controlled heater at full power. [W]"""
+        f = {name: self.values[path] for name, path in load.fields.items()}
+        if load.curve is not None:
+            return float(f.get("scale", 1.0) * evaluate(load.curve, np.array([ROOM]))[0])
+        cycle = load.cycle.mean_over(0.0, load.cycle.cycle or 1.0) if load.cycle is not None else 1.0
+        return float(f["power"] * f.get("periodic.duty", 1.0) * cycle)
+
+    def _conducting(self) -> list[FlatConductor]:
+        return [c for c in self.flat.conductors if self.conductances.get(c.path, 0.0) != 0.0]
+
+
+def _view(model: Tree) -> _View:
+    flat = flatten(model)
+    values = flat.parameters.evaluate({})
+    conductances: dict[str, float] = {}
+    refused = []
+    for c in flat.conductors:
+        fields = {name: values[path] for name, path in c.fields.items()}
+        try:
+            fields |= {"area": exposed_area(c.path, fields["area"], c.takes, values)} if c.takes else {}
+            conductances[c.path] = min((value_of(law.coefficients[0]) for law in c.laws(fields)), key=lambda g: (g >= 0.0, -g))
+        except ThermidError as error:
+            refused.append(Finding("error", c.where, error.message))
+    return _View(model, flat, values, conductances, tuple(refused))
+
+
+def _laws(view: _View) -> Iterator[Finding]:
+    """A law that refuses its values, over-allocated areas among them, and negative conductances."""
+    yield from view.refused
+    for c in view.flat.conductors:
+        if view.conductances.get(c.path, 0.0) < 0.0:
+            yield Finding(
+                "error", c.where, f"'{c.path}' has a negative conductance; heat would flow from cold to hot. Check signs and areas."
+            )
+
+
+def _capacitances(view: _View) -> Iterator[Finding]:
+    """A node that stores nothing although it is given a mass."""
+    for node in view.flat.nodes:
+        if node.fields and not 0.0 < view.capacitance(node) < float("inf"):
+            message = f"the capacitance of '{node.path}' must be above zero and finite. For a massless node leave mass and capacitance out."
+            yield Finding("error", node.where, message)
+
+
+def _attached(view: _View) -> Iterator[Finding]:
+    """A node or need that nothing is attached to."""
+    used = {end for c in view.flat.conductors for end in c.ends} | {end for x in view.flat.loads for end in (x.node, x.sensor)}
+    for node in view.flat.nodes:
+        if node.path not in used and node.fields:
+            yield Finding(
+                "warning", node.where, f"node '{node.path}' has no connections, so its temperature never changes. Connect it or remove it."
+            )
+    for need in view.flat.names.boundaries:
+        if need not in used:
+            yield Finding("warning", view.model.where("needs"), f"the need '{need}' has no connections. Connect it or remove it.")
+
+
+def _massless(view: _View) -> Iterator[Finding]:
+    """A massless node, or a group of them, whose temperature is undefined."""
+    for group in view.islands():
+        if all(not node.fields for node in group):
+            names = quoted([n.path for n in group])
+            single = "the massless node" if len(group) == 1 else "the massless nodes"
+            yield Finding(
+                "error",
+                group[0].where,
+                f"{single} {names} {_has(group)} no conductance to a node with a temperature. Add a conductor, or a mass.",
+            )
+
+
+def _paths(view: _View) -> Iterator[Finding]:
+    """A part from which no heat can leave: the rate at which it warms."""
+    used = {end for c in view.flat.conductors for end in c.ends} | {x.node for x in view.flat.loads}
+    for group in view.islands():
+        capacitance = sum(view.capacitance(n) for n in group)
+        if not capacitance > 0.0 or not any(n.path in used for n in group):
+            continue
+        paths = [n.path for n in group]
+        loads = [x for x in view.flat.loads if x.node in paths]
+        rate = 3600.0 * sum(view.power(x) for x in loads) / capacitance
+        head = f"{quoted(paths)} {_has(group)} no path to a boundary"
+        if rate == 0.0:
+            yield Finding("warning", group[0].where, f"{head}, so heat is never removed. Connect a boundary if that is not intended.")
+            continue
+        constant = all(x.curve is None and x.cycle is None and set(x.fields) == {"power"} for x in loads)
+        word, about = ("warms" if rate > 0 else "cools", "" if constant else "about ")
+        yield Finding("warning", group[0].where, f"{head}: {word} at {about}{abs(rate):.6g} K/h without limit. Connect it to a boundary.")
+
+
+def _loads(view: _View) -> Iterator[Finding]:
+    """A load whose heat cannot leave, or that goes into a given temperature."""
+    outside = {n.path for group in view.islands() for n in group}
+    for load in view.flat.loads:
+        if load.node in outside:
+            yield Finding("warning", load.where, f"'{load.path}' heats '{load.node}', from which no heat can leave. Add a conductor.")
+        if load.node in view.flat.names.boundaries:
+            yield Finding(
+                "warning",
+                load.where,
+                f"'{load.path}' heats '{load.node}', whose temperature is given, so the load has no "
+                "effect. Remove it, or give the node a mass.",
+            )
+
+
+def _shadowed(view: _View) -> Iterator[Finding]:
+    """A value that another one hides; a value of an element that stands where it is used hides nothing."""
+    made = tuple(f"{prefix}{name}." for owner, prefix in view.model.walk() for name, part in owner.submodels.items() if part.made)
+    groups: dict[tuple[str, str, str], list[str]] = {}
+    table = view.flat.parameters.table
+    for path, entry in table.items():
+        if entry.shadowed and not (path.startswith(made) and len(entry.shadowed) == 1):
+            hidden = ", ".join(f"{text} of {origin}" for origin, text in reversed(entry.shadowed))
+            groups.setdefault((entry.origin, hidden, path.rpartition(".")[2]), []).append(path)
+    for (origin, hidden, _), paths in groups.items():
+        first = table[paths[0]]
+        if len(paths) <= SINGLY:
+            yield from (
+                Finding("note", table[p].where, f"'{p}' is {table[p].parameter.text}, set by {origin}; it overrides {hidden}.")
+                for p in paths
+            )
+            continue
+        yield Finding("note", first.where, f"{quoted(paths)} are set by {origin}; they override {hidden}.")
+
+
+def _ties(view: _View) -> Iterator[Finding]:
+    """Values that several instances share, and what is cut from its twins."""
+    literals = {path for path, entry in view.flat.parameters.table.items() if entry.parameter.is_literal}
+    known = {one.paths: one for path, one in local_identities(view.model).items() if path in literals}
+    shared: dict[tuple[str, tuple[str, ...]], list[str]] = {}
+    where = view.model.where("")
+    apart: dict[str, list[str]] = {}
+    for paths, one in known.items():
+        if one.why == APART:
+            apart.setdefault(_ending(tuple(p.partition(".")[2] for p in paths)), []).extend(paths)
+        elif len(paths) > 1:
+            field = _ending(paths)
+            places = tuple(p.removesuffix(field).rstrip(".") for p in paths)
+            shared.setdefault((one.why, places), []).append(field.lstrip("."))
+    for paths_ in apart.values():
+        if len(paths_) <= SINGLY:
+            yield from (Finding("note", where, f"'{p}' is set for this instance; the other instances have another value.") for p in paths_)
+        else:
+            yield Finding("note", where, f"{quoted(paths_)} are set for each of these instances; the other instances have other values.")
+    for (why, places), fields in shared.items():
+        values = "one value" if len(fields) == 1 else f"each of {len(fields)} values"
+        yield Finding(
+            "note", where, f"{quoted(list(places))} share {values}, {why}: {quoted(fields)}. A fit changes all instances together."
+        )
+    for place in cuts_of(view.model):
+        yield Finding("note", where, f"'{place}' is cut from the other instances of its deck: a fit estimates its values separately.")
+
+
+def _ending(paths: tuple[str, ...]) -> str:
+    """Return the steps at the end that all paths have in common."""
+    steps = [p.split(".")[::-1] for p in paths]
+    count = next((n for n, row in enumerate(zip(*steps, strict=False)) if len(set(row)) > 1), min(map(len, steps)))
+    return ".".join(steps[0][:count][::-1])
+
+
+def _unused(view: _View) -> Iterator[Finding]:
+    """A declared parameter that nothing needs, neither as written nor after values were laid over it."""
+    table = view.flat.parameters.table
+    needs = {path: {entry.scope + name for name in entry.parameter.expression.names} for path, entry in table.items()}
+    declared: dict[str, str] = {}
+    for owner, prefix in view.model.walk():
+        for name, _, given in owner.own_parameters():
+            needs[prefix + name] |= {prefix + other for other in given.expression.names}
+        declared |= {prefix + name: owner.where(f"parameters.{name}") for name in owner.parameters}
+    used: set[str] = set()
+    todo = [path for path in table if path not in declared]
+    while todo:
+        new = needs[todo.pop()] - used
+        used |= new
+        todo += new
+    read = {f"{prefix}{name}.pressure" for owner, prefix in view.model.walk() for name, s in owner.submodels.items() if s.made == "fans"}
+    for path, where in declared.items():
+        if path not in used and path.rpartition(".")[2] not in READINGS and path not in read:
+            yield Finding("warning", where, f"the parameter '{path}' is declared but nothing uses it.")
+    elements = [*(c.controls for c in view.flat.conductors), *(load.controls for load in view.flat.loads)]
+    named = {named_control(name)[0] for several in elements for name in several}
+    for path, control in view.flat.controls.items():
+        if path not in named:
+            yield Finding("warning", control.where, f"the control '{path}' is declared but nothing names it.")
+
+
+def _fractions(view: _View) -> Iterator[Finding]:
+    """An emissivity or an exponent of natural convection that cannot be."""
+    for c in view.flat.conductors:
+        for name, path in {**c.fields, "emissivity": c.emissivity or c.fields.get("emissivity", "")}.items():
+            if name == "emissivity" and path and not 0.0 <= view.values[path] <= 1.0:
+                yield Finding("error", view.flat.parameters.table[path].where, f"the emissivity is {view.values[path]:g}. Give 0 to 1.")
+            if name == "exchange_factor" and view.values[path] > 1.0:
+                message = f"an exchange factor of {view.values[path]:g} is above 1, the value between black surfaces."
+                yield Finding("warning", view.flat.parameters.table[path].where, message)
+            if name == "htc.exponent" and not 0.0 <= view.values[path] <= 1.0:
+                message = f"an exponent of {view.values[path]:g} is unusual: natural convection has 1/4 or 1/3. Check it."
+                yield Finding("warning", view.flat.parameters.table[path].where, message)
+
+
+def _outliers(view: _View) -> Iterator[Finding]:
+    """A value far from those of its peers: the same field of parts, or of conductors of one kind."""
+    table = view.flat.parameters.table
+    kinds = {c.path: c.kind for c in view.flat.conductors}
+    peers: dict[tuple[str, str], list[str]] = {}
+    for path, entry in table.items():
+        owner, _, field = path.rpartition(".")
+        if entry.parameter.is_literal and 0.0 < view.values[path] < float("inf"):
+            of = path.partition(".")[2] if path.partition(".")[0] in view.model.submodels else kinds.get(owner, "")
+            peers.setdefault((of, field), []).append(path)
+    for (of, _), paths in peers.items():
+        if not of or len(paths) < PEERS:
+            continue
+        logs = np.log([view.values[p] for p in paths])
+        off = np.abs(logs - np.median(logs))
+        k = int(np.argmax(off))
+        others = sorted((value, path) for n, (value, path) in enumerate(zip(logs.tolist(), paths, strict=True)) if n != k)
+        spread = max(abs(value - float(np.median(logs))) for value, _ in others)
+        if off[k] > np.log(FAR) and off[k] > 2.0 * spread:
+            entry, (low, high) = table[paths[k]], (table[others[n][1]].parameter.text for n in (0, -1))
+            said = f"'{paths[k]}' is {entry.parameter.text}, and {len(others)} others of its field are {low} to {high}"
+            yield Finding("warning", entry.where, f"{said}. Check its unit and digits.")
+
+
+def _ranges(view: _View) -> Iterator[Finding]:
+    """A formula outside the range in which its source vouches for it."""
+    for c in view.flat.conductors:
+        if c.kind == "spreading":
+            source, plate, thickness = (view.values[c.fields[f]] for f in ("source_area", "plate_area", "thickness"))
+            if source > 0.25 * plate or thickness < 0.1 * (plate / np.pi) ** 0.5:
+                what = "the source is above a quarter of its plate, or the plate thinner than a tenth of its radius"
+                yield Finding(
+                    "warning", c.where, f"'{c.path}': {what}. There the formula is wrong by up to 30 %. Model the plate with several nodes."
+                )
+
+
+def _absorptances(view: _View) -> Iterator[Finding]:
+    """An absorptance that cannot be."""
+    for face in view.flat.faces.values():
+        path = face.fields.get("absorptance", "")
+        if path and not 0.0 <= view.values[path] <= 1.0:
+            where = view.flat.parameters.table[path].where
+            yield Finding("error", where, f"the absorptance is {view.values[path]:g}. Give 0 to 1.")
+
+
+def _test_only(view: _View) -> Iterator[Finding]:
+    """Elements of the bench, which a flight model leaves out, and what hangs on them without being marked."""
+    marked = [prefix + name for owner, prefix in view.model.walk() for _, name, element in owner.elements() if element.test_only]
+    if marked:
+        count = "one element is" if len(marked) == 1 else f"{len(marked)} elements are"
+        yield Finding("note", view.model.where(""), f"{count} marked test_only: {quoted(marked)}. Flight models leave them out.")
+        try:
+            flatten(view.model.without_test_only())
+        except ThermidError as error:
+            yield Finding(
+                "warning",
+                error.where,
+                f"without the elements marked test_only the model fails: {error.message} Mark the elements "
+                "that depend on them test_only too.",
+            )
+
+
+def _radiating(view: _View) -> Iterator[Finding]:
+    """Radiation into a gas."""
+    for gas, radiating in into_gas(view.flat, view.values).items():
+        where = next(n.where for n in view.flat.nodes if n.path == gas)
+        yield Finding("error", where, radiates_into(gas, radiating))
+
+
+def _streams(view: _View) -> Iterator[Finding]:
+    """A node whose streams do not carry one mass, and a stream that takes no heat from the node that it leaves."""
+    for where, message in unclosed(view.flat, view.values):
+        yield Finding("error", where, message)
+    for path, message in unfed(view.flat).items():
+        yield Finding("warning", next(c.where for c in view.flat.conductors if c.path == path), message)
+
+
+def _unsaid(view: _View) -> Iterator[Finding]:
+    """What a surface says nothing of: convection in gas, radiation without; what a run with the other is refused for."""
+    place = {path: face.where for path, face in view.flat.faces.items()} | {c.path: c.where for c in view.flat.conductors}
+    quiet = list(still(view.flat))
+    if quiet:
+        yield Finding(
+            "warning",
+            place[quiet[0]],
+            f"{quoted(quiet)} {'has' if len(quiet) == 1 else 'have'} an emissivity but no htc, so every run with gas will be refused. "
+            "Give htc, or htc = 0 if no convection is intended.",
+        )
+    for c in view.flat.conductors:
+        if c.kind == "effective" and not c.emissivity:
+            yield Finding(
+                "note",
+                c.where,
+                f"the coefficient of '{c.path}' includes radiation, but no emissivity is given, so a vacuum run will be refused. Give "
+                "htc and emissivity instead; `thermid split` estimates them.",
+            )
+    alone = list(bare(view.flat))
+    if alone:
+        yield Finding(
+            "note",
+            place.get(alone[0], place.get(f"{alone[0]}.first", view.model.title)),
+            f"{quoted(alone)} {'has' if len(alone) == 1 else 'have'} htc but no emissivity, so a vacuum run will be refused. Give an "
+            "emissivity or a finish.",
+        )
+
+
+def _carried(view: _View) -> Iterator[Finding]:
+    """Constant coefficients to boundaries, most of what leaves the model, of which nothing says what carries the heat."""
+    around = set(view.flat.names.boundaries)
+    leaving = {c.path: c for c in view._conducting() if around & {*c.ends} and not around >= {*c.ends}}
+    # radiation is made linear at room temperature, a law with an exponent stands as at 1 K
+    size = {p: view.conductances[p] * (4.0 * ROOM**3 if c.kind == "radiation" else 1.0) for p, c in leaving.items()}
+    constant = [p for p, c in leaving.items() if c.kind == "effective" or (c.kind == "convection" and "htc" in c.fields)]
+    unsaid = [p for p in constant if CARRIED_BY not in leaving[p].words]
+    if unsaid and sum(size[p] for p in unsaid) > 0.5 * sum(size.values()):
+        yield Finding(
+            "note",
+            leaving[unsaid[0]].where,
+            f"{quoted(unsaid)} {'has' if len(unsaid) == 1 else 'have'} a constant coefficient, and most of the heat leaves there. "
+            "State what carries it: carried_by = 'free air', 'fan', 'cold plate' or 'leads'. Otherwise bands hold free air and constant.",
+        )
+
+
+def _sources(view: _View) -> Iterator[Finding]:
+    """Values without a source, where others have one."""
+    literals = {path: entry.parameter for path, entry in view.flat.parameters.table.items() if entry.parameter.is_literal}
+    bare = [path for path, given in literals.items() if not given.source]
+    if bare and len(bare) < len(literals):
+        yield Finding("note", view.model.where(""), f"{len(bare)} of {len(literals)} values have no source: {quoted(bare)}.")
+
+
+Rule = Callable[[_View], Iterator[Finding]]
+RULES: Final[tuple[Rule, ...]] = (
+    _laws,
+    _radiating,
+    _streams,
+    _capacitances,
+    _massless,
+    _attached,
+    _paths,
+    _loads,
+    _outliers,
+    _unused,
+    _fractions,
+    _absorptances,
+    _ranges,
+    _shadowed,
+    _ties,
+    _test_only,
+    _unsaid,
+    _carried,
+    _sources,
+)
+
+
+def findings(model: Tree) -> tuple[Finding, ...]:
+    """Return the findings of all checks, errors first; one error alone when the tree cannot be laid flat."""
+    try:
+        view = _view(model)
+    except ThermidError as error:
+        return (Finding("error", error.where or model.title, error.message),)
+    found = dict.fromkeys(finding for rule in RULES for finding in rule(view))
+    return tuple(sorted(found, key=lambda f: SEVERITIES.index(f.severity)))
+
+
+def _has(group: list[FlatNode]) -> str:
+    return "has" if len(group) == 1 else "have"

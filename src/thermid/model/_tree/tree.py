@@ -1,0 +1,595 @@
+"""The tree of a model: its elements and parts, the node that each name stands for, and the value that holds for each path."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Container, Iterable, Iterator, Mapping
+from dataclasses import dataclass, field, replace
+from typing import Any, Generic, Self, TypeVar
+
+from thermid.base.errors import DeckError, ExpressionError, NameNotFoundError, errors_at, nearest, refuse_unknown
+from thermid.base.memo import Memo
+from thermid.base.toml_files import Places
+from thermid.base.units import Dimension
+from thermid.model._laws.curves import Curve
+from thermid.model._parts.controls import Control, named_control
+from thermid.model._parts.elements import Conductor, Enclosure, HeatLoad, Joint, MadeIn, Node, Surface
+from thermid.model._parts.kinds import KINDS
+from thermid.model._parts.parameter import Parameter, check_bounds
+
+Element = Node | Conductor | Surface | Joint | Enclosure | HeatLoad | Control
+TABLES = ("nodes", "surfaces", "conductors", "joints", "enclosures", "loads", "controls")
+SET = "[set] of "
+FEW = 12
+"""Up to so many names are listed where none is near."""
+M = TypeVar("M", bound="Tree")
+Part = TypeVar("Part", bound="Tree", covariant=True)
+
+
+@dataclass(frozen=True)
+class Submodel(Generic[Part]):
+    """A model used inside another, with the nodes that its needs are bound to.
+
+    Parameters
+    ----------
+    model : Model       The part.
+    bind : dict         Need of the part -> path of a node of the user.
+    definition : str    Hash of its deck as it was read, see `identity.definition_of`; instances of one definition share their values.
+    sees : dict         Need -> path of the node that the part's surfaces see there, where that is not the one it is bound to.
+    made : str          Group of the deck whose element this part is, such as `packages`; empty for a deck of its own.
+    """
+
+    model: Part
+    bind: Mapping[str, str] = field(default_factory=dict)
+    definition: str = ""
+    sees: Mapping[str, str] = field(default_factory=dict)
+    made: str = field(default="", compare=False)
+
+    def with_model(self, model: M) -> Submodel[M]:
+        """Return the same part in another state."""
+        return Submodel(model, self.bind, self.definition, self.sees, self.made)
+
+    def bound(self) -> dict[str, str | dict[str, str]]:
+        """Return the bindings as a deck writes them."""
+        return {need: {"to": to, "sees": self.sees[need]} if need in self.sees else to for need, to in self.bind.items()}
+
+
+@dataclass(frozen=True)
+class Layer:
+    """Values laid over a model: what a stage fitted, or what a caller set.
+
+    Parameters
+    ----------
+    origin : str        Who set them: a stage, the command line, a caller.
+    values : dict       Path -> Parameter.
+    ties : tuple        Groups of its paths that one fitted value stands for.
+    """
+
+    origin: str
+    values: Mapping[str, Parameter]
+    ties: tuple[tuple[str, ...], ...] = ()
+
+
+@dataclass(frozen=True)
+class Tree:
+    """What a lumped thermal model consists of, at any depth. Frozen.
+
+    Parameters
+    ----------
+    title : str                 What it models.
+    needs : tuple of str        Nodes that whoever uses it must supply.
+    offers : tuple of str       Own nodes and surfaces that a user may attach to.
+    parameters : dict           Name -> Parameter.
+    nodes, conductors, surfaces, joints, enclosures, loads, controls : dict    Name -> element.
+    submodels : dict            Name -> Submodel.
+    settings : dict             Path -> Parameter: the deck's own [set], over the decks of its submodels.
+    layers : tuple of Layer     Values laid over it, the last one winning; a user's [set] wins over them.
+    cuts : tuple of str         Instances and values that share with no other, although one deck writes them.
+    aliases : dict              Other name -> canonical path.
+    made_in : dict              Gas node, or ``*`` -> `MadeIn`: of a reduced model, whose conductances hold the gas of that state alone.
+    box : str                   white, light grey, dark grey or black.
+    use : str                   The intended use, in words.
+    file : str                  The deck's file name, for messages.
+    lines : dict                Key path -> line of the deck, for messages.
+    memo : Memo                 The tree laid flat, once it was asked for.
+    runner : object or None     What runs it in place of the kernel, as an FMU does; see `thermid.simulation._solver.engine.Runner`.
+
+    `Model` adds what changes or judges a whole tree.
+    """
+
+    title: str
+    needs: tuple[str, ...] = ()
+    offers: tuple[str, ...] = ()
+    parameters: Mapping[str, Parameter] = field(default_factory=dict)
+    nodes: Mapping[str, Node] = field(default_factory=dict)
+    conductors: Mapping[str, Conductor] = field(default_factory=dict)
+    surfaces: Mapping[str, Surface] = field(default_factory=dict)
+    joints: Mapping[str, Joint] = field(default_factory=dict)
+    enclosures: Mapping[str, Enclosure] = field(default_factory=dict)
+    loads: Mapping[str, HeatLoad] = field(default_factory=dict)
+    controls: Mapping[str, Control] = field(default_factory=dict)
+    submodels: Mapping[str, Submodel[Self]] = field(default_factory=dict)
+    settings: Mapping[str, Parameter] = field(default_factory=dict)
+    layers: tuple[Layer, ...] = ()
+    cuts: tuple[str, ...] = ()
+    aliases: Mapping[str, str] = field(default_factory=dict)
+    made_in: Mapping[str, MadeIn] = field(default_factory=dict)
+    box: str = "light grey"
+    use: str = ""
+    file: str = field(default="", compare=False)
+    lines: Mapping[str, int | str] = field(default_factory=dict, compare=False, repr=False)
+    memo: Memo = field(init=False, default_factory=Memo, compare=False, repr=False)
+    runner: Any = field(default=None, compare=False, repr=False)
+
+    def __str__(self) -> str:
+        """One line: what it is made of and what it needs."""
+        counts = ((getattr(self, name), name) for name in ("submodels", "nodes", "conductors", "surfaces", "joints", "loads", "controls"))
+        made = ", ".join(f"{len(table)} {name if len(table) != 1 else name[:-1]}" for table, name in counts if table)
+        return f"{self.title}: {made or 'empty'}; needs {', '.join(self.needs) or 'nothing'}"
+
+    def where(self, key: str) -> str:
+        """Return file, line and key path, for messages."""
+        if self.file and self.lines:
+            return Places(self.file, self.lines)(key)
+        return f"{self.file or self.title}, {key}" if key else self.file or self.title
+
+    def elements(self) -> Iterator[tuple[str, str, Element]]:
+        """Yield table, name and element of every own element."""
+        for table in TABLES:
+            for name, element in getattr(self, table).items():
+                yield table, name, element
+
+    def walk(self, prefix: str = "") -> Iterator[tuple[Self, str]]:
+        """Yield the tree and every part at any depth, each with the prefix of its paths; empty, or ending with a dot."""
+        yield self, prefix
+        for name, part in self.submodels.items():
+            yield from part.model.walk(f"{prefix}{name}.")
+
+    def own_parameters(self) -> Iterator[tuple[str, str, Parameter]]:
+        """Yield name, key path and parameter of every own value; a value inside an element is ``element.field``."""
+        for name, given in self.parameters.items():
+            yield name, f"parameters.{name}", given
+        for table, name, element in self.elements():
+            for entry, given in element.fields.items():
+                yield f"{name}.{entry}", f"{table}.{name}.{entry}", given
+
+    def submodel(self, path: str) -> Self:
+        """Return the submodel at a path.
+
+        Raises
+        ------
+        NameNotFoundError   With the nearest name.
+        """
+        head, _, rest = self.canonical(path).partition(".")
+        if head not in self.submodels:
+            raise NameNotFoundError(f"no submodel '{head}'.{nearest(head, self.submodels) or self._parts()}", self.title)
+        inner = self.submodels[head].model
+        return inner.submodel(rest) if rest else inner
+
+    def _parts(self) -> str:
+        return f" There are {', '.join(self.submodels)}." if self.submodels else " It has none."
+
+    def canonical(self, path: str) -> str:
+        """Return the canonical path of a name: aliases resolved, here and in every submodel it passes."""
+        while path in self.aliases:
+            path = self.aliases[path]
+        head, _, rest = path.partition(".")
+        if rest and head in self.aliases:
+            return self.canonical(f"{self.aliases[head]}.{rest}")
+        if rest and head in self.submodels:
+            return f"{head}.{self.submodels[head].model.canonical(rest)}"
+        return path
+
+    def at(self, path: str) -> Self | Element | Parameter:
+        """Return the submodel, element or parameter at a path; aliases are accepted.
+
+        Raises
+        ------
+        NameNotFoundError   With the nearest name.
+        """
+        path = self.canonical(path)
+        head, _, rest = path.partition(".")
+        if head in self.submodels and not rest:
+            return self.submodels[head].model
+        for _, name, element in self.elements():
+            if path == name:
+                return element
+        table = parameter_table(self)
+        if path in table:
+            return table[path].parameter
+        if head in self.submodels:
+            return self.submodels[head].model.at(rest)
+        known = [*self.submodels, *(n for _, n, _ in self.elements()), *table]
+        raise NameNotFoundError(f"nothing at '{path}'.{nearest(path, known)}", self.title)
+
+    def interfaces(self) -> tuple[str, ...]:
+        """Return the paths of the parameters that belong to no part alone: what a submodel stage tunes."""
+        own = [name for name, _, given in self.own_parameters() if given.is_literal]
+        return (*own, *(path for path, given in self.settings.items() if given.is_literal))
+
+    def without_test_only(self) -> Self:
+        """Return the flight model: every element tagged `test_only` is dropped, at every depth."""
+        tables: dict[str, Any] = {t: {n: e for n, e in getattr(self, t).items() if not e.test_only} for t in TABLES}
+        inner = {n: s.with_model(s.model.without_test_only()) for n, s in self.submodels.items()}
+        bare = replace(self, **tables, submodels=inner, settings={}, layers=(), cuts=())
+        values, names = parameter_table(bare), local_names(bare)
+        return replace(
+            bare,
+            offers=tuple(o for o in self.offers if bare.canonical(o) in names),
+            aliases={a: p for a, p in self.aliases.items() if bare.canonical(p) in names},
+            settings={p: v for p, v in self.settings.items() if bare.canonical(p) in values},
+            layers=tuple(
+                Layer(x.origin, {p: v for p, v in x.values.items() if bare.canonical(p) in values}, _among(x.ties, values))
+                for x in self.layers
+            ),
+            cuts=tuple(c for c in self.cuts if c in values or c in names),
+        )
+
+
+def _among(ties: tuple[tuple[str, ...], ...], known: Container[str]) -> tuple[tuple[str, ...], ...]:
+    """Return the groups of what is still there."""
+    kept = (tuple(p for p in group if p in known) for group in ties)
+    return tuple(group for group in kept if len(group) > 1)
+
+
+def used_offers(model: Tree, part: str) -> set[str]:
+    """Return the nodes and surfaces of a submodel that its user attaches to, names as the part offers them."""
+    ends = [end for conductor in model.conductors.values() for end in (*conductor.between, *conductor.takes)]
+    ends += [end for joint in model.joints.values() for end in joint.between]
+    for enclosure in model.enclosures.values():
+        ends += [*enclosure.faces.values(), enclosure.rest]
+    for load in model.loads.values():
+        ends += [load.into, load.sensor]
+    for control in model.controls.values():
+        ends += [*control.follows, *(node for t in control.transitions.values() for node in t.follows)]
+    by = [*(load.controls for load in model.loads.values()), *(c.controls for c in model.conductors.values())]
+    ends += [named_control(c)[0] for several in by for c in several]
+    ends += [named_control(c)[0] for s in model.surfaces.values() for several in s.controls.values() for c in several]
+    for surface in model.surfaces.values():
+        ends += [surface.of, surface.to, surface.sees]
+    ends += [j.gap_to for j in model.joints.values()] + [c.words["to"] for c in model.conductors.values() if "to" in c.words]
+    for inner in model.submodels.values():
+        ends += [*inner.bind.values(), *inner.sees.values()]
+    ends += model.offers
+    prefix = f"{part}."
+    return {model.canonical(e).removeprefix(prefix) for e in ends if model.canonical(e).startswith(prefix)}
+
+
+def local_names(model: Tree) -> set[str]:
+    """Return every canonical path that a name inside a model may stand for: submodels, elements, nodes, needs and parameters."""
+    paths: set[str] = set()
+    for part, prefix in model.walk():
+        names = [*part.needs, *part.submodels, *(name for _, name, _ in part.elements()), *(name for name, _, _ in part.own_parameters())]
+        names += [joint.mid or f"{name}.mid" for name, joint in part.joints.items()]
+        paths |= {prefix + name for name in names}
+    return paths
+
+
+class Names:
+    """The nodes of a tree by canonical path, with every need bound to the node that supplies it.
+
+    Parameters
+    ----------
+    model : Tree   The tree; its own needs become boundaries.
+
+    Raises
+    ------
+    DeckError           When a need is bound to nothing.
+    NameNotFoundError   When an end names no node.
+    """
+
+    def __init__(self, model: Tree) -> None:
+        self.model = model
+        self.boundaries: tuple[str, ...] = tuple(model.needs)
+        self.nodes: dict[str, tuple[Tree, str]] = {}
+        self._alias: dict[str, str] = {need: need for need in model.needs}
+        self._seen: dict[str, str] = {}
+        self._offered: dict[str, frozenset[str]] = {}
+        self._collect(model, "")
+        self._bind(model, "")
+
+    def _check_ports(self, model: Tree) -> None:
+        """Refuse aliases and offers that name nothing."""
+        known = local_names(model)
+        for alias, target in model.aliases.items():
+            missing = f"the alias '{alias}' stands for '{target}', which does not exist."
+            refuse_unknown([model.canonical(target)], known, model.where(f"aliases.{alias}"), missing, NameNotFoundError)
+        for offer in model.offers:
+            missing = f"offers names '{offer}', but the model has no such node or surface."
+            refuse_unknown([model.canonical(offer)], known, model.where("offers"), missing, NameNotFoundError)
+
+    def _collect(self, model: Tree, prefix: str) -> None:
+        self._check_ports(model)
+        for name in model.nodes:
+            self.nodes[prefix + name] = (model, name)
+        for name, joint in model.joints.items():
+            self.nodes[prefix + (joint.mid or f"{name}.mid")] = (model, "")
+        for name, part in model.submodels.items():
+            self._collect(part.model, f"{prefix}{name}.")
+
+    def _bind(self, model: Tree, prefix: str) -> None:
+        for name, part in model.submodels.items():
+            self._bind_part(model, prefix, name, part)
+            self._bind(part.model, f"{prefix}{name}.")
+
+    def _bind_part(self, model: Tree, prefix: str, name: str, part: Submodel[Tree]) -> None:
+        wrong = f"'{name}' needs {', '.join(part.model.needs) or 'nothing'}, not '{{}}'."
+        refuse_unknown(part.bind, part.model.needs, model.where(f"submodels.{name}.bind"), wrong, NameNotFoundError)
+        for need in part.model.needs:
+            if need not in part.bind:
+                raise DeckError(
+                    f"port '{need}' of '{name}' is not bound. Give it a node: bind = {{ {need} = \"...\" }}.",
+                    model.where(f"submodels.{name}"),
+                )
+            target = part.bind[need]
+            key = f"submodels.{name}.bind.{need}"
+            self._alias[f"{prefix}{name}.{need}"] = self.end(model, prefix, target, key)
+            self._seen[f"{prefix}{name}.{need}"] = self.seen(model, prefix, part.sees.get(need, target), key)
+
+    def end(self, model: Tree, prefix: str, raw: str, key: str) -> str:
+        """Return the canonical node that a name inside a model stands for; offered ports only, where it lies in a submodel."""
+        path = model.canonical(raw)
+        head, _, rest = path.partition(".")
+        if rest and head in model.submodels and rest not in self._offers(prefix + head, model.submodels[head].model):
+            known = model.submodels[head].model.offers
+            exists = prefix + path in self.nodes
+            say = (
+                f"'{head}' does not offer '{rest}'. It offers {', '.join(known) or 'nothing'}."
+                if exists
+                else f"no node '{raw}'.{self._near(prefix, path)}"
+            )
+            raise NameNotFoundError(say, model.where(key))
+        full = prefix + path
+        full = self._alias.get(full, full)
+        if full not in self.nodes and full not in self.boundaries:
+            hint = self._near(prefix, path) or f' Define it under nodes; if it is supplied from outside, add it to needs = ["{raw}"].'
+            raise NameNotFoundError(f"no node '{raw}'.{hint}", model.where(key))
+        return full
+
+    def _offers(self, instance: str, part: Tree) -> frozenset[str]:
+        """Return what an instance of a part offers, by canonical paths."""
+        if instance not in self._offered:
+            self._offered[instance] = frozenset(part.canonical(o) for o in part.offers)
+        return self._offered[instance]
+
+    def seen(self, model: Tree, prefix: str, raw: str, key: str) -> str:
+        """Return the canonical node that a surface sees under a name: of a need that is bound apart, the one it sees."""
+        node = self.end(model, prefix, raw, key)
+        return self._seen.get(prefix + model.canonical(raw), node)
+
+    def _near(self, prefix: str, path: str) -> str:
+        known = [n.removeprefix(prefix) for n in (*self.nodes, *self._alias) if n.startswith(prefix)]
+        return nearest(path, known)
+
+    def surface(self, model: Tree, prefix: str, raw: str, key: str) -> tuple[str, Tree, str]:
+        """Return the canonical path of a surface, the model that owns it and that model's prefix."""
+        path = model.canonical(raw)
+        owner, own_prefix, rest = model, prefix, path
+        while "." in rest and rest.partition(".")[0] in owner.submodels:
+            head, _, tail = rest.partition(".")
+            part = owner.submodels[head].model
+            if tail not in {part.canonical(o) for o in part.offers}:
+                raise NameNotFoundError(
+                    f"'{head}' does not offer '{tail}'.{nearest(tail, part.offers)} It offers {', '.join(part.offers) or 'nothing'}.",
+                    model.where(key),
+                )
+            owner, own_prefix, rest = part, f"{own_prefix}{head}.", tail
+        if rest not in owner.surfaces:
+            known = [s for s in owner.surfaces]
+            raise NameNotFoundError(f"no surface '{raw}'.{nearest(rest, known)} Declare it under surfaces.", model.where(key))
+        return own_prefix + rest, owner, own_prefix
+
+    def find(self, raw: str, where: str = "") -> str:
+        """Return the canonical path of a node or boundary named by a scenario, a record or a caller."""
+        path = self.model.canonical(raw)
+        path = self._alias.get(path, path)
+        if path not in self.nodes and path not in self.boundaries:
+            known = [*self.nodes, *self.boundaries]
+            hint = nearest(path, [*known, *self.model.aliases]) or (f" There are {', '.join(known)}." if len(known) <= FEW else "")
+            raise NameNotFoundError(f"no node '{raw}'.{hint}", where or self.model.title)
+        return path
+
+
+@dataclass(frozen=True)
+class Entry:
+    """The value that holds for a path.
+
+    Parameters
+    ----------
+    parameter : Parameter           The winning value.
+    scope : str                     Prefix in which its names resolve; empty or ending with a dot.
+    origin : str                    Who set it.
+    where : str                     File, line and key path, for messages.
+    shadowed : tuple of (str, str)  Origin and text of every value it hides, the innermost first.
+    """
+
+    parameter: Parameter
+    scope: str
+    origin: str
+    where: str
+    shadowed: tuple[tuple[str, str], ...] = ()
+
+
+def parameter_table(model: Tree, prefix: str = "") -> dict[str, Entry]:
+    """Return path -> `Entry` for every value of a tree.
+
+    Precedence, weakest first: a part's deck, values laid over the part, the user's [set], values laid over the user.
+
+    Raises
+    ------
+    NameNotFoundError   When a [set] names no parameter.
+    """
+    table: dict[str, Entry] = {}
+    for name, key, given in model.own_parameters():
+        table[prefix + name] = Entry(given, prefix, model.title, model.where(key))
+    for name, part in model.submodels.items():
+        table |= parameter_table(part.model, f"{prefix}{name}.")
+    for raw, given in model.settings.items():
+        _lay(table, model, prefix, raw, given, f"{SET}{model.title}", model.where(f"set.{raw}"))
+    for layer in model.layers:
+        for raw, given in layer.values.items():
+            _lay(table, model, prefix, raw, given, layer.origin, f"{layer.origin}, {raw}")
+    return table
+
+
+def own_tables(model: Tree, prefix: str = "") -> dict[str, tuple[Curve, str]]:
+    """Return path -> table of points and its place in a deck, for every table over a temperature of a tree; no value is laid over these."""
+    found = [(f"nodes.{n}.{e.table[0]}", f"{n}.{e.table[0]}", e.table[1]) for n, e in model.nodes.items() if e.table]
+    for group, elements in (("conductors", model.conductors), ("loads", model.loads)):
+        for n, each in elements.items():
+            if each.curve is not None:
+                field = (KINDS[each.kind].tabulated if isinstance(each, Conductor) else "") or "table"
+                found.append((f"{group}.{n}.{field}", f"{n}.{field}", each.curve))
+    out = {prefix + path: (curve, model.where(key)) for key, path, curve in found}
+    for name, part in model.submodels.items():
+        out |= own_tables(part.model, f"{prefix}{name}.")
+    return out
+
+
+def deck_text(entry: Entry) -> str:
+    """Return the text that the decks have of a value: that of the outermost [set], or of the deck of the part; layers are left out."""
+    every = [*entry.shadowed, (entry.origin, entry.parameter.text)]
+    return next((text for origin, text in reversed(every[1:]) if origin.startswith(SET)), every[0][1])
+
+
+def _lay(table: dict[str, Entry], model: Tree, prefix: str, raw: str, given: Parameter, origin: str, where: str) -> None:
+    """Lay one value over the table; bounds and notes stay unless given anew."""
+    path = prefix + model.canonical(raw)
+    old = table.get(path)
+    if old is None:
+        known = [p.removeprefix(prefix) for p in table]
+        raise NameNotFoundError(f"no parameter '{raw}'.{nearest(raw, known)}", where)
+    low = old.parameter.minimum if given.minimum is None else given.minimum
+    high = old.parameter.maximum if given.maximum is None else given.maximum
+    merged = replace(given, minimum=low, maximum=high, note=given.note or old.parameter.note)
+    table[path] = Entry(merged, prefix, origin, where, (*old.shadowed, (old.origin, old.parameter.text)))
+
+
+class ParameterSet:
+    """The values of a tree, by path: which one holds, who set it, what it shadows.
+
+    Parameters
+    ----------
+    model : Tree   The tree.
+
+    Raises
+    ------
+    ExpressionError   When an expression needs itself.
+    ThermidError      When a name is unknown or a value lies outside its bounds.
+    """
+
+    def __init__(self, model: Tree) -> None:
+        self.title = model.title
+        self.table: Mapping[str, Entry] = parameter_table(model)
+        self._needs: dict[str, tuple[str, ...]] = {path: self._resolved(path, entry) for path, entry in self.table.items()}
+        self.order: tuple[str, ...] = self._sorted()
+        literals = {path: entry.parameter.expression.literal for path, entry in self.table.items()}
+        self._numbers: dict[str, float] = {path: literal.value for path, literal in literals.items() if literal is not None}
+        self._dimensions: dict[str, Dimension] = {}
+        values = self.evaluate({})
+        for path, entry in self.table.items():
+            check_bounds(values[path], entry.parameter, entry.where)
+
+    def _resolved(self, path: str, entry: Entry) -> tuple[str, ...]:
+        return tuple(self._lookup(name, entry) for name in entry.parameter.expression.names)
+
+    def _lookup(self, name: str, entry: Entry) -> str:
+        full = entry.scope + name
+        if full not in self.table:
+            local = [p.removeprefix(entry.scope) for p in self.table if p.startswith(entry.scope)]
+            raise NameNotFoundError(f"no parameter '{name}'.{nearest(name, local)}", entry.where)
+        return full
+
+    def _sorted(self) -> tuple[str, ...]:
+        """Return the paths so that each comes after what it needs."""
+        done: dict[str, None] = {}
+        trail: list[str] = []
+
+        def visit(path: str) -> None:
+            if path in done:
+                return
+            if path in trail:
+                loop = [*trail[trail.index(path) :], path]
+                raise ExpressionError(f"'{path}' needs itself: {' -> '.join(loop)}.", self.table[path].where)
+            trail.append(path)
+            for other in self._needs[path]:
+                visit(other)
+            trail.pop()
+            done[path] = None
+
+        for path in self.table:
+            visit(path)
+        return tuple(done)
+
+    def evaluate(
+        self, overrides: Mapping[str, Any], only: Iterable[str] | None = None, known: Mapping[str, Any] | None = None
+    ) -> dict[str, Any]:
+        """Return path -> value, SI, of all paths or of `only` some, with `overrides` in place of literals.
+
+        Overrides may be floats, `Dual` numbers or arrays over time; `known` holds values already computed.
+        """
+        values: dict[str, Any] = dict(known or {})
+        for path in self.order if only is None else only:
+            if path in overrides:
+                values[path] = overrides[path]
+                continue
+            if path in self._numbers:
+                values[path] = self._numbers[path]
+                continue
+            entry = self.table[path]
+            scope = entry.scope
+            try:
+                values[path] = entry.parameter.expression.evaluate(lambda name, scope=scope: values[scope + name])  # type: ignore[misc]
+            except ArithmeticError as error:
+                raise ExpressionError(f"'{entry.parameter.text}' has no finite value: {error}.", entry.where) from None
+        return values
+
+    def downstream(self, changed: Iterable[str]) -> tuple[str, ...]:
+        """Return the paths whose value depends on any of `changed`, in order of evaluation, `changed` among them."""
+        touched = set(changed)
+        out = []
+        for path in self.order:
+            if path in touched or any(n in touched for n in self._needs[path]):
+                touched.add(path)
+                out.append(path)
+        return tuple(out)
+
+    def dimension(self, path: str) -> Dimension:
+        """Return the dimension of a value, by algebra over its names."""
+        if path not in self._dimensions:
+            entry = self.table[path]
+            find: Callable[[str], Dimension] = lambda name: self.dimension(self._lookup(name, entry))  # noqa: E731
+            with errors_at(entry.where):
+                self._dimensions[path] = entry.parameter.expression.dimension(find)
+        return self._dimensions[path]
+
+    def literal_behind(self, path: str) -> str:
+        """Follow a chain of bare names to the value at its end."""
+        seen = {path}
+        while True:
+            names = self._needs[path]
+            entry = self.table[path]
+            if entry.parameter.is_literal or len(names) != 1 or entry.parameter.text.strip() != entry.parameter.expression.names[0]:
+                return path
+            path = names[0]
+            if path in seen:
+                return path
+            seen.add(path)
+
+    def freeable(self, raw: str, canonical: Callable[[str], str]) -> str:
+        """Return the path of a parameter that a fit may free.
+
+        Raises
+        ------
+        NameNotFoundError   With the nearest name.
+        DeckError           When the value is derived; the message says what to free instead.
+        """
+        path = canonical(raw)
+        refuse_unknown([path], self.table, self.title, f"no parameter '{raw}'.", NameNotFoundError)
+        path = self.literal_behind(path)
+        entry = self.table[path]
+        if not entry.parameter.is_literal:
+            roots = [p for p in self.order if self.table[p].parameter.is_literal and path in self.downstream([p])]
+            raise DeckError(
+                f"'{raw}' is derived from other values: {entry.parameter.text}. Free one of {', '.join(roots)} instead.", entry.where
+            )
+        return path

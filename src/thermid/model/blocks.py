@@ -1,0 +1,9 @@
+"""Blocks of a regular grid of cells."""
+
+from thermid.model._blocks.block import (
+    FACES as FACES,
+    Block as Block,
+    Exchange as Exchange,
+    exchange_cells as exchange_cells,
+    links as links,
+)

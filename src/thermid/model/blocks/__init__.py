@@ -1,6 +1,0 @@
-"""A solid in equal cells, with exchange on its faces.
-
-In: the size of a block, its material, cells, heaters, sinks and faces. Out: a frozen `Block`, which the simulation takes in place of a
-model; the same as a `Model` where it is small.
-May import: `model.laws`, `model.tree`, `model.deck` and the foundation.
-"""

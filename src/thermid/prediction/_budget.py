@@ -1,0 +1,884 @@
+"""`Budget`: everything uncertain that bears on one scenario, by source, how the model's inputs respond to it, and what is left out."""
+
+from __future__ import annotations
+
+import fnmatch
+from collections.abc import Collection, Iterable, Mapping, Sequence
+from dataclasses import dataclass, field, replace
+from typing import Any, Literal
+
+import numpy as np
+
+from thermid.base.arguments import takes_objects
+from thermid.base.dual import value_of
+from thermid.base.errors import IdentificationError, NameNotFoundError, ScenarioError, SolverError
+from thermid.base.linear_algebra import Array, quadratic_forms, square_root, symmetric_inverse
+from thermid.fit.calibration import Calibration
+from thermid.fit.discrepancy import (
+    EXPECTED,
+    FEW,
+    LEFT,
+    MOST,
+    Discrepancy,
+    KindsSeen,
+    OperatingPoint,
+    alike,
+    coefficient_path,
+    constant_coefficients,
+    kept_in,
+    kind_of_run,
+    losing_gas,
+    misfit_kept,
+    steady_paths,
+)
+from thermid.fit.problem import of_a_sensor
+from thermid.inference.criticism import asks
+from thermid.model.parameters import UNJUDGED, Standing
+from thermid.model.tree import Model, parameter_table
+from thermid.prediction._known import Known, Rows, known_of, normal_sources, rows_of
+from thermid.prediction._split import split_values
+from thermid.simulation.network import Network, compile_network
+from thermid.simulation.runs import Simulator, prepare
+from thermid.simulation.scenarios import Scenario
+from thermid.values.fitted import FittedValues
+from thermid.values.store import Distribution, LeftOut, Logarithm, Normal, Shifted, Source, Uniform, uniforms
+
+Groups = Sequence[tuple[Sequence[str], Any]]
+"""Names that share one value, and how it is spread."""
+Form = Literal["add", "log", "factor", "mode", "node"]
+FURTHEST = 1e-7
+"""Share of a law below which no member lies. [-]"""
+SEEN = 0.8
+"""Part of the variance of an assumed value that readings leave at most, where they count; its stated law stays as it is beyond. [-]"""
+TENTH = 0.1
+"""Standard deviation of an assumed value whose deck gives no range: a tenth of it."""
+UNFITTED = "the model's own error, because no fit has measured it"
+SILENT = "the misfit, because the fitted values do not include the residuals of their fit"
+FELT = 0.1
+"""Share of a band from which what it does not count is named in the first line. [-]"""
+
+
+CONSTANT, MISFIT, SPLIT, GAS_IN_JOINTS = "constant coefficients", "misfit", "split of effective coefficients", "gas in joints"
+KINDS = "kinds of run"
+"""Causes, as a reader is told them."""
+NAMES = {"difference": "exponent of", "level": "radiative share of", EXPECTED: "expected heat of"}
+
+
+@dataclass(frozen=True, eq=False)
+class Spread:
+    """How far some values may lie from where a model has them, normal or log-normal, correlated or not.
+
+    Parameters
+    ----------
+    cause : str                     What a reader is told: ``fit``, ``stated``, ``split of effective coefficients``.
+    names : tuple of str            Parameters, boundaries (a shift [K]), ``initial.<node>`` [K], ``scale.<load>`` (a factor on its power).
+    covariance : array              Of the values [SI], or of their logarithms where `log` states this.
+    log : tuple of bool             Which are spread in their logarithm; none by default.
+    also : dict                     Name -> other parameters that share its value.
+    """
+
+    cause: str
+    names: tuple[str, ...]
+    covariance: Array
+    log: tuple[bool, ...] = ()
+    also: Mapping[str, tuple[str, ...]] = field(default_factory=dict)
+
+    def __post_init__(self) -> None:
+        """Check the parts against each other.
+
+        Raises
+        ------
+        IdentificationError   When lengths differ, or the covariance is none.
+        """
+        size = len(self.names)
+        covariance = np.asarray(self.covariance, dtype=float)
+        if covariance.shape != (size, size) or len(self.log) not in (0, size):
+            raise IdentificationError(f"{size} names need a covariance of {size} by {size}, and as many marks for logarithms.", self.cause)
+        loose = [n for n, v in zip(self.names, np.diag(covariance), strict=True) if not np.isfinite(v)]
+        if loose:
+            raise IdentificationError(f"'{loose[0]}' has no finite error. Leave it out, or give it a spread of its own.", self.cause)
+        sizes = np.linalg.eigvalsh(covariance) if size else np.zeros(0)
+        if not np.allclose(covariance, covariance.T, rtol=1e-6) or sizes.min(initial=0.0) < -1e-9 * sizes.max(initial=0.0):
+            raise IdentificationError("a covariance must be symmetric and positive semi-definite.", self.cause)
+        object.__setattr__(self, "covariance", 0.5 * (covariance + covariance.T))
+        object.__setattr__(self, "log", tuple(self.log) or (False,) * size)
+
+    @classmethod
+    @takes_objects
+    def of(cls, values: FittedValues, at: str = "", cause: str = "") -> Spread:
+        """Return what a fit leaves open, with its covariance.
+
+        Parameters
+        ----------
+        values : FittedValues   Of a calibration, or from a file.
+        at : str                The submodel that the values belong to; empty for the model itself.
+        cause : str             ``fit of <stage>`` by default.
+        """
+        found = values.bare()
+        ahead = f"{at}." if at else ""
+        also = {ahead + p: tuple(ahead + q for q in v.also) for p, v in found.items() if v.also}
+        names, logs = tuple(ahead + p for p in found), tuple(v.log for v in found.values())
+        return cls(cause or f"fit of {values.stage}", names, found.covariance, logs, also)
+
+
+@dataclass(frozen=True)
+class Mode:
+    """One way in which a constant coefficient may differ from a constant, as a source of error.
+
+    Parameters
+    ----------
+    path, kind : str    Of the conductor; 'difference' or 'level'; 'expected' for what is sure, of size 1.
+    law : Distribution  Of the exponent or of the radiative share. [-]
+    """
+
+    path: str
+    kind: str
+    law: Distribution
+
+    @property
+    def name(self) -> str:
+        """What the source and its target are called."""
+        return f"{NAMES[self.kind]} {self.path}"
+
+
+def modes_of(kept: Sequence[Discrepancy], steady: Collection[str] = ()) -> tuple[list[Mode], Array]:
+    """Return the coefficient modes of all fits, of two that know one the later's, and their correlations.
+
+    Coefficients of `steady` conductors have none: their deck says since that a stream or a solid carries the heat.
+    """
+    found = {key: Mode(*key, Normal(k.means[key], sd)) for k in kept for key, sd in k.sizes.items() if key[0] not in steady}
+    unsaid = {key: size for k in kept for key, size in k.unsaid.items()}
+    # files of before do not keep it
+    sure = [Mode(path, EXPECTED, Normal(1.0, 0.0)) for path in dict.fromkeys(p for p, _ in found) if (path, EXPECTED) not in found]
+    joined = np.eye(len(found) + len(sure))
+    joined[: len(found), : len(found)] = alike(list(found), unsaid)
+    return [*found.values(), *sure], joined
+
+
+def responses(kept: Sequence[Discrepancy], rows: Rows, modes: Sequence[Mode]) -> Array:
+    """Return what the fitted values (names, modes) would differ by for a unit of each mode; fitted form."""
+    place = {name: k for k, name in enumerate(rows.names)}
+    column = {(m.path, m.kind): k for k, m in enumerate(modes)}
+    out = np.zeros((len(rows.names), len(modes)))
+    for k in kept:
+        for i, name in enumerate(k.names):
+            if name in place:
+                out[place[name]] = 0.0  # what an earlier fit found of it was replaced
+                for j, key in enumerate(k.sizes):
+                    if key in column:
+                        out[place[name], column[key]] = k.response[i, j]
+    return out
+
+
+def followed_by(kept: Sequence[Discrepancy]) -> dict[str, dict[str, float]]:
+    """Return assumed value -> fitted value -> what it moves by for one more of the assumed one's SI unit; of two fits the later's."""
+    out: dict[str, dict[str, float]] = {}
+    for k in kept:
+        for moved in out.values():
+            for name in k.names:
+                moved.pop(name, None)  # what an earlier fit found of it was replaced
+        for path, own in k.assumed.items():
+            out.setdefault(path, {}).update(zip(k.names, own.tolist(), strict=True))
+    return out
+
+
+def said_of_assumed(kept: Sequence[Discrepancy]) -> dict[str, tuple[float, float]]:
+    """Return assumed value -> variance that the readings of a fit leave it, and how far away they ask it to be; of two the later's. [SI]"""
+    return {p: said for k in kept for p, said in k.of_assumed.items()}
+
+
+def narrowed(law: Distribution, nominal: float, said: tuple[float, float] | None) -> Distribution:
+    """Return the law of an assumed value once the readings of a fit are counted beside it; `nominal` is the value that the fit took.
+
+    With a variance v of the law and V of the readings, ``v V / (v + V)`` is left, and the value would move by ``v / (v + V)`` of what they
+    ask for. The values of the fit stay those of the deck's, so both count as its error, which is never more than was stated.
+    """
+    if said is None or not law.variance:
+        return law
+    variance, shift = said
+    share = law.variance / (law.variance + variance)
+    left = share * variance + (share * shift) ** 2
+    return Normal(nominal, left**0.5) if left < SEEN * law.variance else law
+
+
+def misfit_of(kept: Sequence[Mapping[str, float]], network: Network) -> dict[str, float]:
+    """Return node -> standard deviation of what the last fit that states this could not follow; empty where none does. [K]
+
+    Nodes without a reading of their own have the root mean square of those that have one.
+    """
+    sizes = next((k for k in reversed(kept) if any(k.values())), {})
+    if not sizes:
+        return {}
+    other = float(np.sqrt(np.mean(np.square(list(sizes.values())))))
+    return {n: sizes.get(n, other) for n in network.nodes}
+
+
+def split_needed(model: Model, scenario: Scenario, known: Sequence[str]) -> list[str]:
+    """Return the surfaces whose effective coefficient a scenario takes apart, and whose emissivity is not among the known values."""
+    network = compile_network(model)
+    media = scenario.media()
+    roots = network.flat.parameters.literal_behind
+    effective = [c for c in network.flat.conductors if c.kind == "effective" and c.emissivity and not media.as_printed]
+    return [c.path for c in effective if media.changed(c.gas) and not {roots(c.emissivity), c.emissivity} & {*known}]
+
+
+def split_rows(known: Known, rows: Rows, scenario: Scenario, named: Sequence[str]) -> tuple[Model, Rows]:
+    """Return the model and the rows with effective coefficients separated where the scenario thins their gas.
+
+    Parameters
+    ----------
+    known, rows         What is known.
+    scenario : Scenario What is asked about.
+    named : sequence    Names whose spread is stated; an emissivity among them is known already.
+    """
+    values = known.placed[-1] if known.values else FittedValues(known.model.title, {}, np.zeros((0, 0)))
+    thin = split_needed(known.model, scenario, [*known.assigned, *map(known.model.canonical, named)])
+    surfaces = known.kept[-1].surfaces if known.kept else {}
+    thin = [p for p in thin if p in surfaces]
+    if not thin:
+        return known.model, rows
+    apart = split_values(known.model, values.bare(), thin, surfaces)
+    fresh = [p for p in apart.values if p not in values]
+    names = [*values.bare(), *fresh]
+    joint = apart.values.covariance
+    n = len(names) - len(fresh)
+    # emissivities given the fitted values: b a^-1 of their covariances; what that leaves is the split's own
+    follows = joint[n:, :n] @ symmetric_inverse(joint[:n, :n])
+    place = {name: k for k, name in enumerate(rows.names)}
+    upper = np.array([rows.matrix[place[p]] if p in place else np.zeros(len(rows.sources)) for p in names[:n]])
+    upper = upper.reshape(n, len(rows.sources))
+    own = joint[n:, n:] - follows @ joint[:n, n:]
+    sources, matrix = normal_sources(f"split of '{values.stage}'", own, "structural")
+    whole = np.zeros((len(rows.names) + len(fresh), len(rows.sources) + len(sources)))
+    whole[: len(rows.names), : len(rows.sources)] = rows.matrix
+    whole[len(rows.names) :, : len(rows.sources)] = follows @ upper
+    whole[len(rows.names) :, len(rows.sources) :] = matrix
+    also = {p: v.also for p, v in apart.values.items() if v.also}
+    causes = (*rows.causes, *(SPLIT,) * len(sources))
+    return apart.model, Rows(
+        (*rows.names, *fresh), (*rows.log, *(True,) * len(fresh)), {**rows.also, **also}, (*rows.sources, *sources), causes, whole
+    )
+
+
+def open_contacts(known: Known, rows: Rows, scenario: Scenario) -> tuple[dict[str, Source], str]:
+    """Return fitted contact conductance -> source of its relative change without gas, and a remark; none where no gas leaves.
+
+    A contact fitted in air is the sum of touching spots and of gas between. Without gas it is anything from what is fitted less what gas
+    can carry to all of it, each as likely. A joint with a `gap` in its deck, or a record at low pressure, separates both.
+    """
+    network = compile_network(known.model)
+    seen = [p for k in known.kept for p in k.separated]
+    fitted = {p: n for n in rows.names for p in (n, *rows.also.get(n, ()))}
+    numbers = network.numbers().values
+    out: dict[str, Source] = {}
+    for c in losing_gas(network, scenario.media(), seen):
+        name = fitted.get(network.flat.parameters.literal_behind(c.fields["contact_conductance"]), "")
+        if name and name not in out:
+            value = float(value_of(numbers[name]))
+            words = f"gas conduction in '{c.path}'"
+            out[name] = Source(f"gas in {c.path}", "structural", Uniform(-min(1.0, MOST / value), 0.0), words)
+    if not out:
+        return out, ""
+    named, was, it = ", ".join(f"'{p}'" for p in out), "was" if len(out) == 1 else "were", "it" if len(out) == 1 else "each"
+    return out, (
+        f"{named} {was} fitted in air. No log shows how much of {it} is conduction through the gas between the faces, so without gas "
+        f"{it} lies anywhere from the fitted value less that to all of it; the bands include this. A record at low pressure, or a gap in "
+        "the deck, would separate both"
+    )
+
+
+def expanded(stated: Mapping[str, Any], model: Model) -> list[tuple[list[str], Any]]:
+    """Return names that share one value, and how it is spread; patterns reach every number of the model that they match.
+
+    Instances of one part whose value stands in one place share it.
+
+    Raises
+    ------
+    NameNotFoundError   When a pattern reaches nothing.
+    """
+    if not any(c in raw for raw in stated for c in "*?["):
+        return [([raw], how) for raw, how in stated.items()]
+    table = parameter_table(model)
+    taken = {model.canonical(raw) for raw in stated}
+    out: list[tuple[list[str], Any]] = []
+    for raw, how in stated.items():
+        if not any(c in raw for c in "*?["):
+            out.append(([raw], how))
+            continue
+        same: dict[str, list[str]] = {}
+        for path, entry in table.items():
+            given = entry.parameter
+            bounded = given.minimum is not None and given.maximum is not None and given.minimum < given.maximum
+            if given.is_literal and fnmatch.fnmatchcase(path, raw) and (how != "range" or bounded):
+                same.setdefault(entry.where, []).append(path)
+        if not same:
+            raise NameNotFoundError(f"the pattern '{raw}' matches no number{' with min and max' if how == 'range' else ''}.", model.title)
+        # what is named wins over a pattern that reaches it
+        left = ([p for p in paths if p not in taken] for paths in same.values())
+        out += [(paths, how) for paths in left if paths]
+    return out
+
+
+def check_moves(names: Sequence[str], model: Model, scenario: Scenario) -> None:
+    """Refuse the spread of a deck's power where the scenario gives that power."""
+    driven = {f"{path}.power": load for load in scenario.loads for path in (load, model.canonical(load))}
+    still = next((n for n in names if n in driven or model.canonical(n) in driven), "")
+    if still:
+        load = driven.get(still, driven.get(model.canonical(still), ""))
+        raise IdentificationError(
+            f"the scenario gives the power of '{load}', so a spread of the deck's '{still}' has no effect. Spread 'scale.{load}' in "
+            "per cent.",
+            model.title,
+        )
+
+
+def lasting(scenario: Scenario) -> Scenario:
+    """Return a scenario that lasts, where it is only its end that is asked for."""
+    return scenario if scenario.seconds > 0 else scenario.with_(duration=1.0)
+
+
+def check_variants(stated: Mapping[str, Any], model: Model, scenarios: Sequence[Scenario]) -> None:
+    """Refuse a temperature itself as the spread of what differs between scenarios: a shift is the same in all of them."""
+    laws = []
+    for scenario in scenarios if len(scenarios) > 1 else ():
+        names = [n for n in stated if not any(c in n for c in "*?[")]
+        ready = prepare(model, lasting(scenario), names)
+        laws.append({n: ready.law(n, stated[n]).mean - ready.nominal[ready.canonical(n)] for n in names})
+    for name in laws[0] if laws else ():
+        if max(law[name] for law in laws) - min(law[name] for law in laws) > 1e-9:
+            raise ScenarioError(
+                f"the scenarios have different temperatures of '{name}', but the spread gives one absolute temperature for all of "
+                "them. Give a shift in kelvin, such as '2 [K]'.",
+                model.title,
+            )
+
+
+Stated = Mapping[str, Any] | Spread
+
+
+@dataclass(frozen=True)
+class Target:
+    """What sources act on.
+
+    Parameters
+    ----------
+    name : str              Parameter, boundary, ``initial.<node>``, ``scale.<load>``, coefficient mode, or node.
+    form : str              add (to the value [SI]), log (to its logarithm), factor (a relative change), mode (of a coefficient), or
+                            node (to its temperature after the run [K]).
+    also : tuple of str     Other names that share the value.
+    """
+
+    name: str
+    form: Form
+    also: tuple[str, ...] = ()
+
+
+UNSOUGHT = (
+    "the residuals exceed the stated noise, and hidden defects (clocks, lags, a mass, a leak) were not looked for here: "
+    "the band is that of the deck. predict without draws looks for them"
+)
+"""What a reader of a band must know whose fit may hide a defect, where nobody looked for one."""
+
+UNSEEN = "the bands do not count what the equations of the FMU leave out: its structure is not known here"
+"""What is said of the band of a model that is run by somebody else's program."""
+
+
+@dataclass(frozen=True, eq=False)
+class Budget:
+    """The uncertainty of one question.
+
+    Parameters
+    ----------
+    model : Model                   With the values laid over it, coefficients separated where the scenario thins their gas.
+    scenario : Scenario
+    sources : tuple of Source
+    causes : tuple of str           Of each source: what a reader is told that it belongs to.
+    alike : array                   Correlations of the sources, of their normal scores.
+    targets : tuple of Target
+    gain : array                    (targets, sources): by how much a target moves for a unit of a source.
+    modes : tuple of Mode           Coefficient modes among the targets.
+    conditions : dict               Conductor -> where its coefficient was found.
+    omitted : tuple of LeftOut      What is known to be left out before anything is run.
+    remarks : tuple of str          What a reader must know.
+    standing : Standing             Of the values that it rests on.
+    followed : dict                 Assumed value -> fitted value -> what it moves by for one more SI unit of the assumed one; fitted form.
+    said : dict                     Assumed value -> what readings say of it, as `said_of_assumed` returns it.
+    whole : Budget or None          Before modes were left out of it: the temperatures that are expected, at which modes act, are its.
+    """
+
+    model: Model
+    scenario: Scenario
+    sources: tuple[Source, ...]
+    causes: tuple[str, ...]
+    alike: Array
+    targets: tuple[Target, ...]
+    gain: Array
+    modes: tuple[Mode, ...] = ()
+    conditions: Mapping[str, OperatingPoint] = field(default_factory=dict)
+    omitted: tuple[LeftOut, ...] = ()
+    remarks: tuple[str, ...] = ()
+    standing: Standing = UNJUDGED
+    followed: Mapping[str, Mapping[str, float]] = field(default_factory=dict)
+    said: Mapping[str, tuple[float, float]] = field(default_factory=dict)
+    whole: Budget | None = None
+
+    @classmethod
+    def of_rows(cls, rows: Rows, model: Model, scenario: Scenario | None = None) -> Budget:
+        """Return the uncertainty of values alone, of no structure; without a scenario that of no run."""
+        targets = tuple(Target(n, "log" if log else "add", rows.also.get(n, ())) for n, log in zip(rows.names, rows.log, strict=True))
+        return cls(model, scenario or Scenario(), rows.sources, rows.causes, np.eye(len(rows.sources)), targets, rows.matrix)
+
+    @property
+    def names(self) -> tuple[str, ...]:
+        """Names that differ from member to member, those that share a value among them, in the simulator's words."""
+        own = (n for t in self.targets if t.form in ("add", "log", "factor") for n in (t.name, *t.also))
+        return tuple(dict.fromkeys(own))
+
+    @property
+    def spread(self) -> set[str]:
+        """Names that something spreads beside what one kind of run differs from another by."""
+        kept = np.array([c != KINDS for c in self.causes], dtype=bool)
+        own = (t for t, row in zip(self.targets, self.gain, strict=True) if row[kept].any())
+        return {n for t in own for n in (t.name, *t.also)}
+
+    @property
+    def means(self) -> Array:
+        """Means (sources,) of the sources."""
+        return np.array([s.law.mean for s in self.sources])
+
+    @property
+    def sizes(self) -> Array:
+        """Standard deviations (sources,) of the sources."""
+        return np.sqrt([s.law.variance for s in self.sources])
+
+    def numbers(self, seed: int, first: int, members: int) -> Array:
+        """Return the numbers (sources, members) between 0 and 1 of some members, independent of each other; see `uniforms`. [-]"""
+        return np.array([uniforms(seed, s.name, first, members) for s in self.sources]).reshape(len(self.sources), members)
+
+    def drawn(self, numbers: Array) -> Array:
+        """Return the values (sources, members) of the sources at numbers between 0 and 1."""
+        from scipy.special import ndtr, ndtri
+
+        if (self.alike != np.eye(len(self.sources))).any():
+            joined = np.flatnonzero((self.alike != np.eye(len(self.sources))).any(axis=0))
+            root: Array = np.linalg.cholesky(self.alike[np.ix_(joined, joined)]).astype(float)
+            numbers = numbers.copy()
+            numbers[joined] = ndtr(combined(root, ndtri(numbers[joined])))
+        return np.array([s.law.at(row) for s, row in zip(self.sources, numbers, strict=True)]).reshape(numbers.shape)
+
+    def members(self, seed: int, first: int, count: int) -> dict[Target, Array]:
+        """Return target -> deviation of every member (members,), in the target's form."""
+        moved = combined(self.gain, self.drawn(self.numbers(seed, first, count)))
+        return dict(zip(self.targets, moved, strict=True))
+
+    def parts(self, columns: Array) -> dict[str, Array]:
+        """Return cause -> variance (times,) of what a unit of each source does (times, sources). [K^2]"""
+        sized = columns * self.sizes
+        out = {}
+        for cause in dict.fromkeys(self.causes):
+            own = [k for k, c in enumerate(self.causes) if c == cause]
+            out[cause] = quadratic_forms(sized[:, own], self.alike[np.ix_(own, own)])
+        return out
+
+    def beside(
+        self, sources: Sequence[Source], cause: str, targets: Sequence[Target] = (), gain: Array | float = 0.0, alike: Array | None = None
+    ) -> Budget:
+        """Return it with sources of one cause that act on targets of their own; on none where one chooses between scenarios."""
+        n, m, k = len(self.sources), len(self.targets), len(sources)
+        taken = {s.name for s in self.sources}  # a member's numbers come by a source's name
+        sources = [replace(s, name=f"{s.name} ({n + i})") if s.name in taken else s for i, s in enumerate(sources)]
+        whole = np.zeros((m + len(targets), n + k))
+        whole[:m, :n], whole[m:, n:] = self.gain, gain
+        joined = np.eye(n + k)
+        joined[:n, :n] = self.alike
+        if alike is not None:
+            joined[n:, n:] = alike
+        named, causes = (*self.sources, *sources), (*self.causes, *(cause,) * k)
+        return replace(self, sources=named, causes=causes, alike=joined, targets=(*self.targets, *targets), gain=whole)
+
+    def with_one(self, source: Source, cause: str, target: Target) -> Budget:
+        """Return it with a source that moves one target by itself."""
+        return self.beside([source], cause, [target], np.ones((1, 1)))
+
+    def with_modes(self, modes: Sequence[Mode], alike: Array, response: Array) -> Budget:
+        """Return it with coefficient modes, which move their own loads and what was fitted."""
+        sources = [Source(m.name, "structural", m.law, f"{m.name}, held constant by the model") for m in modes]
+        out = self.beside(sources, CONSTANT, [Target(m.name, "mode") for m in modes], np.eye(len(modes)), alike)
+        out.gain[: response.shape[0], len(self.sources) :] += response
+        return out
+
+    def accounted(self, kept: Sequence[Discrepancy]) -> Budget:
+        """Return it with the noise of fits less what of it is the law of coefficients, which counts by itself."""
+        gain = self.gain.copy()
+        place = {name: k for k, t in enumerate(self.targets) if t.form in ("add", "log") for name in (t.name, *t.also)}
+        for own in (k.accounted for k in kept if k.accounted is not None):
+            noise = [j for j, s in enumerate(self.sources) if s.kind == "data" and s.name.startswith(f"{own.key}:")]
+            for name, part in own.noise.items():
+                if name in place:
+                    gain[place[name], noise] *= part
+        return replace(self, gain=gain)
+
+    def with_nodes(self, source: Source, sizes: Mapping[str, float]) -> Budget:
+        """Return it with a source that moves all nodes after the run."""
+        return self.beside([source], source.name, [Target(n, "node") for n in sizes], np.array(list(sizes.values()))[:, None])
+
+    def with_kinds(self, seen: KindsSeen, kind: str, tied: Mapping[str, tuple[str, ...]]) -> Budget:
+        """Return it with the deviations of a kind of run, and with what those of the fitted kinds did to the fitted values.
+
+        Parameters
+        ----------
+        seen : KindsSeen    What the fits say of kinds of run.
+        kind : str          That of the scenario; of one that was fitted, the fit has followed a part.
+        tied : dict         Fitted value -> others that share it.
+        """
+        flat = compile_network(self.model).flat
+        names = list(seen.directions)
+        free, moved = seen.response()
+        # a sensor that is a node of its own has values too, which the predicted model does not hold
+        alien = {n for n in (*names, *free) if of_a_sensor(n) and n not in flat.parameters.table}
+        fixed = self.scenario.driven(flat) | alien
+        sizes = np.array([0.0 if n in fixed else seen.size(group) for n, group in seen.directions.items()])
+        gain = np.diag(sizes)
+        if kind in moved:
+            rows = [names.index(n) for n in free if n in names]
+            gain[rows] -= moved[kind][[free.index(names[r]) for r in rows]] * sizes
+        others = sum((m * sizes) @ (m * sizes).T for k, m in moved.items() if k != kind) + np.zeros((len(free), len(free)))
+        root = square_root(others, drop=True) if len(free) else np.zeros((0, 0))
+        held = [k for k, n in enumerate(free) if " " not in n and n not in fixed]
+        known = {t.name: t for t in self.targets}
+        own = [Target(free[k], known[free[k]].form if free[k] in known else "log", tied.get(free[k], ())) for k in held]
+        words = seen.words
+        acting = [k for k, n in enumerate(names) if n not in fixed]
+        targets = [_deviation(names[k], tied.get(names[k], ())) for k in acting]
+        sources = [Source(f"kind of run: {names[k]}", "structural", Normal(), words) for k in acting]
+        gain = gain[np.ix_(acting, acting)]
+        fitted = [Source(f"kinds that were fitted: {k + 1}", "structural", Normal(), words) for k in range(root.shape[1])]
+        return self.beside(sources, KINDS, targets, gain).beside(fitted, KINDS, own, root[held])
+
+    def with_stated(self, given: Sequence[Spread | Groups]) -> Budget:
+        """Return it with what is stated."""
+        names = [n for s in given for n in _names(s)]
+        if not names:
+            return self
+        ready = prepare(self.model, lasting(self.scenario), tuple(dict.fromkeys(names)))
+        check_moves(names, self.model, self.scenario)
+        owners = {ready.canonical(n): cause for t, cause in self._owners().items() for n in (t.name, *t.also)}
+        out = self
+        for s in given:
+            cause = s.cause if isinstance(s, Spread) else "stated"
+            for name in map(ready.canonical, _names(s)):
+                if name in owners:
+                    raise IdentificationError(f"'{name}' has two spreads, by {owners[name]} and by {cause}. Leave one out.", ready.title)
+                owners[name] = cause
+            out = out._joint(s, ready) if isinstance(s, Spread) else out._single(s, ready)
+        return out
+
+    def _owners(self) -> dict[Target, str]:
+        """Return parameter -> the cause that spreads it first."""
+        own = [(t, row) for t, row in zip(self.targets, self.gain, strict=True) if t.form in ("add", "log", "factor") and row.any()]
+        return {t: self.causes[int(np.flatnonzero(row)[0])] for t, row in own}
+
+    def _single(self, groups: Groups, ready: Simulator) -> Budget:
+        out = self
+        for names, how in groups:
+            first, *also = map(ready.canonical, names)
+            nominal = ready.nominal[first]
+            law = narrowed(ready.law(first, how), nominal, self.said.get(first))
+            again = [self.followed[n] for n in (first, *also) if n in self.followed]
+            # by its logarithm, so that what the fit would have found with another value compensates all of it and not to first order
+            positive = bool(again) and nominal > 0.0 and float(law.at(np.array([FURTHEST]))[0]) > 0.0
+            own: Distribution = Logarithm(law, nominal) if positive else Shifted(law, -nominal)
+            target = Target(first, "log" if positive else "add", tuple(also))
+            out = out.with_one(Source(first, "stated", own, f"the stated spread of {first}"), "stated", target)
+            for fitted, moved in ((f, m) for known in again for f, m in known.items()):
+                row = next((k for k, t in enumerate(out.targets) if t.name == fitted and t.form in ("add", "log")), None)
+                if row is not None:
+                    out.gain[row, -1] += moved * (nominal if positive else 1.0)
+        return out
+
+    def _joint(self, spread: Spread, ready: Simulator) -> Budget:
+        sources, matrix = normal_sources(spread.cause, spread.covariance, "stated")
+        targets = [
+            Target(ready.canonical(n), "log" if log else "add", tuple(map(ready.canonical, spread.also.get(n, ()))))
+            for n, log in zip(spread.names, spread.log, strict=True)
+        ]
+        return self.beside(sources, spread.cause, targets, matrix)
+
+    def without(self, names: Sequence[str]) -> Budget:
+        """Return the budget without some sources, named by kind, cause or name."""
+        lost = {m.path for m in self.modes if m.name in names}  # what is expected is that of all modes of a coefficient
+        named = {*names} | {m.name for m in self.modes if m.kind == EXPECTED and m.path in lost}
+        kept = [k for k, s in enumerate(self.sources) if not {s.kind, self.causes[k], s.name} & named]
+        gain = self.gain[:, kept]
+        acting = [k for k, row in enumerate(gain) if row.any()]
+        modes = tuple(m for m in self.modes if any(self.targets[k].name == m.name for k in acting))
+        return replace(
+            self,
+            sources=tuple(self.sources[k] for k in kept),
+            causes=tuple(self.causes[k] for k in kept),
+            alike=self.alike[np.ix_(kept, kept)],
+            targets=tuple(self.targets[k] for k in acting),
+            gain=gain[acting],
+            modes=modes,
+            whole=self.whole or (self if len(modes) < len(self.modes) else None),
+        )
+
+
+def _deviation(name: str, also: tuple[str, ...]) -> Target:
+    """Return what a relative deviation of an element acts on."""
+    return Target(name, "factor" if name.startswith("scale.") else "log", also)
+
+
+def combined(weights: Array, rows: Array) -> Array:
+    """Return sums (targets, members) of rows (sources, members) by weights (targets, sources).
+
+    Written out: a matrix product rounds differently for another number of members, and a member shall not depend on how many there are.
+    """
+    out = np.zeros((weights.shape[0], rows.shape[1]))
+    for k, s in zip(*np.nonzero(weights), strict=True):
+        out[k] += weights[k, s] * rows[s]
+    return out
+
+
+@takes_objects
+def budget_of(
+    known: Model | Calibration | Known | FittedValues | Sequence[Any],
+    scenario: Scenario,
+    stated: Stated | Sequence[Stated] = (),
+    *,
+    model: Model | None = None,
+    at: str = "",
+    without: Sequence[str] = (),
+) -> Budget:
+    """Uncertainty budget of a scenario: every source, and how the inputs of the model respond to it.
+
+    Parameters
+    ----------
+    known : Model, Calibration, Known, or fitted values     What is known.
+    scenario : Scenario     What is done to the model.
+    stated : dict, Spread, or several   What else is not known exactly: name or pattern of parameters -> spread as text; see `read_spread`.
+    model : Model           What fitted values are laid over; a fit's own by default.
+    at : str                The submodel that the values belong to.
+    without : sequence      Sources that are not counted: kinds (``structural``, ``misfit``), causes or names; the result states this.
+
+    Raises
+    ------
+    IdentificationError   When a value is spread twice, or has no finite error; when a coefficient that must be separated cannot be.
+    """
+    source = known_of(known, model, at)
+    given = [stated] if isinstance(stated, Mapping | Spread) else list(stated)
+    plain: list[Spread | Groups] = [expanded(s, source.model) if isinstance(s, Mapping) else s for s in given]
+    rows = rows_of(source)
+    own, rows = split_rows(source, rows, scenario, [n for s in plain for n in _names(s)])
+    make = Budget.of_rows(rows, own, scenario)
+    contacts, remark = open_contacts(source, rows, scenario)
+    for path, gas in contacts.items():
+        also = next((t.also for t in make.targets if t.name == path), ())
+        make = make.with_one(gas, GAS_IN_JOINTS, Target(path, "factor", also))
+    network = compile_network(own, media=scenario.media(), prescribed=tuple(scenario.prescribed))
+    steady = steady_paths(network)
+    modes, correlations = modes_of(source.kept, steady)
+    fitted = {path for k in source.kept for path, _ in k.sizes}
+    whole_law = not {"structural", CONSTANT, *(m.name for m in modes)} & {*without} and not fitted & {*steady}
+    make = make.accounted(source.kept) if whole_law else make
+    make = make.with_modes(modes, correlations, responses(source.kept, rows, modes))
+    seen = KindsSeen.of(source.provenances)
+    misfit = misfit_of([_misfit_of_stage(p, whole_law) for p in source.provenances], network)
+    if seen:  # the output takes only what the deviations of kinds leave
+        misfit = {n: seen.size(LEFT) * size for n, size in misfit.items()}
+    if misfit:
+        words = "residuals of the records that the model was fitted to"
+        make = make.with_nodes(Source(MISFIT, "misfit", Normal(), words), misfit)
+    make = replace(make, followed=followed_by(source.kept), said=said_of_assumed(source.kept)).with_stated(plain)
+    if seen:
+        make = make.with_kinds(seen, _kind_of(own, scenario), {n: rows.also.get(n, ()) for n in rows.names})
+    conditions = {p: c for k in source.kept for p, c in k.conditions.items()}
+    unseen = UNSEEN if own.runner is not None else ""
+    unsought = UNSOUGHT if source.fit is not None and asks(source.fit) else ""
+    remarks = tuple(r for r in (unseen, unsought, remark, seen.words if seen and len(seen.kinds) < FEW else "") if r)
+    whole = replace(make, modes=tuple(modes), conditions=conditions, remarks=remarks)
+    return replace(whole.without(without), omitted=left_out_of(source, whole, without), standing=source.standing)
+
+
+def _misfit_of_stage(provenance: Mapping[str, Any], whole_law: bool) -> dict[str, float]:
+    """Return node -> what a stage could not follow, less what the laws of its coefficients are known to do where these count. [K]"""
+    kept = kept_in(provenance) if whole_law else None
+    return dict(kept.accounted.misfit) if kept is not None and kept.accounted is not None else misfit_kept(provenance)
+
+
+def _kind_of(model: Model, scenario: Scenario) -> str:
+    """Return the kind of run that a scenario is; empty where nothing says how it starts."""
+    try:
+        ready = prepare(model, lasting(scenario), ())
+        return kind_of_run(ready.wiring, ready.engine, None)
+    except (ScenarioError, SolverError):
+        return ""
+
+
+def _names(stated: Spread | Groups) -> list[str]:
+    """Return every name that a stated spread moves, instances that share a value among them."""
+    if isinstance(stated, Spread):
+        return [n for name in stated.names for n in (name, *stated.also.get(name, ()))]
+    return [n for names, _ in stated for n in names]
+
+
+def left_out_of(known: Known, whole: Budget, without: Sequence[str]) -> tuple[LeftOut, ...]:
+    """Return what the budget of a question leaves out by what is known, and what the caller switched off."""
+    out = []
+    off = [s for s, cause in zip(whole.sources, whole.causes, strict=True) if {s.kind, cause, s.name} & {*without}]
+    if off:
+        causes = dict.fromkeys(cause for s, cause in zip(whole.sources, whole.causes, strict=True) if s in off)
+        out.append(LeftOut(f"{', '.join(causes)} (switched off)"))
+    network = compile_network(whole.model, media=whole.scenario.media(), prescribed=tuple(whole.scenario.prescribed))
+    silent = {stage: s for s in known.stores for stage, own in s.provenance.items() if kept_in(own) is None}
+    for stage, store in silent.items():
+        paths = [p for s in store.parameters.values() if s.origin.stage == stage for p in s.acts]
+        moved = set(network.flat.parameters.downstream(paths))
+        constant = [p for p, c in constant_coefficients(network).items() if coefficient_path(c) in moved]
+        if constant:
+            out.append(
+                LeftOut(f"the error of constant coefficients ({listed(constant)}), because the values of '{stage}' do not include it")
+            )
+    if known.values and not any(misfit_kept(p) or kept_in(p) is not None for p in known.provenances):
+        out.append(LeftOut(SILENT))
+    out += [x for s in known.stores for x in s.left_out]
+    fitted = [s for store in known.stores for s in store.parameters.values() if s.origin.kind == "fit" and s.acts]
+    surfaces = {p for k in known.kept for p in k.surfaces}
+    taken = [*whole.spread, *known.assigned]
+    closed = [p for p in split_needed(known.model, whole.scenario, taken) if p not in surfaces]
+    if closed:
+        out.append(
+            LeftOut(f"radiation without gas of {listed(closed)}, because no record shows at which temperatures its coefficient was found")
+        )
+    if not known.values:
+        out.append(LeftOut(UNFITTED))
+    once = [s.acts[0] for s in fitted if len({r for o in (s.origin, *s.history) for r in o.records}) == 1]
+    if once:
+        out.append(LeftOut(f"how values fitted to one record differ from one test to the next ({listed(once)})", listed=True))
+    given = _given(whole)
+    if given:
+        out.append(LeftOut(f"inputs without a stated spread ({listed(given)})", listed=True))
+    return tuple(out)
+
+
+def _given(budget: Budget) -> list[str]:
+    """Return what a scenario gives, boundaries, loads and the start, and nothing spreads."""
+    spread = budget.spread
+    find, scenario = budget.model.canonical, budget.scenario
+    out = [b for b in scenario.boundaries if find(b) not in spread]
+    out += [x for x in scenario.loads if not {f"scale.{find(x)}", f"{find(x)}.power"} & spread]
+    return out + (["start"] if scenario.start and not any(n.startswith("initial.") for n in spread) else [])
+
+
+def in_order(left_out: Iterable[LeftOut]) -> tuple[LeftOut, ...]:
+    """Return what is left out with what a first line may name before what only the list has."""
+    return tuple(sorted(left_out, key=lambda x: x.listed))
+
+
+@dataclass(frozen=True)
+class Assumed:
+    """A value that a deck only assumes.
+
+    Parameters
+    ----------
+    path : str      In the model.
+    size : float    Standard deviation: by the range of its deck, or a tenth of itself. [SI]
+    ranged : bool   Whether its deck gives a range.
+    """
+
+    path: str
+    size: float
+    ranged: bool
+
+
+def assumed_values(model: Model, scenario: Scenario, taken: Collection[str]) -> list[Assumed]:
+    """Return the assumed values of decks that act in a scenario, but those whose names are taken."""
+    table = parameter_table(model)
+    network = compile_network(model, media=scenario.media(), prescribed=tuple(scenario.prescribed))
+    moved = scenario.driven(network.flat)
+    loose = [p for p, e in table.items() if e.parameter.source == "assumed" and e.parameter.is_literal and p not in moved]
+    numbers = network.numbers().values
+    out = []
+    for p in (p for p in loose if p not in taken and value_of(numbers[p])):
+        low, high = table[p].parameter.minimum, table[p].parameter.maximum
+        wide = high - low if low is not None and high is not None else np.inf
+        ranged = bool(np.isfinite(wide))
+        out.append(Assumed(p, wide / 12**0.5 if ranged else TENTH * abs(float(value_of(numbers[p]))), ranged))
+    return out
+
+
+def assumed_left_out(budget: Budget, nodes: Sequence[str] | None = None) -> tuple[tuple[LeftOut, Mapping[str, float]], ...]:
+    """Return the assumed values of decks that nothing spreads, with what they may move each node by once it settled (node -> K)."""
+    spread = budget.spread
+    spread |= {f"{n.removeprefix('scale.')}.power" for n in spread if n.startswith("scale.")}
+    spread |= {f"{budget.model.canonical(load)}.power" for load in budget.scenario.loads}
+    loose = assumed_values(budget.model, budget.scenario, spread)
+    if not loose:
+        return ()
+    words = f"{len(loose)} assumed value{'s' if len(loose) > 1 else ''} without a stated spread ({listed([a.path for a in loose])})"
+    through = _solved_again(budget, [a.path for a in loose])
+    ready = prepare(budget.model, lasting(budget.scenario), list(dict.fromkeys([*(a.path for a in loose), *through])))
+    try:
+        _, slopes = ready.settled()
+    except SolverError:
+        return ((LeftOut(words), {}),)
+    place = {name: k for k, name in enumerate(ready.free)}
+    moved = np.zeros((len(place), len(loose)))
+    sizes = [narrowed(Normal(0.0, a.size), 0.0, budget.said.get(a.path)).variance ** 0.5 for a in loose]
+    for k, (a, size) in enumerate(zip(loose, sizes, strict=True)):
+        moved[place[a.path], k] += size
+        for name, by in through.items():
+            moved[place[name], k] += by.get(a.path, 0.0) * size
+    kept = nodes if nodes is not None else [n for n in slopes if n not in ready.wiring.network.boundaries]
+    each = {n: slopes[n] @ moved for n in kept if n in slopes}
+    effect = {n: float(np.linalg.norm(x)) for n, x in each.items()}
+    worst = max(effect, key=effect.__getitem__, default="")
+    if worst and effect[worst] > 0.0 and len(loose) > 1:
+        words += f"; {_costliest([a.path for a in loose], each[worst])}"
+    return ((LeftOut(words, max(effect.values(), default=0.0)), effect),)
+
+
+def _solved_again(budget: Budget, paths: Sequence[str]) -> dict[str, dict[str, float]]:
+    """Return fitted value -> assumed value -> what a fit would have found more for one more of its SI unit. [SI]"""
+    network = compile_network(budget.model, prescribed=tuple(budget.scenario.prescribed))
+    fixed = budget.scenario.driven(network.flat)
+    forms = {t.name: t.form for t in budget.targets if t.form in ("add", "log") and t.name not in fixed}
+    numbers = network.numbers().values
+    out: dict[str, dict[str, float]] = {}
+    for path in paths:
+        for name, moved in budget.followed.get(path, {}).items():
+            if name in forms and name in numbers:
+                out.setdefault(name, {})[path] = moved * (float(value_of(numbers[name])) if forms[name] == "log" else 1.0)
+    return out
+
+
+def _costliest(paths: Sequence[str], effects: Array) -> str:
+    """Return which assumption costs most, and which are to be measured so that half of the effect is left."""
+    order = np.argsort(-np.abs(effects))
+    left, named = float(effects @ effects), []
+    for k in order:
+        named.append(f"'{paths[k]}'")
+        left -= float(effects[k] ** 2)
+        if left <= 0.25 * float(effects @ effects):
+            break
+    first = f"{named[0]} costs most ({abs(float(effects[order[0]])):.2g} K)"
+    several = named[0] if len(named) == 1 else f"{', '.join(named[:-1])} and {named[-1]}"
+    return f"{first}; measuring {'it' if len(named) == 1 else several} would more than halve this uncertainty"
+
+
+def first_line(left_out: Sequence[LeftOut], error: float) -> str:
+    """Return what a reader must know first of an answer: what it does not count and might matter; empty where nothing is.
+
+    Parameters
+    ----------
+    left_out : sequence
+    error : float   Standard error of the answer, the largest of several. [K]
+    """
+    felt = [x for x in left_out if not x.listed and not x.kelvin <= FELT * 1.96 * error]
+    words = [f"{x.what}, up to {x.kelvin:.2g} K" if np.isfinite(x.kelvin) else x.what for x in felt]
+    return f"not counted: {'; '.join(words)}" if words else ""
+
+
+def listed(paths: Sequence[str]) -> str:
+    """Return the first three of several paths, and how many more there are."""
+    return ", ".join(f"'{p}'" for p in paths[:3]) + (f" and {len(paths) - 3} more" if len(paths) > 3 else "")

@@ -1,0 +1,153 @@
+"""Values from files: tuned by hand as a stage without records, or laid over a model as its decks are now."""
+
+from __future__ import annotations
+
+import hashlib
+import json
+import math
+from collections.abc import Mapping
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from thermid.base.errors import DeckError, errors_at
+from thermid.base.units import TEMPERATURE
+from thermid.fit.problem import parameter_unknown
+from thermid.model.laws import literal
+from thermid.model.tree import Model, ParameterSet, deck_text
+from thermid.values.fitted import FittedValues, load_store, read_values, values_of
+from thermid.values.spreads import read_spread
+from thermid.values.store import LeftOut, LogNormal, Normal, Source, State, Store, Uniform, ValueOrigin, graft
+
+UNIT = Uniform(-math.sqrt(3.0), math.sqrt(3.0))
+"""As likely anywhere between its ends, of variance one."""
+
+
+def hand_values(path: Path, model: Model, stage: str, where: str) -> Store:
+    """Return what a values file says of a model, as found by hand at a stage.
+
+    Parameters
+    ----------
+    path : Path     A file that thermid wrote, or one with rows ``"path" = "0.21 [W/K]"``, ``{ value, sd }`` or ``{ low, high }``.
+    model : Model   What the values are of.
+    stage : str     The stage.
+    where : str     For messages.
+
+    Raises
+    ------
+    DeckError   When a row names no value of the model, or gives none.
+    """
+    data = read_values(path)
+    if "schema" in data:
+        store = load_store(path)[0].matching(model)
+        key = hashlib.sha256(repr([*store.states.values(), store.root.tolist()]).encode()).hexdigest()
+        mine = ValueOrigin("hand", stage, (), key)
+        return replace(store, states={p: replace(s, origin=mine) if s.origin.kind == "hand" else s for p, s in store.states.items()})
+    rows = data.get("values", {k: v for k, v in data.items() if k not in ("title", "note")})
+    if not rows:
+        raise DeckError(f'\'{path.name}\' holds no value. Write rows like "lid.conductance" = "0.21 [W/K]".', where)
+    key = hashlib.sha256(json.dumps([stage, data], sort_keys=True, default=str).encode()).hexdigest()
+    with errors_at(f"{where}, {path.name}"):
+        return _store({k: _given(k, v, where) for k, v in rows.items()}, model, ValueOrigin("hand", stage, (), key))
+
+
+def _given(name: str, row: Any, where: str) -> Mapping[str, Any]:
+    """Return a row as a table of what it gives: value and spread."""
+    table = {"value": row} if isinstance(row, str) else row
+    if not isinstance(table, Mapping) or not ({"value"} <= set(table) or {"low", "high"} <= set(table)):
+        raise DeckError(f"'{name}' needs a text with a unit, {{ value, sd }} or {{ low, high }}.", where)
+    return table
+
+
+def _store(rows: Mapping[str, Mapping[str, Any]], model: Model, origin: ValueOrigin) -> Store:
+    """Return the store of rows: each with an error has a source of its own."""
+    values = ParameterSet(model)
+    states, sources, sizes = {}, [], []
+    for raw, table in rows.items():
+        path = values.freeable(raw, model.canonical)
+        state, source, size = _state(path, table, values, origin)
+        states[path] = state
+        sizes.append(size)
+        sources.append(source)
+    left_out = tuple(
+        LeftOut(
+            f"'{p}' was tuned by hand at stage '{origin.stage}' without an error, so the errors here are too small. Give "
+            f"{{ value, sd }} there"
+        )
+        for p, s in states.items()
+        if not s.known
+    )
+    whole = Store(states, tuple(sources), np.diag(np.array(sizes)), left_out=left_out)
+    return whole.trimmed()
+
+
+def _state(path: str, table: Mapping[str, Any], values: ParameterSet, origin: ValueOrigin) -> tuple[State, Source, float]:
+    """Return a state, its source and its standard deviation in the fitted form; zero where no error is given."""
+    entry = values.table[path]
+    old = entry.parameter
+    slot = TEMPERATURE if old.unit in ("degC", "degF") else old.unit or "1"
+    spread = {("mean" if k == "value" else k): v for k, v in table.items()}
+    law = read_spread(spread, slot, 0.0, path) if set(spread) - {"mean"} else None
+    value = law.mean if isinstance(law, Uniform) else literal(table["value"], slot, path)
+    u = parameter_unknown(path, old, values.dimension(path), value, (), None)
+    size = math.sqrt(law.variance) / (value if u.log else 1.0) if law is not None else 0.0
+    size = law.log_sd if isinstance(law, LogNormal) and u.log else size
+    shape = UNIT if isinstance(law, Uniform) else Normal()
+    words = f"{path}, tuned by hand at stage '{origin.stage}'"
+    deck, start = deck_text(entry), float(values.evaluate({}, [path])[path])
+    state = State(
+        path, value, u.log, u.unit, (u.low, u.high), origin, "parameter", (path,), deck=deck, start=start, known=law is not None
+    )  # fmt: skip
+    return state, Source(f"{origin.key[:16]}:{path}", "stated", shape, words), size
+
+
+@dataclass(frozen=True, eq=False)
+class Filed:
+    """What a values file says of a model.
+
+    Parameters
+    ----------
+    model : Model           With the values laid over it; what a [set] above says still wins.
+    values : FittedValues   What still applies, by the paths of the part that the file is of.
+    lacks : tuple of str    What a file of the old format cannot say.
+    gone : tuple of str     Values that are left out, since the decks give them otherwise by now.
+    hidden : tuple of str   Values that a [set] hides.
+    """
+
+    model: Model
+    values: FittedValues
+    lacks: tuple[str, ...] = ()
+    gone: tuple[str, ...] = ()
+    hidden: tuple[str, ...] = ()
+
+    @property
+    def lines(self) -> tuple[str, ...]:
+        """What a reader must know first."""
+        return (*self.lacks, *self.gone, *self.hidden)
+
+
+def filed(path: Path, model: Model, *, at: str = "", keep: bool = False) -> Filed:
+    """Return a model with a values file laid over it, whoever wrote the file.
+
+    Parameters
+    ----------
+    path : Path     A file of a stage, of the studio, or one written by hand.
+    model : Model   As its decks are now.
+    at : str        The submodel that the file is of; empty for the model itself.
+    keep : bool     Whether to keep states of values that the decks give otherwise by now.
+
+    Raises
+    ------
+    ThermidError   When it is no values file, or is of another model.
+    """
+    part = model.submodel(at) if at else model
+    by_hand = "schema" not in read_values(path)
+    store, stage = (hand_values(path, part, path.name, path.name), path.name) if by_hand else load_store(path)
+    lacks = tuple(x.what for x in store.left_out if "(schema 1)" in x.what)
+    known = store if keep else store.matching(part)
+    gone = tuple(f"{d.path} = {d.text} of {d.origin} was ignored: {d.why}." for d in known.dropped[len(store.dropped) :])
+    placed: Store = graft(model, [(at, known)])[0] if at else known
+    laid = placed.on(model)
+    return Filed(laid, values_of(known, stage), lacks, gone, placed.acting_in(laid)[1])

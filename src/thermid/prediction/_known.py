@@ -1,0 +1,218 @@
+"""`Known`: a model with what is known of its values, and the rows that say how these respond to the sources of their errors."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field, replace
+from typing import Any
+
+import numpy as np
+
+from thermid.base.arguments import takes_objects
+from thermid.base.errors import IdentificationError
+from thermid.base.linear_algebra import Array, square_root
+from thermid.base.results import Result, Row
+from thermid.fit.calibration import Calibration
+from thermid.fit.discrepancy import KEY, Discrepancy, kept_in
+from thermid.model.parameters import Standing, worst
+from thermid.model.tree import Model
+from thermid.values.fitted import FittedValue, FittedValues, as_store
+from thermid.values.store import KNOWN, Kind, Normal, Source, State, Store, graft, model_standing, structural_under
+
+
+@dataclass(frozen=True, eq=False)
+class Known(Result):
+    """A model with what is known of its values.
+
+    Parameters
+    ----------
+    model : Model                       With its best values.
+    values : tuple of FittedValues      What was fitted, each with its covariance; of two that hold a value the later counts.
+    fit : Calibration or None           The fit itself, where it is at hand.
+    synthetic : bool                    Whether any record behind the values was made and not measured.
+    at : str                            The submodel that the values belong to; empty for the model itself.
+    remarks : tuple of str              What a reader must know first: values of a file that no longer apply, and what it cannot say.
+    """
+
+    model: Model
+    values: tuple[FittedValues, ...] = ()
+    fit: Calibration | None = None
+    synthetic: bool = False
+    at: str = ""
+    remarks: tuple[str, ...] = ()
+
+    @classmethod
+    @takes_objects
+    def of(cls, source: Model | Calibration) -> Known:
+        """Return what a fit knows; of a model that nobody fitted, nothing but its values."""
+        if isinstance(source, Model):
+            return cls(source)
+        return cls(source.fitted_model, (source.values,), source, source.synthetic)
+
+    def on(self, model: Model) -> Known:
+        """Return the same knowledge of another model that holds the fitted paths."""
+        base = model
+        for store in self.stores:
+            base = store.on(base)
+        return replace(self, model=base)
+
+    @property
+    def standing(self) -> Standing:
+        """Of the values of the model, and of the fit where it is at hand."""
+        return worst([model_standing(self.model), *([self.fit.standing] if self.fit is not None else [])])
+
+    @property
+    def stores(self) -> tuple[Store, ...]:
+        """What is known at every depth behind each of `values`, by the paths of the model."""
+        own = [self.fit.store] if self.fit is not None else [v.store if v.store is not None else as_store(v) for v in self.values]
+        return tuple(graft(self.model, [(self.at, s)])[0] if self.at else s for s in own)
+
+    @property
+    def placed(self) -> tuple[FittedValues, ...]:
+        """The values by the paths of the model."""
+        return tuple(values_at(v, self.at) for v in self.values)
+
+    @property
+    def provenances(self) -> tuple[Mapping[str, Any], ...]:
+        """What is kept of every fit behind the values, the first one first, by the paths of the model."""
+        return tuple(known for s in self.stores for known in s.provenance.values())
+
+    @property
+    def kept(self) -> tuple[Discrepancy, ...]:
+        """What the fits leave open in the structure of their models, the first one first, as far as they say it."""
+        return tuple(k for known in self.provenances if (k := kept_in(known)) is not None)
+
+    @property
+    def assigned(self) -> tuple[str, ...]:
+        """Every parameter of the model that a fit gave its value."""
+        return tuple(p for s in self.stores for state in s.parameters.values() for p in state.acts)
+
+    def _as_rows(self) -> list[Row]:
+        """Return the fitted values with their standard errors, in their units."""
+        return [
+            {"path": v.path, "value": v.in_unit, "error": v.shown(v.error), "unit": v.unit} for one in self.values for v in one.values()
+        ]
+
+    def _summary(self) -> str:
+        """Return the model's title and how many values are known."""
+        return f"{self.model.title}, {sum(map(len, self.values))} fitted values{', synthetic data' if self.synthetic else ''}"
+
+
+def values_at(values: FittedValues, at: str) -> FittedValues:
+    """Return fitted values under the paths that they have in a model that has theirs as a part."""
+    if not at:
+        return values
+    ahead = f"{at}."
+
+    def moved(v: FittedValue) -> FittedValue:
+        return replace(v, path=ahead + v.path, also=tuple(ahead + q for q in v.also)) if v.kind == "parameter" else v
+
+    own = values.provenance
+    items = {v.path: v for v in map(moved, values.values())}
+    places = {n: {ahead + p: x for p, x in own[n].items()} for n in ("conditions", "misfit") if n in own}
+    kept = {KEY: structural_under(own[KEY], ahead)} if KEY in own else {}
+    return replace(values, items_=items, provenance={**own, **places, **kept}, store=None)
+
+
+def known_of(source: Known | Model | Calibration | FittedValues | Sequence[Any], model: Model | None = None, at: str = "") -> Known:
+    """Return what is known, its values laid over the model.
+
+    Parameters
+    ----------
+    source : Known, Model, Calibration, FittedValues, or several of the last two
+    model : Model       What values are laid over; a fit's own where it is not given.
+    at : str            The submodel that the values belong to.
+    """
+    if isinstance(source, Known):
+        return source.on(source.model) if source.fit is None else source
+    if model is None and isinstance(source, Model | Calibration):
+        return Known.of(source)
+    many = [source] if isinstance(source, Calibration | FittedValues) else [] if isinstance(source, Model) else list(source)
+    base = model if model is not None else source
+    assert isinstance(base, Model)
+    if len(many) == 1 and isinstance(many[0], Calibration):
+        return Known(base, (many[0].values,), many[0], many[0].synthetic, at).on(base)
+    values = tuple(replace(v.values, store=v.store) if isinstance(v, Calibration) else v for v in many)
+    made = any(isinstance(v, Calibration) and v.synthetic for v in many)
+    return Known(base, values, None, made, at).on(base)
+
+
+@dataclass(frozen=True, eq=False)
+class Rows:
+    """How values respond to the sources of their errors.
+
+    Parameters
+    ----------
+    names : tuple of str        Parameters of the model.
+    log : tuple of bool         Which are spread by their logarithm.
+    also : dict                 Name -> other parameters that share its value.
+    sources : tuple of Source   Standard normal, each by a number.
+    causes : tuple of str       Of each source: what a reader is told.
+    matrix : array              (names, sources), a standard deviation of the source each; SI, or of the logarithm.
+    """
+
+    names: tuple[str, ...] = ()
+    log: tuple[bool, ...] = ()
+    also: Mapping[str, tuple[str, ...]] = field(default_factory=dict)
+    sources: tuple[Source, ...] = ()
+    causes: tuple[str, ...] = ()
+    matrix: Array = field(default_factory=lambda: np.zeros((0, 0)))
+
+    @classmethod
+    def of(cls, store: Store, states: Mapping[str, State], cause: str) -> Rows:
+        """Return the rows of some states of a store, by the names that they act under."""
+        matrix = store.rows([s.path for s in states.values()], KNOWN).reshape(len(states), len(store.sources))
+        used = np.flatnonzero(matrix.any(axis=0))
+        also = {name: s.acts[1:] for name, s in states.items() if len(s.acts) > 1}
+        sources = tuple(store.sources[k] for k in used)
+        return cls(tuple(states), tuple(s.log for s in states.values()), also, sources, (cause,) * used.size, matrix[:, used])
+
+    @property
+    def covariance(self) -> Array:
+        """Of the names, in the form of `log`."""
+        return np.asarray(self.matrix @ self.matrix.T)
+
+    def beside(self, other: Rows) -> Rows:
+        """Return these rows and others; sources of one name are one source."""
+        place = {s.name: k for k, s in enumerate(self.sources)}
+        fresh = [k for k, s in enumerate(other.sources) if s.name not in place]
+        place |= {other.sources[k].name: len(self.sources) + i for i, k in enumerate(fresh)}
+        matrix = np.zeros((len(self.names) + len(other.names), len(place)))
+        matrix[: len(self.names), : len(self.sources)] = self.matrix
+        matrix[len(self.names) :, [place[s.name] for s in other.sources]] = other.matrix
+        sources = (*self.sources, *(other.sources[k] for k in fresh))
+        causes = (*self.causes, *(other.causes[k] for k in fresh))
+        return Rows((*self.names, *other.names), (*self.log, *other.log), {**self.also, **other.also}, sources, causes, matrix)
+
+
+def rows_of(known: Known) -> Rows:
+    """Return how the fitted values of a model respond to the noise of the fits that found them.
+
+    This is the one place that turns stored values into sources. A value that several fits hold is that of the last.
+    """
+    out, taken = Rows(), set[str]()
+    for store, values in zip(reversed(known.stores), reversed(known.values), strict=True):
+        acting = {p: s for p, s in store.parameters.items() if s.acts and not taken & {*s.acts}}
+        taken |= {p for s in acting.values() for p in s.acts}
+        loose = next((p for p, s in acting.items() if not s.known and s.origin.kind == "fit"), None)
+        if loose is not None:
+            raise IdentificationError(f"'{loose}' has no finite error. Leave it out, or give it a spread of its own.", known.model.title)
+        states = {s.acts[0]: s for p, s in acting.items() if s.known and store.error(p) > 0}
+        out = out.beside(Rows.of(store, states, "fit" if known.fit is not None else f"fit of {values.stage}"))
+    return out
+
+
+def instruments_of(known: Known) -> Rows:
+    """Return how the constant errors of instruments respond to the sources of their fits; that of a later fit counts."""
+    out = Rows()
+    for store in reversed(known.stores):
+        own = [s for s in store.states.values() if s.kind in ("sensor", "instrument", "shared") and s.path not in out.names]
+        out = out.beside(Rows.of(store, {s.path: s for s in own}, "instruments"))
+    return out
+
+
+def normal_sources(name: str, covariance: Array, kind: Kind) -> tuple[tuple[Source, ...], Array]:
+    """Return standard normal sources, by number, and a root (names, sources) of a covariance, by the eigenvectors of its correlations."""
+    matrix = square_root(0.5 * (covariance + covariance.T), drop=True)
+    words = f"noise of fit '{name}'" if kind == "data" else name
+    return tuple(Source(f"{name}: {k + 1}", kind, Normal(), words) for k in range(matrix.shape[1])), np.asarray(matrix)

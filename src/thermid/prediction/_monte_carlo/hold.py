@@ -1,0 +1,509 @@
+"""Hold time: how long limits are kept, with which probability, and what decides it; and the file that asks for it."""
+
+from __future__ import annotations
+
+import math
+import os
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from thermid.base.arguments import takes_objects
+from thermid.base.errors import ScenarioError
+from thermid.base.extensions import by_grammar
+from thermid.base.linear_algebra import Array
+from thermid.base.results import PlottedTrace, Result
+from thermid.base.toml_files import Places, read_toml, refuse_another_kind, resolve_inside
+from thermid.base.units import TEMPERATURE
+from thermid.model.deck import load_model
+from thermid.model.laws import literal
+from thermid.model.parameters import UNJUDGED, Standing
+from thermid.model.tree import Model
+from thermid.physics.constants import ICE_POINT
+from thermid.prediction._budget import MISFIT
+from thermid.prediction._hand import filed
+from thermid.prediction._monte_carlo.drivers import Driver, drivers_of
+from thermid.prediction._monte_carlo.uncertain import Progress, UncertainRuns, uncertain_runs
+from thermid.prediction._reduction.macro import macro_model
+from thermid.simulation.scenarios import Scenario, load_scenario
+from thermid.simulation.solver import MemberTurnings
+from thermid.values.fitted import FittedValues
+from thermid.values.store import LeftOut
+
+MONTE_CARLO = 0.95
+"""Two-sided probability of the intervals that say what the number of members leaves open. [-]"""
+SIDES = {"highest": 1.0, "lowest": -1.0}
+NAMED = 0.05
+"""Share below which a driver is not named in a sentence. [-]"""
+
+
+def first_crossings(times: Array, above: Array, turnings: MemberTurnings | None = None) -> Array:
+    """Return when each member is above zero first, on straight lines between what is known; infinite where never. [s]
+
+    Parameters
+    ----------
+    times : array (times,)              [s]
+    above : array (members, times)      Samples.
+    turnings : MemberTurnings           Turning points between them, in the same measure; a peak between two samples counts.
+    """
+    over = above > 0.0
+    k = over.argmax(axis=1)
+    out = np.where(over.any(axis=1), times[k], np.inf)
+    rows = np.flatnonzero(np.isfinite(out) & (k > 0))
+    before, after = above[rows, k[rows] - 1], above[rows, k[rows]]
+    out[rows] = times[k[rows] - 1] + (times[k[rows]] - times[k[rows] - 1]) * (-before) / (after - before)
+    if turnings is None:
+        return np.asarray(out)
+    peaks = np.flatnonzero(turnings.kelvin > 0.0)
+    members, first = np.unique(turnings.members[peaks], return_index=True)
+    first = peaks[first]  # the first turning point above zero of each member that has one
+    last = np.where(over[members].any(axis=1), times[k[members]], np.inf)
+    early = turnings.times[first] < last
+    for member, point in zip(members[early].tolist(), first[early].tolist(), strict=True):
+        time, high = float(turnings.times[point]), float(turnings.kelvin[point])
+        sample = int(np.searchsorted(times, time)) - 1  # all samples before are below
+        known = [(float(times[sample]), float(above[member, sample]))] if sample >= 0 else []
+        if point and turnings.members[point - 1] == member:
+            known.append((float(turnings.times[point - 1]), float(turnings.kelvin[point - 1])))
+        start, low = max(known, default=(time, high))
+        out[member] = time if low >= high else start + (time - start) * (-low) / (high - low)
+    return np.asarray(out)
+
+
+def hold_time(crossings: Array, confidence: float) -> tuple[float, tuple[float, float]]:
+    """Return the time until which a share of the members keeps its limit, and its interval from order statistics. [s]"""
+    from scipy.special import bdtr
+
+    ordered, n, p = np.sort(crossings), crossings.size, 1.0 - confidence
+    rank = max(math.floor(p * n + 1e-9), 1)
+    below = bdtr(np.arange(n + 1, dtype=float), n, p)  # chance that at most so many members are before the true quantile
+    low, high = (int(np.searchsorted(below, 0.5 * (1.0 + side * MONTE_CARLO))) for side in (-1.0, 1.0))
+    return float(ordered[rank - 1]), (float(ordered[max(low, 1) - 1]), float(ordered[min(high + 1, n) - 1]))
+
+
+def proportion(hits: int, members: int) -> tuple[float, float]:
+    """Return the interval of a probability of which so many hits were seen (Clopper and Pearson). [-]"""
+    from scipy.special import betaincinv
+
+    tail = (1.0 - MONTE_CARLO) / 2.0
+    low = float(betaincinv(hits, members - hits + 1, tail)) if hits else 0.0
+    high = float(betaincinv(hits + 1, members - hits, 1.0 - tail)) if hits < members else 1.0
+    return low, high
+
+
+def clock(seconds: float) -> str:
+    """Return a time in hours and whole minutes, rounded down: 3 h 10 min.
+
+    >>> clock(11459.0), clock(540.0)
+    ('3 h 10 min', '9 min')
+    """
+    if math.isinf(seconds):
+        return "longer than the scenario"
+    minutes = int(seconds // 60)
+    hours, rest = divmod(minutes, 60)
+    return f"{hours} h {rest} min" if hours else f"{rest} min"
+
+
+@dataclass(frozen=True, eq=False)
+class HoldPoint:
+    """How long one limit is kept.
+
+    Parameters
+    ----------
+    node, name : str            Path of the node; as the caller calls it.
+    limit : float               [degC]
+    side : str                  highest or lowest.
+    crossings : array (members,)    When the limit is passed first; infinite where never. Last stand members that did not reach the end
+        of the run: they count as passing it at the start. [s]
+    exceedance : array (times,) Probability that it has been passed by then. [-]
+    hold : float                Time until which the limit is kept with the probability asked for; infinite where beyond the scenario. [s]
+    between : (float, float)    95 % interval of that time by the number of members alone; its upper end counts members that did not
+        reach the end as never passing it. [s]
+    never : float               Share of members that never pass it within the scenario. [-]
+    never_between : (float, float)  The same for that share. [-]
+    drivers : tuple of Driver   Of the temperature at that time (of the highest where it is infinite), the largest first.
+    """
+
+    node: str
+    name: str
+    limit: float
+    side: str
+    crossings: Array
+    exceedance: Array
+    hold: float
+    between: tuple[float, float]
+    never: float
+    never_between: tuple[float, float]
+    drivers: tuple[Driver, ...]
+
+    @property
+    def words(self) -> str:
+        """The limit in words."""
+        return f"{self.name}'s {self.limit:g} degC"
+
+
+@dataclass(frozen=True, eq=False)
+class Hold(Result):
+    """How long all limits are kept.
+
+    Parameters
+    ----------
+    title, scenario : str       Of the model and the scenario.
+    confidence : float          Probability with which limits are kept until the hold time. [-]
+    times : array (times,)      Of the exceedances. [s]
+    members : int               That reached the end.
+    points : tuple              One entry per limit, the first to be passed first.
+    together : HoldPoint        Whichever limit is passed first, member by member.
+    assumed : int               How many values of the model are assumed.
+    warnings : tuple of str     What a reader must know.
+    discrepancy : float         Standard deviation that members have for what a fit could not follow, the largest; None without. [K]
+    standing : Standing         Of the values that it rests on.
+    left_out : tuple of LeftOut What the members do not count.
+    not_counted : str           What of it a reader must know first.
+    causes : tuple of str       Structural errors and others beside the fit that members count.
+    unfinished : int            Members that did not reach the end; they count as passing every limit at the start.
+    """
+
+    title: str
+    scenario: str
+    confidence: float
+    times: Array
+    members: int
+    points: tuple[HoldPoint, ...]
+    together: HoldPoint
+    assumed: int
+    warnings: tuple[str, ...] = ()
+    discrepancy: float | None = None
+    standing: Standing = UNJUDGED
+    left_out: tuple[LeftOut, ...] = ()
+    not_counted: str = ""
+    causes: tuple[str, ...] = ()
+    unfinished: int = 0
+
+    def __getitem__(self, name: str) -> HoldPoint:
+        """Return the entry of a limit by the name that was given to it, or by its node."""
+        points = [p for p in self.points if name in (p.name, p.node)]
+        if not points:
+            raise ScenarioError(f"no limit was given for '{name}'. Limits: {', '.join(p.name for p in self.points)}.", self.title)
+        return points[0]
+
+    @property
+    def sentence(self) -> str:
+        """The answer in one sentence."""
+        first, percent = self.points[0], f"{100 * self.confidence:g} %"
+        if math.isinf(self.together.hold):
+            return f"{self.scenario}: no limit is exceeded in {clock(self.times[-1])}, {percent}"
+        return f"{self.scenario}: {clock(self.together.hold)} until {first.words}, {percent}"
+
+    @property
+    def watermark(self) -> str:
+        """What must stand on everything that is shown of it; empty where nothing is assumed."""
+        return f"demonstration, {self.assumed} assumed parameters" if self.assumed else ""
+
+    def __str__(self) -> str:
+        """The sentence, a line for each limit, what drives them, and remarks."""
+        lines = [self.sentence + (f" ({self.watermark})" if self.watermark else "")]
+        lines += [f"  {first}" for first in (self.lost, self.not_counted) if first]
+        for p in (*self.points, *([self.together] if len(self.points) > 1 else [])):
+            low, high = p.never_between
+            never = f"never exceeded in {100 * p.never:.1f} % ({100 * low:.1f} to {100 * high:.1f})"
+            until = (
+                f"{clock(p.hold)} ({clock(p.between[0])} to {clock(p.between[1])})" if math.isfinite(p.hold) else "longer than the scenario"
+            )
+            if p is self.together:
+                lines.append(f"  all of them: met for {until}, {never}")
+                continue
+            lines.append(f"  {p.name} {'above' if p.side == 'highest' else 'below'} {p.limit:g} degC: met for {until}, {never}")
+            lines += [f"    driven by {named}" for named in [driven_by(p)] if named]
+        lines.append(f"  {self.members} members; the intervals show the error of their finite number, not that of the model")
+        return self.standing.over("\n".join([*lines, f"  {self.counted}", *(f"  warning: {w}" for w in self.warnings)]))
+
+    @property
+    def lost(self) -> str:
+        """How members count that did not reach the end, in words; empty where all did."""
+        if not self.unfinished:
+            return ""
+        return (
+            f"{self.unfinished} of {self.members + self.unfinished} members did not reach the end of the run and count as passing every "
+            f"limit at the start; the upper ends of the intervals count them as never passing one"
+        )
+
+    @property
+    def counted(self) -> str:
+        """Whether the model's discrepancy is in the bands, in words."""
+        others = [c for c in self.causes if c != MISFIT and not c.startswith("fit of ")]
+        also = f"counted besides: {', '.join(others)}; " if others else ""
+        if self.discrepancy is None:
+            return f"{also}the model's discrepancy is not included, because there are no values of a fit to estimate it"
+        size = f"{self.discrepancy:.2g} K (one standard deviation), from the residuals of its fit"
+        return f"{also}the model's discrepancy is included: {size}"
+
+    def to_dict(self) -> dict[str, Any]:
+        """Return what a file or a page needs. Times in seconds, temperatures in degrees Celsius; null for beyond the scenario."""
+
+        def of(p: HoldPoint) -> dict[str, Any]:
+            return {
+                "node": p.node,
+                "limit_C": p.limit,
+                "side": p.side,
+                "hold_s": p.hold,
+                "hold_between_s": list(p.between),
+                "never": p.never,
+                "never_between": list(p.never_between),
+                "exceedance": p.exceedance.tolist(),
+                "drivers": [{"name": d.name, "share": d.share, "direction": d.direction} for d in p.drivers[:10]],
+            }
+
+        return {
+            "title": self.title,
+            "scenario": self.scenario,
+            "standing": self.standing.to_dict(),
+            "sentence": self.sentence,
+            "watermark": self.watermark,
+            "confidence": self.confidence,
+            "members": self.members,
+            "unfinished": self.unfinished,
+            "unfinished_said": self.lost,
+            "times_s": self.times.tolist(),
+            "points": {p.name: of(p) for p in self.points},
+            "together": of(self.together),
+            "discrepancy_K": self.discrepancy,
+            "left_out": [{"what": x.what, "kelvin": x.kelvin if math.isfinite(x.kelvin) else None} for x in self.left_out],
+            "warnings": list(self.warnings),
+        }
+
+    _axes_titles = ("time [s]", "probability of passing the limit [-]")
+
+    def _as_traces(self) -> Sequence[PlottedTrace]:
+        """Return how likely each limit is passed by then."""
+        return [PlottedTrace(p.name, self.times, p.exceedance) for p in self.points]
+
+    def _ipython_key_completions_(self) -> list[str]:
+        """Return the names of the limits."""
+        return [p.name for p in self.points]
+
+
+@takes_objects
+def hold(runs: UncertainRuns, limits: Mapping[str, Any], *, confidence: float = 0.95) -> Hold:
+    """Return how long limits are kept in the members of a campaign of runs.
+
+    The hold time is that until which the share `confidence` of the members keeps the limit: a one-sided bound. Its own interval comes
+    from order statistics (Hahn and Meeker, Statistical Intervals, 1991, chapter 5) and holds whatever the distribution; that of the
+    probability of never is Clopper and Pearson's (Biometrika 26, 1934).
+
+    Parameters
+    ----------
+    runs : UncertainRuns
+    limits : dict           Reference point -> ``"50 [degC]"``, or ``{"highest": "50 [degC]", "lowest": "-20 [degC]"}``.
+    confidence : float      Between a half and one. [-]
+
+    Raises
+    ------
+    ScenarioError       When a limit is none, or so few members, or so few that reached the end, cannot tell such a probability.
+    NameNotFoundError   When a limited node was not kept.
+    """
+    wanted = limits_of(limits, runs.title)
+    check_members(len(runs), confidence, runs.title)
+    if runs.reached.size * (1.0 - confidence) < 1.0:
+        member, why = next(iter(runs.failed.items()))
+        raise ScenarioError(
+            f"{runs.reached.size} of {len(runs)} members reached the end of the run, too few for {100 * confidence:g} %. "
+            f"Member {member} did not: {why}",
+            runs.title,
+        )
+    draws = {n: v[runs.reached] for n, v in runs.draws.items()}
+    points = [_point(runs, draws, name, side, value, confidence) for name, side, value in wanted]
+    points.sort(key=lambda p: (p.hold, p.never, -p.exceedance[-1]))
+    together = _together(runs, points, confidence)
+    budget = runs.job.budget
+    limited = {p.node for p in points}
+    sizes = [float(np.abs(row).sum()) for t, row in zip(budget.targets, budget.gain, strict=True) if t.form == "node" and t.name in limited]
+    causes = tuple(dict.fromkeys(c for c in budget.causes if c not in ("stated", "fit")))
+    known = (len(runs.assumed), runs.warnings, max(sizes, default=None), runs.standing, runs.left_out, runs.not_counted, causes)
+    return Hold(runs.title, runs.scenario, confidence, runs.times, runs.reached.size, tuple(points), together, *known, len(runs.failed))
+
+
+def limits_of(limits: Mapping[str, Any], title: str) -> list[tuple[str, str, float]]:
+    """Return name, side and temperature [K] of every limit.
+
+    Raises
+    ------
+    ScenarioError   When there is none, or one is no limit.
+    """
+    wanted = [(name, side, value) for name, spec in limits.items() for side, value in _sides(name, spec)]
+    if not wanted:
+        raise ScenarioError('no limit is given. Give one: { "FOG_x" = "50 [degC]" }.', title)
+    return wanted
+
+
+def check_members(members: int, confidence: float, title: str) -> None:
+    """Refuse a probability that is none, and one that so few members cannot tell.
+
+    Raises
+    ------
+    ScenarioError   With how many would do.
+    """
+    if not 0.5 <= confidence < 1.0:
+        raise ScenarioError(f"the confidence is {confidence:g}. Give 0.95 or another number from 0.5 up to 1.", title)
+    if members * (1.0 - confidence) < 1.0:
+        enough = math.ceil(20 / (1 - confidence))
+        raise ScenarioError(f"{members} members are too few for {100 * confidence:g} %. Request {enough} or more.", title)
+
+
+def _sides(name: str, spec: Any) -> list[tuple[str, float]]:
+    table = spec if isinstance(spec, Mapping) else {"highest": spec}
+    if not table or not set(table) <= set(SIDES):
+        raise ScenarioError('give a limit as "50 [degC]", or { highest = "50 [degC]", lowest = "-20 [degC]" }.', f"limits, {name}")
+    ends_by_side = [
+        (side, literal(value if isinstance(value, str) else f"{value} [degC]", TEMPERATURE, f"limits, {name}"))
+        for side, value in table.items()
+    ]
+    ends = dict(ends_by_side)
+    if len(ends) == 2 and not ends["lowest"] < ends["highest"]:
+        raise ScenarioError("its lowest temperature is not below its highest.", f"limits, {name}")
+    return ends_by_side
+
+
+def _point(runs: UncertainRuns, draws: Mapping[str, Array], name: str, side: str, kelvin: float, confidence: float) -> HoldPoint:
+    traces, turnings = SIDES[side] * (runs.of(name) - kelvin), runs.turnings_of(name)
+    above = replace(turnings, kelvin=SIDES[side] * (turnings.kelvin - kelvin)) if turnings is not None else None
+    crossings = first_crossings(runs.times, traces, above)
+    until = hold_time(np.append(crossings, np.zeros(len(runs.failed))), confidence)[0]
+    # how far above: at the hold time, or the farthest of the run where that lies beyond it, or is the start
+    inside = 0.0 < until < math.inf
+    measure = traces[:, int(np.searchsorted(runs.times, until))] if inside else SIDES[side] * runs.furthest(name, SIDES[side])
+    path = runs.job.model.canonical(name)
+    return _filled(path, name, kelvin - ICE_POINT, side, crossings, runs, confidence, drivers_of(draws, measure))
+
+
+def _together(runs: UncertainRuns, points: list[HoldPoint], confidence: float) -> HoldPoint:
+    crossings, first = np.min([p.crossings for p in points], axis=0)[: runs.reached.size], points[0]
+    return _filled(first.node, "any limit", first.limit, first.side, crossings, runs, confidence, first.drivers)
+
+
+def _filled(
+    path: str,
+    name: str,
+    limit: float,
+    side: str,
+    reached: Array,
+    runs: UncertainRuns,
+    confidence: float,
+    drivers: tuple[Driver, ...],
+) -> HoldPoint:
+    """Return the entry of a limit, from when the members that reached the end pass it; the others pass it at the start, or never."""
+    lost = len(runs.failed)
+    crossings, best = (np.append(reached, np.full(lost, at)) for at in (0.0, np.inf))
+    exceedance = np.searchsorted(np.sort(crossings), runs.times, side="right") / crossings.size
+    never = int(np.isinf(crossings).sum())
+    until, (low, _) = hold_time(crossings, confidence)
+    between = (low, hold_time(best, confidence)[1][1])
+    never_between = (proportion(never, crossings.size)[0], proportion(never + lost, crossings.size)[1])
+    return HoldPoint(path, name, limit, side, crossings, exceedance, until, between, never / crossings.size, never_between, drivers)
+
+
+def driven_by(point: HoldPoint) -> str:
+    """Return what drives a limit, in words."""
+    return ", ".join(f"{d.name} ({100 * d.share:.0f} %)" for d in point.drivers[:5] if d.share >= NAMED)
+
+
+@dataclass(frozen=True, eq=False)
+class HoldQuestion:
+    """How long a model keeps its limits in a scenario.
+
+    Parameters
+    ----------
+    model : Model
+    scenarios : tuple of Scenario   Several are draws of the weather.
+    values : tuple                  What fits found and left open.
+    unit : str                      The submodel that is the unit; empty for a model without a host.
+    limits, spread : dict           As in `hold` and `uncertain_runs`.
+    members, seed : int
+    every : str                     Interval of the stored samples; empty for 121 of them.
+    confidence : float              [-]
+    remarks : tuple of str          What a reader must know first of the values.
+    """
+
+    model: Model
+    scenarios: tuple[Scenario, ...]
+    values: tuple[FittedValues, ...]
+    unit: str
+    limits: Mapping[str, Any]
+    spread: Mapping[str, Any]
+    members: int
+    seed: int
+    every: str
+    confidence: float
+    remarks: tuple[str, ...] = ()
+
+    @takes_objects
+    def run(
+        self,
+        *,
+        n: int = 0,
+        folder: str | os.PathLike[str] | None = None,
+        workers: int = 1,
+        cluster: str = "",
+        progress: Progress | None = None,
+    ) -> tuple[UncertainRuns, Hold]:
+        """Return the runs, and how long the limits are kept in them; arguments as in `uncertain_runs`."""
+        limits_of(self.limits, self.model.title)
+        check_members(n or self.members, self.confidence, self.model.title)
+        runs = uncertain_runs(
+            self.model,
+            self.scenarios,
+            self.values,
+            at=self.unit,
+            spread=self.spread,
+            n=n or self.members,
+            seed=self.seed,
+            nodes=list(self.limits),
+            every=self.every or None,
+            folder=folder,
+            workers=workers,
+            cluster=cluster,
+            progress=progress,
+        )
+        runs = replace(runs, warnings=(*self.remarks, *runs.warnings))
+        return runs, hold(runs, self.limits, confidence=self.confidence)
+
+
+@takes_objects
+def load_hold(path: str | os.PathLike[str]) -> HoldQuestion:
+    """Return the hold question of a TOML file; files that it names are relative to it and stay inside the project.
+
+    Where it names a `unit`, every value of the host around it must have a source; see `macro_model`.
+
+    Raises
+    ------
+    DeckError   When it does not follow the grammar.
+    """
+    target = Path(path)
+    data, lines = read_toml(target)
+    refuse_another_kind(data, "a hold question, which names the deck under 'model'", target.name)
+    where = Places(target.name, lines)
+    asked = by_grammar("thermid.prediction._monte_carlo.schema.HoldFile", data, where)
+
+    def files(key: str, names: str | list[str]) -> list[Path]:
+        return [resolve_inside(target.parent, name, where(key)) for name in ([names] if isinstance(names, str) else names)]
+
+    unit = asked.unit
+    (deck,) = files("model", asked.model)
+    model = macro_model(deck, at=unit) if unit else load_model(deck)
+    values = [filed(f, model, at=unit) for f in files("values", asked.values)]
+    return HoldQuestion(
+        model,
+        tuple(load_scenario(f) for f in files("scenario", asked.scenario)),
+        tuple(x.values for x in values),
+        unit,
+        asked.written["limits"],
+        asked.spread,
+        asked.members,
+        asked.seed,
+        asked.every,
+        asked.confidence,
+        tuple(line for x in values for line in x.lines),
+    )

@@ -1,0 +1,698 @@
+"""`predict`: what is known and a scenario in, a `Prediction` out: temperatures with their bands, and what the bands come from.
+
+`foresee` says the same of a test before it is made, and how large the errors were before anything was fitted.
+"""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field, replace
+from statistics import NormalDist
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from thermid.base.arguments import takes_objects
+from thermid.base.errors import IdentificationError, NameNotFoundError, nearest
+from thermid.base.files import TABLE, replacing
+from thermid.base.linear_algebra import Array
+from thermid.base.results import PlottedTrace, Result, Row
+from thermid.fit.calibration import Calibration
+from thermid.fit.discrepancy import OperatingPoint
+from thermid.inference.criticism import ExplainedFit, explained, summary
+from thermid.measure.amounts import short
+from thermid.model.parameters import UNJUDGED, Standing, worst
+from thermid.model.tree import Model
+from thermid.physics.constants import ICE_POINT
+from thermid.prediction._budget import CONSTANT, KINDS, MISFIT, UNSOUGHT, Budget, Spread, assumed_left_out, budget_of, first_line, in_order
+from thermid.prediction._known import Known, Rows
+from thermid.prediction._setting import Drawn, Linear, Setting
+from thermid.simulation.runs import Solution, simulate
+from thermid.simulation.scenarios import Scenario
+from thermid.simulation.solver import Options
+from thermid.values.store import LeftOut, Normal, Source, State
+
+EXACT = 1e-9
+"""Scatter of members below which they are one temperature, and rounding. [K]"""
+FAR = (1.25, 10.0)
+"""Ratio of differences, and kelvin of level, from which a coefficient is said to be used far from where it was found."""
+PROBES = 32
+"""Members that tell whether derivatives do, in pairs of opposite numbers."""
+DRAWN = 2000
+"""Members drawn where derivatives do not do."""
+MEAN_MISS, WIDTH_MISS = 0.1, 0.1
+"""What the mean may be off by, in half-widths of the 95 % band, and its half-width, relative, before derivatives do not do."""
+SMALL = 0.05
+"""Half-width of the 95 % band below which nobody minds how it was computed. [K]"""
+SHAPE = 4096
+"""Draws of a straight model that give the quantiles of its laws."""
+DEFECTS = "hidden defects"
+"""Cause: which of several defects that explain a fit its unit has; also what `without` calls them."""
+FORM, FORM_SHARE = "form of the defect", 0.05
+"""Cause: a defect of the catalogue stands for one that may have another form; so much of what it changes over a run (RMS) is not known, as
+a standard deviation. A choice, half of the prior that deviations between kinds of run have. [-]"""
+Given = Mapping[str, Any] | Spread
+
+
+@dataclass(frozen=True)
+class Estimate:
+    """One temperature with its standard error.
+
+    Parameters
+    ----------
+    celsius : float     [degC]
+    error : float       Standard error. [K]
+    low, high : float   95 % band. [degC]
+    shares : dict       Cause -> its share of the variance. [-]
+    """
+
+    celsius: float
+    error: float
+    low: float
+    high: float
+    shares: Mapping[str, float]
+
+    def __str__(self) -> str:
+        """Return it with its error."""
+        return f"{self.celsius:.2f} +- {short(self.error)} degC ({self.low:.2f} .. {self.high:.2f})"
+
+
+@dataclass(frozen=True, eq=False)
+class Band:
+    """The predicted temperature of a node over time.
+
+    Parameters
+    ----------
+    path : str                      The node.
+    times : array (times,)          [s]
+    simulated : array (times,)      What the model says with its best values. [K]
+    shift : array (times,)          What it is expected to be wrong by, where coefficients that it holds constant are used further off. [K]
+    parts : dict                    Cause -> variance (times,). [K^2]
+    members : array or None         Temperatures (times, members) of drawn members, where draws were asked for. [K]
+    """
+
+    path: str
+    times: Array
+    simulated: Array
+    shift: Array
+    parts: Mapping[str, Array]
+    members: Array | None = field(default=None, repr=False)
+
+    @property
+    def kelvin(self) -> Array:
+        """Expected temperatures (times,): the mean of the members where there are some. [K]"""
+        return self.simulated + self.shift if self.members is None else np.asarray(self.members.mean(axis=1))
+
+    @property
+    def celsius(self) -> Array:
+        """Expected temperatures (times,). [degC]"""
+        return self.kelvin - ICE_POINT
+
+    @property
+    def error(self) -> Array:
+        """Standard error (times,). [K]"""
+        if self.members is not None:
+            size = np.sqrt(np.mean((self.members - self.kelvin[:, None]) ** 2, axis=1))
+            return np.where(size < EXACT, 0.0, size)
+        return np.asarray(np.sqrt(np.sum([np.zeros(self.times.size), *self.parts.values()], axis=0)))
+
+    def interval(self, level: float = 0.95) -> tuple[Array, Array]:
+        """Return the lower and upper ends (times,) of the band that holds the truth with a probability. [degC]"""
+        if self.members is not None:
+            low, high = np.quantile(self.members, [0.5 - level / 2, 0.5 + level / 2], axis=1)
+            return low - ICE_POINT, high - ICE_POINT
+        wide = NormalDist().inv_cdf(0.5 + level / 2) * self.error
+        return self.celsius - wide, self.celsius + wide
+
+    @property
+    def half_width(self) -> Array:
+        """Half the width (times,) of the band that holds the truth in 95 of 100 cases. [K]"""
+        low, high = self.interval()
+        return np.asarray(0.5 * (high - low))
+
+    def at(self, time: float) -> Estimate:
+        """Return the temperature at a time within the run, straight lines between stored times. [s]"""
+        low, high = (float(np.interp(time, self.times, x)) for x in self.interval())
+        parts = {c: float(np.interp(time, self.times, v)) for c, v in self.parts.items()}
+        celsius, error = (float(np.interp(time, self.times, x)) for x in (self.celsius, self.error))
+        return Estimate(celsius, error, low, high, _shares(parts))
+
+    @property
+    def final(self) -> Estimate:
+        """The last temperature."""
+        return self.at(float(self.times[-1]))
+
+
+def _shares(parts: Mapping[str, float]) -> dict[str, float]:
+    whole = sum(parts.values())
+    return {c: v / whole if whole > 0 else 0.0 for c, v in parts.items()}
+
+
+@dataclass(frozen=True, eq=False)
+class Prediction(Result):
+    """What a fitted model says of a scenario, and with what uncertainty.
+
+    Parameters
+    ----------
+    title, scenario : str       The model's and the scenario's titles.
+    times : array (times,)      [s]
+    bands : dict                Node -> Band.
+    settled : dict              Node -> Estimate with the inputs of the end held for good; empty where nothing settles.
+    causes : dict               Cause -> what it stands for, in words.
+    warnings : tuple of str     What a reader must know.
+    standing : Standing         Of the values that it rests on.
+    left_out : tuple of LeftOut What the bands do not count.
+    least : float               Standard error beside which that is to be seen. [K]
+    explanation : str           Which defect, fitted beside the deck, the prediction counts; empty where it is that of the deck.
+    """
+
+    title: str
+    scenario: str
+    times: Array
+    bands: Mapping[str, Band]
+    settled: Mapping[str, Estimate]
+    causes: Mapping[str, str]
+    warnings: tuple[str, ...] = ()
+    _find: Mapping[str, str] = field(default_factory=dict, repr=False)
+    standing: Standing = UNJUDGED
+    left_out: tuple[LeftOut, ...] = ()
+    least: float = 0.0
+    explanation: str = ""
+
+    @property
+    def not_counted(self) -> str:
+        """What a reader must know first: what the bands do not count and could matter; empty where nothing is."""
+        return first_line(self.left_out, self.least)
+
+    def __getitem__(self, node: str) -> Band:
+        """Return the band of a node; aliases are accepted.
+
+        Raises
+        ------
+        NameNotFoundError   With the nearest name.
+        """
+        path = self._find.get(node, node)
+        if path not in self.bands:
+            raise NameNotFoundError(f"no node '{node}' was predicted.{nearest(node, self.bands)}", self.title)
+        return self.bands[path]
+
+    @property
+    def final(self) -> dict[str, Estimate]:
+        """Node -> its last temperature."""
+        return {n: b.final for n, b in self.bands.items()}
+
+    def to_dict(self, at: list[float] | None = None) -> dict[str, Any]:
+        """Return everything but the traces as plain numbers: at the end, settled, and at some times. [s]"""
+
+        def plain(e: Estimate) -> dict[str, Any]:
+            return {"C": e.celsius, "error_K": e.error, "low_C": e.low, "high_C": e.high, "shares": dict(e.shares)}
+
+        nodes = {
+            n: {
+                "final": plain(b.final),
+                "steady": plain(self.settled[n]) if n in self.settled else None,
+                "at": [plain(b.at(t)) for t in at or []],
+            }
+            for n, b in self.bands.items()
+        }
+        return {
+            "title": self.title,
+            "scenario": self.scenario,
+            "standing": self.standing.to_dict(),
+            "nodes": nodes,
+            "causes": dict(self.causes),
+            "left_out": [{"what": x.what, "kelvin": x.kelvin if np.isfinite(x.kelvin) else None} for x in self.left_out],
+            "warnings": list(self.warnings),
+            **({"explanation": self.explanation} if self.explanation else {}),
+        }
+
+    def to_csv(self, path: str | os.PathLike[str]) -> None:
+        """Write times, temperatures and the ends of the 95 % bands, three columns per node."""
+        header, columns = ['"time_s"'], [self.times]
+        for name, band in self.bands.items():
+            low, high = band.interval()
+            header += [f"{name} [degC]", f"{name} low [degC]", f"{name} high [degC]"]
+            columns += [band.celsius, low, high]
+        with replacing(path, TABLE) as half:
+            np.savetxt(half, np.column_stack(columns), delimiter=",", header=",".join(header), comments="", fmt="%.9g")
+
+    def __str__(self) -> str:
+        """Return the end of the run as a table, and what the variance comes from."""
+        width = max([4, *(len(n) for n in self.bands)])
+        lines = [f"{self.title}, {self.scenario}: temperature +- one standard error, and the 95 % band"]
+        lines = [*(x for x in (self.explanation, self.not_counted) if x), *lines]
+        for name, band in self.bands.items():
+            e = band.final
+            steady = self.settled.get(name)
+            rest = f"   settles at {steady.celsius:8.2f} +- {short(steady.error)}" if steady else ""
+            lines.append(
+                f"  {name:<{width}}  end {e.celsius:8.2f} +- {short(e.error)} degC   95 %: {e.low:.2f} .. {e.high:.2f}{rest}{_why(e)}"
+            )
+        lines += [f"  {cause}: {text}" for cause, text in self.causes.items()]
+        return self.standing.over("\n".join([*lines, *(f"  warning: {w}" for w in self.warnings)]))
+
+    def _as_traces(self) -> Sequence[PlottedTrace]:
+        """Return every node with its 95 % band."""
+        return [PlottedTrace(n, b.times, b.celsius, *b.interval()) for n, b in self.bands.items()]
+
+    def _as_rows(self) -> list[Row]:
+        """Return every node with its last temperature, error and 95 % band."""
+        return [{"node": n, "final_C": e.celsius, "error_K": e.error, "low_C": e.low, "high_C": e.high} for n, e in self.final.items()]
+
+    def _ipython_key_completions_(self) -> list[str]:
+        """Return the nodes."""
+        return list(self.bands)
+
+
+def _why(e: Estimate) -> str:
+    """Return the causes of a variance, the largest first."""
+    parts = [f"{c} {100 * s:.0f} %" for c, s in sorted(e.shares.items(), key=lambda item: -item[1]) if s >= 0.005]
+    return f"   from {', '.join(parts)}" if parts else ""
+
+
+@takes_objects
+def predict(
+    fit: Calibration | Known,
+    scenario: Scenario,
+    *,
+    model: Model | None = None,
+    spread: Given | Sequence[Given] = (),
+    every: str | float | None = None,
+    times: Any = None,
+    nodes: Sequence[str] | None = None,
+    discrepancy: bool = True,
+    without: Sequence[str] = (),
+    draws: int = 0,
+    seed: int = 0,
+    options: Options | None = None,
+) -> Prediction:
+    """Prediction of a scenario: temperatures with standard errors, and the sources of these.
+
+    Errors are carried by the derivatives of every temperature with respect to every source (Joint Committee for Guides in Metrology,
+    GUM 2008, 5.2.2). Where members that are drawn from the same sources would give another band (its mean off by a tenth of the half-width,
+    or the half-width by a tenth), members are drawn, and a remark states this.
+
+    Where a fit leaves residuals larger than the stated noise and a hidden defect (a clock, lags, a mass, a leak) is proved to explain
+    them, the prediction is that of the fits with this defect, averaged by their probabilities; its first line states this. Where none is
+    proved nothing is narrowed. ``without=("hidden defects",)`` keeps to the deck.
+
+    Where the scenario thins the gas of surfaces whose coefficients are effective, these are separated first; see `split`. Joints that were
+    fitted in air are then as uncertain as the gas in them is.
+
+    Parameters
+    ----------
+    fit : Calibration, Known    What is known: a fit, or a model with fitted values.
+    scenario : Scenario         What is done to the model; it is taken as exact but for what `spread` says.
+    model : Model               Another model that holds the fitted paths; the fitted one by default.
+    spread : dict, Spread       What else is not known exactly: name -> spread as text, or `Spread`, or several of these.
+    every, times                When to store, as in `simulate`.
+    nodes : sequence of str     Nodes to predict; all by default.
+    discrepancy : bool          False for ``without=("structural", "misfit")``.
+    without : sequence of str   Sources that are not counted: kinds (``structural``, ``misfit``) or causes; the result states this.
+    draws : int                 Members drawn from the sources; bands are then quantiles. 0 for derivatives, as long as they do.
+    seed : int                  Of the draws.
+    options : Options           The integrator's.
+
+    Raises
+    ------
+    IdentificationError     When a value is spread twice, or has no finite error; when a coefficient that must be separated cannot be.
+    """
+    known = fit if isinstance(fit, Known) else Known.of(fit)
+    if draws < 0:
+        raise IdentificationError(f"{draws} members are too few. Give 0 for derivatives alone, or some hundred.", known.model.title)
+    off = (*without, *(() if discrepancy else ("structural", "misfit")))
+    budget = budget_of(known.on(model) if model is not None else known, scenario, spread, without=off)
+    plain = predicted(budget, nodes, every=every, times=times, draws=draws, seed=seed, options=options)
+    if known.fit is None or model is not None or draws or DEFECTS in without:
+        return plain
+    others = explained(known.fit)
+    told = [
+        predicted(
+            budget_of(Known.of(e.fit), scenario, spread, without=off), list(plain.bands), every=every, times=plain.times, options=options
+        )
+        for e in others
+    ]
+    looked = replace(plain, warnings=tuple(w for w in plain.warnings if w != UNSOUGHT))
+    return averaged(plain, others, told, known.fit) if told else looked
+
+
+def averaged(plain: Prediction, others: Sequence[ExplainedFit], told: Sequence[Prediction], fit: Calibration) -> Prediction:
+    """Return the prediction by fits with hidden defects in place of that by the deck: their mixture by its mean and variance.
+
+    Parameters
+    ----------
+    plain : Prediction      By the fit of the deck.
+    others, told            Fits with a defect, and what each predicts.
+    fit : Calibration       The fit of the deck.
+    """
+    weights = np.array([e.weight for e in others])
+    bands = {n: _mixture(b, [t.bands[n] for t in told], weights) for n, b in plain.bands.items()}
+    settled = {n: _mixed(e, [t.settled[n] for t in told], weights) for n, e in plain.settled.items() if all(n in t.settled for t in told)}
+    causes = {c: w for t in reversed(told) for c, w in t.causes.items()}
+    causes |= {FORM: "the defect may have another form; a twentieth of what it changes over the run is not known"}
+    causes |= {DEFECTS: "which defect the unit has, and where between two samples its powers changed"} if len(told) > 1 else {}
+    words = (
+        f"the deck leaves residuals of {short(float(np.sqrt(fit.reduced_chi_square)))} times the stated noise, and these are explained "
+        f"by what it does not have: {'; or '.join(summary(tuple(others)))}. The prediction and its band are those of the fit with it. "
+        "Correct the deck or the log."
+    )
+    standing = worst([*(t.standing for t in told), *fit.rests.values(), *([fit.verdict] if fit.verdict is not None else [])])
+    warnings = tuple(dict.fromkeys(w for t in told for w in t.warnings))
+    out = replace(plain, bands=bands, settled=settled, causes=causes, warnings=warnings)
+    return replace(out, standing=standing, explanation=words, left_out=told[0].left_out, least=told[0].least)
+
+
+def _mixture(plain: Band, bands: Sequence[Band], weights: Array) -> Band:
+    """Return the band whose mean and variance are those of a mixture of bands; `plain` is that of the deck."""
+    kelvin = np.array([b.kelvin for b in bands])
+    mean = weights @ kelvin
+    parts: dict[str, Array] = {}
+    for b, w in zip(bands, weights, strict=True):
+        whole = np.sum([np.zeros(b.times.size), *b.parts.values()], axis=0)
+        # of drawn members the variance is their own, parted as that by derivatives
+        grown = np.where(whole > 0.0, b.error**2 / np.where(whole > 0.0, whole, 1.0), 0.0)
+        for cause, v in b.parts.items():
+            parts[cause] = parts.get(cause, np.zeros(b.times.size)) + w * v * grown
+    if len(bands) > 1:
+        parts[DEFECTS] = weights @ (kelvin - mean) ** 2
+    parts[FORM] = np.full(plain.times.size, float(np.mean((FORM_SHARE * (mean - plain.kelvin)) ** 2)))
+    simulated = weights @ np.array([b.simulated for b in bands])
+    return Band(plain.path, plain.times, simulated, mean - simulated, parts)
+
+
+def _mixed(plain: Estimate, several: Sequence[Estimate], weights: Array) -> Estimate:
+    """Return the mean and the error of a mixture of temperatures."""
+    celsius = float(weights @ [e.celsius for e in several])
+    each = {c: float(weights @ [e.shares.get(c, 0.0) * e.error**2 for e in several]) for e in several for c in e.shares}
+    if len(several) > 1:
+        each[DEFECTS] = float(weights @ [(e.celsius - celsius) ** 2 for e in several])
+    each[FORM] = (FORM_SHARE * (celsius - plain.celsius)) ** 2
+    error = float(np.sqrt(sum(each.values())))
+    wide = NormalDist().inv_cdf(0.975) * error
+    return Estimate(celsius, error, celsius - wide, celsius + wide, _shares(each))
+
+
+def predicted(
+    budget: Budget,
+    nodes: Sequence[str] | None = None,
+    *,
+    every: str | float | None = None,
+    times: Any = None,
+    draws: int = 0,
+    seed: int = 0,
+    options: Options | None = None,
+) -> Prediction:
+    """Return what a budget says of its scenario; arguments as in `predict`."""
+    setting = Setting.of(budget, every=every, times=times, options=options)
+    linear = setting.linear(nodes)
+    find = {n: linear.run[n].path for n in (nodes if nodes is not None else linear.run.nodes)}
+    shifts = {n: c @ budget.means for n, c in linear.columns.items()}
+    parts = {n: budget.parts(c) for n, c in linear.columns.items()}
+    why = Missed() if draws else missed(setting, linear)
+    count = draws or (DRAWN if why.words else 0)
+    sources = budget.drawn(budget.numbers(seed, 0, count))
+    members = _members(setting, linear, sources, straight=not draws and not why.bent) if count else {}
+    bands, rest = {}, {}
+    for n, column in linear.columns.items():
+        now = {c: v[:-1] for c, v in parts[n].items()}
+        own, kept = members.get(n, (None, None))
+        bands[n] = Band(n, setting.ready.times, linear.run[n].kelvin, shifts[n][:-1], now, own)
+        if n in linear.settled:
+            end = np.array([linear.settled[n]])
+            # from the end of each member to where it settles: as in the straight model
+            on = None if own is None else own[-1:] + (end - linear.run[n].kelvin[-1]) + (column[-1:] - column[-2:-1]) @ sources[:, kept]
+            rest[n] = Band(n, setting.ready.times[-1:], end, shifts[n][-1:], {c: v[-1:] for c, v in parts[n].items()}, on).final
+    warnings = (
+        *linear.run.warnings,
+        *budget.remarks,
+        *([f"{why.words}, so {count} members were drawn"] if why.words else []),
+        *setting.guessed(linear),
+    )
+    left, least = _left_out(budget, bands)
+    words, standing = _words(setting), budget.standing
+    title, course = budget.model.title, budget.scenario.title
+    return Prediction(title, course, setting.ready.times, bands, rest, words, warnings, find, standing, left, least)
+
+
+def _members(setting: Setting, linear: Linear, sources: Array, straight: bool) -> dict[str, tuple[Array, NDArray[np.int64]]]:
+    """Return node -> temperatures (times, members) [K] and which members they are: those that reached the end."""
+    if straight:
+        every = np.arange(sources.shape[1])
+        return {n: (linear.run[n].kelvin[:, None] + c[:-1] @ sources, every) for n, c in linear.columns.items()}
+    found = _bent(setting, linear, sources, list(linear.columns)).kelvin
+    kept = {n: np.flatnonzero(~np.isnan(m).any(axis=0)) for n, m in found.items()}
+    return {n: (m[:, kept[n]], kept[n]) for n, m in found.items() if kept[n].size}
+
+
+def _bent(setting: Setting, linear: Linear, sources: Array, nodes: Sequence[str]) -> Drawn:
+    """Return temperatures of members, straight in what the fit takes back, see `Setting.cancelled`."""
+    straight = setting.cancelled(linear)[:, None] * sources
+    drawn = setting.temperatures(sources - straight, nodes, extremes=False)
+    return replace(drawn, kelvin={n: t + linear.columns[n][:-1] @ straight for n, t in drawn.kelvin.items()})
+
+
+def _left_out(budget: Budget, bands: Mapping[str, Band]) -> tuple[tuple[LeftOut, ...], float]:
+    """Return what is left out, and the standard error beside which that is to be seen: of the node where it weighs most. [K]"""
+    errors = {n: float(b.error[-1]) for n, b in bands.items()}
+    inner = {n: e for n, e in errors.items() if e > 0.0} or errors
+    found = assumed_left_out(budget, list(inner))
+    weighs = {n: effect / max(inner[n], 1e-12) for _, effects in found for n, effect in effects.items()}
+    worst = max(weighs, key=weighs.__getitem__, default="")
+    own = tuple(replace(x, kelvin=effects.get(worst, x.kelvin)) if effects else x for x, effects in found)
+    return in_order((*budget.omitted, *own)), inner[worst] if worst else max(errors.values(), default=0.0)
+
+
+@dataclass(frozen=True)
+class Missed:
+    """Where a band by derivatives would miss that of members.
+
+    Parameters
+    ----------
+    words : str     Where and by how much; empty where it does not.
+    bent : bool     Whether the model bends; otherwise only the laws of its sources are not normal.
+    size : float    By how much, one at the border.
+    """
+
+    words: str = ""
+    bent: bool = False
+    size: float = 1.0
+
+
+def missed(setting: Setting, linear: Linear) -> Missed:
+    """Return where a band by derivatives would miss that of members.
+
+    Members in pairs of opposite numbers are compared with the straight model at the same numbers. Their differences vary far less than the
+    members themselves, so some tens of them say as much as thousands would (control variates; Glasserman, Monte Carlo Methods in Financial
+    Engineering, 2003, 4.1).
+    """
+    budget = setting.budget
+    size = {n: 1.96 * np.sqrt(np.sum([*budget.parts(c).values(), np.zeros(len(c))], axis=0)[:-1]) for n, c in linear.columns.items()}
+    size = {n: s for n, s in size.items() if s.max(initial=0.0) > SMALL}
+    if not size:
+        return Missed()
+    shape = budget.drawn(budget.numbers(0, 0, SHAPE))
+    half = budget.numbers(1, 0, PROBES // 2)
+    probe = budget.drawn(np.hstack([half, 1.0 - half]))
+    drawn = _bent(setting, linear, probe, list(size))
+    actual, many = drawn.kelvin, drawn.runs
+    if many is not None and many.failed:
+        return Missed("some members did not reach the end", True)
+    worst = Missed()
+    for n, wide in size.items():
+        for k in dict.fromkeys((int(wide.argmax()), wide.size - 1)):
+            if wide[k] > SMALL:
+                column = linear.columns[n][k]
+                straight = np.quantile(column @ shape, [0.025, 0.975])
+                off = actual[n][k] - linear.run[n].kelvin[k] - column @ probe
+                worst = max(worst, _missed_at(n, float(wide[k]), straight, column @ probe, off), key=lambda m: m.size)
+    return worst
+
+
+def _missed_at(node: str, wide: float, ends: Array, straight: Array, off: Array) -> Missed:
+    """Return how far the band of a node at one time is missed.
+
+    Parameters
+    ----------
+    node : str
+    wide : float                Half-width by derivatives. [K]
+    ends : array (2,)           Quantiles of the straight model. [K]
+    straight : array (members,) Deviations of the straight model. [K]
+    off : array (members,)      What the members differ from it by. [K]
+    """
+    own = straight - straight.mean()
+    slope = float(own @ off / max(own @ own, 1e-30))
+    bend = float(np.sqrt((1.0 + slope) ** 2 + np.var(off - slope * own) * (1.96 / wide) ** 2)) - 1.0
+    shape = 0.5 * float(ends[1] - ends[0]) / wide - 1.0
+    head = f"derivatives miss the band of '{node}'"
+    return max(
+        Missed(f"{head}, its mean by {off.mean():+.2g} K", True, abs(float(off.mean())) / wide / MEAN_MISS),
+        Missed(f"{head}, its width by {100 * bend:+.0f} %", True, abs(bend) / WIDTH_MISS),
+        Missed(f"{head}, whose sources are not normal, its width by {100 * shape:+.0f} %", False, abs(shape) / WIDTH_MISS),
+        Missed(),
+        key=lambda m: m.size,
+    )
+
+
+def _far(at: OperatingPoint, here: OperatingPoint) -> bool:
+    ratio = here.difference / max(at.difference, 1e-9)
+    return not 1.0 / FAR[0] <= ratio <= FAR[0] or abs(here.level - at.level) > FAR[1]
+
+
+def _words(setting: Setting) -> dict[str, str]:
+    """Return cause -> what it stands for."""
+    budget = setting.budget
+    out = {}
+    for cause in dict.fromkeys(budget.causes):
+        own = [k for k, c in enumerate(budget.causes) if c == cause]
+        names = [t.name for t, row in zip(budget.targets, budget.gain, strict=True) if t.form not in ("mode", "node") and row[own].any()]
+        listed = ", ".join(names[:4]) + (f" and {len(names) - 4} more" if len(names) > 4 else "")
+        out[cause] = f"the temperature dependence of {listed}"
+    if CONSTANT in out:
+        at = budget.conditions
+        far = [f"{p} (found at {at[p]}, here {c})" for p, c in setting.here.items() if p in at and _far(at[p], c)]
+        listed = "; ".join(far[:3]) + (f"; and {len(far) - 3} more" if len(far) > 3 else "")
+        used = f"extrapolated: {listed}" if far else "used near the conditions of the fit"
+        out[CONSTANT] = f"in free air convection grows with the difference, and radiation with temperature; {used}"
+    if KINDS in out:
+        out[KINDS] = next(s.words for s, cause in zip(budget.sources, budget.causes, strict=True) if cause == KINDS)
+    if MISFIT in out:
+        out[MISFIT] = "residuals of the records that the model was fitted to"
+    return out
+
+
+FURTHEST = 3
+"""How many of the highest and of the lowest turning points of every node are stored beside the times that are asked for."""
+IN_TESTS = "misfit in tests"
+"""Cause: what the model could not follow in the logs of a plan."""
+
+
+@dataclass(frozen=True, eq=False)
+class Foresight(Result):
+    """What is expected of one run.
+
+    Parameters
+    ----------
+    scenario : Scenario
+    solution : Solution     The run with the best values.
+    prediction : Prediction Expected temperatures with their errors and what these come from, at the same times.
+    before : dict           Node -> standard error (times,) if nothing had been fitted, the values anywhere in their ranges. [K]
+    """
+
+    scenario: Scenario
+    solution: Solution
+    prediction: Prediction
+    before: Mapping[str, Array] = field(default_factory=dict)
+
+    @property
+    def standing(self) -> Standing:
+        """Of the values that it rests on."""
+        return self.prediction.standing
+
+    def _summary(self) -> str:
+        """Return the first line of the prediction."""
+        return self.prediction._summary()
+
+    def _as_traces(self) -> Sequence[PlottedTrace]:
+        """Return those of the prediction."""
+        return self.prediction._as_traces()
+
+    def _as_rows(self) -> list[Row]:
+        """Return those of the prediction."""
+        return self.prediction._as_rows()
+
+
+@takes_objects
+def foresee(
+    known: Known,
+    scenario: Scenario,
+    *,
+    nodes: Sequence[str] = (),
+    spread: Given | Sequence[Given] = (),
+    times: Any = None,
+    without: Sequence[str] = (),
+    options: Options | None = None,
+) -> Foresight:
+    """Pretest prediction of a scenario: `predict`, the run with the best values, and the errors before any fit.
+
+    Parameters
+    ----------
+    known : Known           The model and what is known of its values.
+    scenario : Scenario     The test.
+    nodes : sequence        Nodes to predict; all by default.
+    spread : dict           What else is not known exactly, as in `predict`.
+    times : array           Times to store; 301 by default. Those of the furthest turning points between them are added. [s]
+    without : sequence      Sources that are not counted, as in `predict`.
+    options : Options       The integrator's.
+    """
+    budget = budget_of(known, scenario, spread, without=without)
+    solution = simulate(budget.model, scenario, times=times, options=options)
+    wanted = list(nodes) or list(solution.nodes)
+    solution = solution.refined(wanted, FURTHEST)
+    told = predicted(budget, wanted, times=solution.times, options=options)
+    return Foresight(scenario, solution, told, _before(budget, known, wanted, solution.times, options))
+
+
+def _before(budget: Budget, known: Known, nodes: Sequence[str], times: Array, options: Options | None) -> dict[str, Array]:
+    """Prior predictive error: node -> standard error (times,) with every value anywhere in its range before any fit. [K]"""
+    own = {s.acts[0]: s for store in known.stores for s in store.parameters.values() if s.acts}
+    sizes = {path: size for path, s in own.items() if (size := _size_before(s))}
+    if not sizes:
+        return {}
+    sources = tuple(Source(path, "stated", Normal(), f"{path} before any fit") for path in sizes)
+    log, also = tuple(own[path].log for path in sizes), {path: own[path].acts[1:] for path in sizes}
+    rows = Rows(tuple(sizes), log, also, sources, ("before any fit",) * len(sizes), np.diag(list(sizes.values())))
+    setting = Setting.of(Budget.of_rows(rows, budget.model, budget.scenario), times=times, options=options)
+    return {n: np.linalg.norm(column[:-1], axis=1) for n, column in setting.linear(nodes).columns.items()}
+
+
+def _size_before(v: State) -> float:
+    """Return how far a value could lie before it was fitted, by its prior or its bounds; fitted form, zero where that has no size."""
+    low, high = v.bounds
+    if v.prior is not None and np.isfinite(v.prior[1]):
+        return float(v.prior[1])
+    if v.log and low > 0 and np.isfinite(high):
+        return float(np.log(high / low)) / 12**0.5
+    if not v.log and np.isfinite(low) and np.isfinite(high):
+        return float(high - low) / 12**0.5
+    if v.log and low >= 0 and np.isfinite(high) and v.start > 0:
+        return float(min(1.0, (high - low) / 12**0.5 / v.start))
+    return 0.0
+
+
+def widened(seen: Foresight, sizes: Mapping[str, float], cause: str, words: str) -> Foresight:
+    """Return what is expected with a further standard deviation for what the model could not follow.
+
+    Nodes without a reading of their own get the root mean square of those that have one; boundaries get none. What is counted of this
+    already, under another of the two causes, is not added up but the larger one taken.
+
+    Parameters
+    ----------
+    seen : Foresight
+    sizes : dict        Node -> standard deviation; empty for none. [K]
+    cause, words : str  What it is called, and what it stands for.
+    """
+    if not any(sizes.values()):
+        return seen
+    other = float(np.sqrt(np.mean(np.square(list(sizes.values())))))
+    boundaries = seen.solution._run.network.boundaries
+    bands = {
+        path: _wider(b, 0.0 if path in boundaries else sizes.get(path, other) ** 2, cause) for path, b in seen.prediction.bands.items()
+    }
+    told = replace(seen.prediction, bands=bands, causes={**seen.prediction.causes, cause: words})
+    return replace(seen, prediction=told)
+
+
+def _wider(band: Band, variance: float, cause: str) -> Band:
+    """Return a band with the larger of a variance and of the misfit that it holds."""
+    before = band.parts.get(MISFIT, np.zeros(band.times.size))
+    if not variance > float(before.max()):
+        return replace(band, parts={**band.parts, MISFIT: before})
+    members = band.members
+    if members is not None:
+        # what is added to each member: independent of all others, constant over the run
+        more = np.sqrt(variance - before[:, None]) * np.random.default_rng(0).standard_normal(members.shape[1])
+        members = members + more
+    parts = {c: v for c, v in band.parts.items() if c != MISFIT} | {cause: np.full(band.times.size, variance)}
+    return replace(band, parts=parts, members=members)

@@ -1,0 +1,518 @@
+"""`predict_record`: what fitted values say of a logged run, with the band of every reading: how far off, how much inside, where worst.
+
+The band is that of a reading: what the prediction does not know, what the run's own fitted values (its room, its start, its clock) have
+followed of that, the constant error of the sensor, and the noise of one reading.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
+from itertools import pairwise
+from statistics import NormalDist
+from typing import Any
+
+import numpy as np
+
+from thermid.base.arguments import takes_objects
+from thermid.base.linear_algebra import Array, quadratic_forms, symmetric_inverse
+from thermid.base.units import TEMPERATURE
+from thermid.fit.calibration import Calibration, fit as fitted_to
+from thermid.fit.discrepancy import BALANCE, KindsSeen, OwnValue, wandering
+from thermid.fit.problem import (
+    Experiment,
+    LocalSpec,
+    Observation,
+    Problem,
+    Reading,
+    Request,
+    SensorTrace,
+    as_found,
+    attached,
+    first_reading,
+    wired,
+)
+from thermid.fit.uncertainty import stretch_means
+from thermid.measure.records import Record
+from thermid.model.laws import Constant, TableSignal, literal
+from thermid.model.parameters import UNJUDGED, Standing
+from thermid.prediction._budget import MISFIT, Budget, Target, budget_of, first_line, in_order
+from thermid.prediction._known import Known, instruments_of
+from thermid.prediction._setting import Setting
+from thermid.simulation.scenarios import Scenario
+from thermid.values.store import LeftOut, Normal, Source
+
+POINTS = 300
+"""Times of a record at which its band is computed; straight lines between."""
+COARSE = 60
+"""Times at which it is computed how much of what wanders the run's own values follow."""
+SLICES = 120
+"""Stretches of time between which residuals are looked at for what grows with a command."""
+SURE, STRONG = 3.0, 0.3
+"""Standard deviations of chance, and correlation, from which residuals are said to grow with a command. [-]"""
+WORST = 0.1
+"""Length of the stretch that is named as the worst, in lengths of the record. [-]"""
+TOLD = 0.01
+"""Part of the error of a run from which that of the centre of its band is printed beside it."""
+SAME = 1e-6
+"""Difference below which two given temperatures are one. [K]"""
+LEVELS = (0.5, 0.8, 0.9, 0.95, 0.99)
+"""Nominal shares that are compared with those observed."""
+ROOM, START, READING, SENSORS = "ambient of the run", "start of the run", "noise of a reading", "constant errors of sensors"
+"""Causes, as a reader is told them."""
+
+
+@dataclass(frozen=True)
+class WorstStretch:
+    """The tenth of a record that lies furthest outside its band.
+
+    Parameters
+    ----------
+    sensor : str
+    begin, end : float  [s]
+    inside : float      Share of its readings that lie inside. [-]
+    rmse : float        [K]
+    """
+
+    sensor: str
+    begin: float
+    end: float
+    inside: float
+    rmse: float
+
+    def __str__(self) -> str:
+        """Return it in words."""
+        span = f"{self.begin / 60:.3g} to {self.end / 60:.3g} min"
+        return f"{self.sensor} from {span}: {100 * self.inside:.0f} % inside, centre off by {self.rmse:.2g} K RMS"
+
+
+@dataclass(frozen=True, eq=False)
+class SensorBand:
+    """The readings of a sensor beside what was predicted of them.
+
+    Parameters
+    ----------
+    sensor, node : str
+    times : array (readings,)               [s]
+    measured, predicted : array (readings,) Predicted holds the sensor's constant error, and what is expected of the run's room. [K]
+    parts : dict                            Cause -> variance (readings,). [K^2]
+    shift : array (readings,)               What `predicted` differs by from the run of the model with its best values: what constant
+                                            coefficients and the room are expected to be wrong by. Empty for nothing. [K]
+    """
+
+    sensor: str
+    node: str
+    times: Array
+    measured: Array
+    predicted: Array
+    parts: Mapping[str, Array]
+    shift: Array = field(default_factory=lambda: np.zeros(0))
+
+    @property
+    def error(self) -> Array:
+        """Standard error (readings,) of one reading about its prediction. [K]"""
+        return np.asarray(np.sqrt(np.sum([np.zeros(self.times.size), *self.parts.values()], axis=0)))
+
+    def half_width(self, level: float = 0.95) -> Array:
+        """Return half the width (readings,) of the band that holds a reading with a probability. [K]"""
+        return NormalDist().inv_cdf(0.5 + level / 2) * self.error
+
+    def inside(self, level: float = 0.95) -> float:
+        """Return the share of readings inside the band of a level. [-]"""
+        return float(np.mean(np.abs(self.measured - self.predicted) <= self.half_width(level)))
+
+    @property
+    def rmse(self) -> float:
+        """Root mean square of measured less predicted: of the centre of the band. [K]"""
+        return float(np.sqrt(np.mean((self.measured - self.predicted) ** 2)))
+
+    @property
+    def rmse_of_run(self) -> float:
+        """Root mean square of measured less the run of the model with its best values, as a verdict has it. [K]"""
+        run = self.predicted - self.shift if self.shift.size else self.predicted
+        return float(np.sqrt(np.mean((self.measured - run) ** 2)))
+
+    @property
+    def interval_score(self) -> float:
+        """Mean width of the 95 % band and 40 times what lies outside; smaller is better (Gneiting and Raftery 2007, eq. 43). [K]"""
+        half = self.half_width()
+        return float(np.mean(2.0 * half + 2.0 / 0.05 * np.maximum(np.abs(self.measured - self.predicted) - half, 0.0)))
+
+    @property
+    def worst(self) -> WorstStretch:
+        """The stretch of a tenth of the record with the fewest readings inside, of several the one with the largest error."""
+        off, half = self.measured - self.predicted, self.half_width()
+        span = max(WORST * float(self.times[-1] - self.times[0]), 0.0)
+        edges = np.arange(float(self.times[0]), float(self.times[-1]) - 0.5 * span + 1e-9, 0.5 * span) if span > 0 else self.times[:1]
+        found = []
+        for begin in edges:
+            at = (self.times >= begin) & (self.times <= begin + span)
+            if at.any():
+                share, size = float(np.mean(np.abs(off[at]) <= half[at])), float(np.sqrt(np.mean(off[at] ** 2)))
+                found.append(WorstStretch(self.sensor, float(begin), float(begin + span), share, size))
+        return min(found, key=lambda s: (s.inside, -s.rmse))
+
+
+@dataclass(frozen=True, eq=False)
+class RecordPrediction:
+    """A logged run as it was predicted.
+
+    Parameters
+    ----------
+    title, record : str             What was predicted, and the record.
+    bands : dict                    Sensor -> SensorBand.
+    fitted_locally : tuple of str   What was fitted to this record; the prediction is conditional on it.
+    warnings : tuple of str         What a reader must know.
+    left_out : tuple of LeftOut     What the bands do not count.
+    standing : Standing             Of the values that it rests on.
+    guessed : tuple of str          Those of the warnings that say what nobody stated of constant coefficients.
+    """
+
+    title: str
+    record: str
+    bands: Mapping[str, SensorBand]
+    fitted_locally: tuple[str, ...] = ()
+    warnings: tuple[str, ...] = ()
+    left_out: tuple[LeftOut, ...] = ()
+    standing: Standing = UNJUDGED
+    guessed: tuple[str, ...] = ()
+
+    @property
+    def rmse(self) -> float:
+        """Root mean square of measured less predicted, each sensor weighing the same. [K]"""
+        return float(np.sqrt(np.mean([b.rmse**2 for b in self.bands.values()])))
+
+    def inside(self, level: float = 0.95) -> float:
+        """Return the share of readings inside the band of a level, each sensor weighing the same. [-]"""
+        return float(np.mean([b.inside(level) for b in self.bands.values()]))
+
+    @property
+    def coverage(self) -> dict[float, float]:
+        """Nominal share -> the share observed. [-]"""
+        return {level: self.inside(level) for level in LEVELS}
+
+    @property
+    def worst(self) -> WorstStretch:
+        """The worst stretch of all sensors."""
+        return min((b.worst for b in self.bands.values()), key=lambda s: (s.inside, -s.rmse))
+
+    def to_dict(self) -> dict[str, Any]:
+        """Return everything but the traces as plain numbers."""
+
+        def plain(b: SensorBand) -> dict[str, Any]:
+            return {
+                "node": b.node,
+                "rmse_K": b.rmse,
+                "rmse_of_run_K": b.rmse_of_run,
+                "inside": b.inside(),
+                "half_width_K": float(b.half_width().mean()),
+                "interval_score_K": b.interval_score,
+                "shares": _shares(b),
+            }
+
+        worst = self.worst
+        return {
+            "title": self.title,
+            "record": self.record,
+            "standing": self.standing.to_dict(),
+            "rmse_K": self.rmse,
+            "inside": self.inside(),
+            "coverage": {f"{level:g}": share for level, share in self.coverage.items()},
+            "worst": {"sensor": worst.sensor, "begin_s": worst.begin, "end_s": worst.end, "inside": worst.inside, "rmse_K": worst.rmse},
+            "sensors": {s: plain(b) for s, b in self.bands.items()},
+            "fitted_locally": list(self.fitted_locally),
+            "left_out": [{"what": x.what, "kelvin": x.kelvin if np.isfinite(x.kelvin) else None} for x in self.left_out],
+            "warnings": list(self.warnings),
+        }
+
+    @property
+    def lines(self) -> tuple[str, ...]:
+        """A line per sensor, and the worst stretch."""
+        width = max(len(s) for s in self.bands)
+        out = []
+        for name, b in self.bands.items():
+            causes = ", ".join(f"{c} {100 * s:.0f} %" for c, s in sorted(_shares(b).items(), key=lambda x: -x[1]) if s >= 0.05)
+            errors = f"RMSE of the run {b.rmse_of_run:.3g} K"
+            errors += f", of the centre of its band {b.rmse:.3g} K" if abs(b.rmse - b.rmse_of_run) > TOLD * b.rmse_of_run else ""
+            out.append(
+                f"{name:<{width}}  {errors}, {100 * b.inside():.0f} % of the readings inside the 95 % band of "
+                f"+- {float(b.half_width().mean()):.2g} K, from {causes}"
+            )
+        return (*out, f"worst stretch: {self.worst}")
+
+    def __str__(self) -> str:
+        """Return it as text."""
+        error = float(np.mean([b.error.mean() for b in self.bands.values()]))
+        missing = first_line(self.left_out, error)
+        condition = f", conditional on {', '.join(self.fitted_locally)} fitted to this record" if self.fitted_locally else ""
+        shares = ", ".join(f"{100 * level:g} % band {100 * share:.0f} %" for level, share in self.coverage.items())
+        lines = [*([missing] if missing else []), f"{self.title} on {self.record}: predicted{condition}", *(f"  {x}" for x in self.lines)]
+        return self.standing.over("\n".join([*lines, f"  readings inside: {shares}", *(f"  warning: {w}" for w in self.warnings)]))
+
+
+def _shares(b: SensorBand) -> dict[str, float]:
+    means = {c: float(v.mean()) for c, v in b.parts.items()}
+    whole = sum(means.values())
+    return {c: v / whole if whole > 0 else 0.0 for c, v in means.items()}
+
+
+def record_request(
+    calibration: Calibration,
+    record: Record,
+    scenario: Scenario | None = None,
+    local: Mapping[str, Any] | None = None,
+    readings: Mapping[str, Any] | None = None,
+    window: float = 0.0,
+) -> Request:
+    """Return the request that runs a record at the values of a fit, which are held; arguments as in `predict_record`."""
+    return Request(
+        calibration.fitted_model,
+        (as_found(record, calibration.values, calibration.bias),),
+        scenarios={"*": scenario} if scenario else {},
+        local={k: LocalSpec.read(v, f"local.{k}") for k, v in (local or {}).items()},
+        held_bias=calibration.bias,
+        held_errors=calibration.instrument_errors,
+        window=window,
+        name=calibration.stage,
+        fit_start=False,
+        readings={n: Reading.read(r, f"readings.{n}") for n, r in (readings or {}).items()},
+    )
+
+
+@takes_objects
+def predict_record(
+    calibration: Calibration,
+    record: Record,
+    *,
+    scenario: Scenario | None = None,
+    local: Mapping[str, Any] | None = None,
+    readings: Mapping[str, Any] | None = None,
+    window: float = 0.0,
+    without: Sequence[str] = (),
+) -> RecordPrediction:
+    """Prediction of a logged run, with its readings beside the bands.
+
+    Parameters
+    ----------
+    calibration : Calibration   The fit; its values and its instruments' constant errors are held.
+    record : Record             The log.
+    scenario : Scenario         What the log does not say.
+    local : dict                Values fitted to this record, as in `calibrate`; the bands count what they follow.
+    readings : dict             Boundary or ``initial.<node>`` -> channel whose first reading stands there, or ``{channel, offset}``.
+    window : float              First readings are medians over this time. [s]
+    without : sequence          Sources that are not counted, as in `predict`.
+    """
+    shown = fitted_to(record_request(calibration, record, scenario, local, readings, window))
+    return record_bands(calibration, shown, without)
+
+
+def record_bands(calibration: Calibration, shown: Calibration, without: Sequence[str] = ()) -> RecordPrediction:
+    """Return the bands of a record that was run at the values of a fit.
+
+    Parameters
+    ----------
+    calibration : Calibration   The fit.
+    shown : Calibration         The run of the record at its values; what was fitted to it are values of its own.
+    without : sequence          Sources that are not counted, as in `predict`.
+    """
+    problem = shown.problem
+    assert problem is not None
+    end = np.array(list(shown.fitted.values()))
+    bench = problem.bench(0, end)
+    e, scenario = bench.experiment, as_run(problem, end, bench.experiment)
+    known = Known.of(calibration)
+    if e.tips:
+        known = known.on(attached(calibration.fitted_model, e.record)[0])
+    budget = budget_of(known, scenario, without=without)
+    seen = KindsSeen.of(known.provenances)
+    budget, open_ = _with_own(budget, shown, e, seen)
+    every = np.unique(np.concatenate([e.times[o.index] for o in e.observations]))
+    grid = every[np.unique(np.linspace(0, every.size - 1, min(POINTS, every.size)).round().astype(int))]
+    bands, guessed = _banded(budget, known, problem, end, e, shown.blocks, grid, seen)
+    listed = (
+        LeftOut(f"the temperature of {', '.join(open_)}, which is assumed: no fit shows how it differs between runs") if open_ else None
+    )
+    left = in_order((*(x for x in budget.omitted if not x.listed), *([listed] if listed else [])))
+    locally = tuple(dict.fromkeys(i.name for i in shown.local))
+    told = (*budget.remarks, *guessed, *_follow_commands(bands, scenario))
+    return RecordPrediction(calibration.stage, e.record.name, bands, locally, told, left, calibration.standing, tuple(guessed))
+
+
+def _follow_commands(bands: Mapping[str, SensorBand], scenario: Scenario) -> list[str]:
+    """Return where what a prediction misses grows with a command more than chance would let it.
+
+    A command sets a power, and a power a slope, so changes of the residuals are compared with the command between. In closed loop the
+    controller answers to what the model misses, so that such a residual is no noise. The variance of a correlation of two series that
+    remember is the mean of the products of their autocorrelations (Bartlett, J. R. Stat. Soc. 98 (1935) 536).
+    """
+    out = []
+    for name, b in bands.items():
+        edges = np.linspace(b.times[0], b.times[-1], min(max(b.times.size // 2, 3), SLICES) + 1)
+        place = np.clip(np.searchsorted(edges, b.times, side="right") - 1, 0, edges.size - 2)
+        slope = np.diff(stretch_means(b.measured - b.predicted, place, edges.size - 1))
+        middle = 0.5 * (edges[1:] + edges[:-1])
+        logged = {load: ("power", given) for load, given in scenario.loads.items() if isinstance(given, TableSignal)}
+        for load, (what, given) in {**logged, **{n: ("command", s) for n, s in scenario.commands.items()}}.items():
+            between = np.array([given.mean_over(x, y) for x, y in pairwise(middle)])
+            if np.ptp(between) <= 0.0 or np.ptp(slope) <= 0.0:
+                continue
+            first, second = slope - slope.mean(), between - between.mean()
+            found = float(first @ second / np.sqrt((first @ first) * (second @ second)))
+            memory = [np.correlate(x, x, "full")[x.size :] / (x @ x) for x in (first, second)]
+            spread = float(np.sqrt(max(1.0 + 2.0 * float(memory[0] @ memory[1]), 1.0) / slope.size))
+            if abs(found) > SURE * spread and abs(found) > STRONG:
+                chance = f"correlation {found:+.2f}, by chance +- {spread:.2f}"
+                out.append(
+                    f"what {name} misses grows with the {what} of '{load}' ({chance}): its power or its delay may be wrong. In "
+                    "closed loop the controller also reacts to errors of the model"
+                )
+    return out
+
+
+def as_run(problem: Problem, end: Array, e: Experiment) -> Scenario:
+    """Return the scenario of a record with the rooms and starts that were fitted to it, as it was run."""
+    values = {n: x for n, x in zip(problem.bench(0, end).free, problem.inputs(0, end)[0], strict=True)}
+    boundaries = {n: Constant(x) for n, x in values.items() if isinstance(e.scenario.boundaries.get(n), Constant)}
+    initial = {n.removeprefix("initial."): x for n, x in values.items() if n.startswith("initial.")}
+    return e.scenario.with_(boundaries=boundaries, initial=initial)
+
+
+def _with_own(budget: Budget, shown: Calibration, e: Experiment, seen: KindsSeen) -> tuple[Budget, list[str]]:
+    """Return the budget with the random room and start of the run where nothing fitted or logged them, and what no fit says."""
+    request = shown.request
+    assert request is not None
+    find = e.network.find
+    taken = {i.name for i in shown.local} | {find(c.target or c.name) for c in e.record.channels.values() if c.role == "boundary"}
+    rules = {wired(e, n): r for n, r in request.readings.items()}
+    given = request.scenario(e.record)
+    texts = {f"initial.{find(n)}": str(t) for n, t in given.initial.items() if isinstance(t, str)}
+    open_ = []
+    rooms = [b for b in e.scenario.boundaries if b in e.network.boundaries and isinstance(e.scenario.boundaries[b], Constant)]
+    hidden = {f"initial.{n}" for n in e.hidden}
+    first = {o.sensor: first_reading(e.record, o.sensor, request.window) for o in e.observations}
+    for name in dict.fromkeys([*rooms, *(n for n in (*texts, *rules, *sorted(hidden)) if n.startswith("initial."))]):
+        rule = rules.get(name)
+        start = rule.channel if rule is not None else texts.get(name, "") or _assumed(seen, name, e.scenario)
+        start = BALANCE if name in hidden else start
+        found = seen.own_value(name, start) if name not in taken else None
+        if found is None:
+            if name in rooms and name not in taken and seen:
+                open_.append(f"'{name}'")
+            continue
+        if rule is not None and rule.offset:  # how far the first reading stands from the room is known already
+            found = OwnValue(name, start, 0.0, found.sd, found.runs)
+        cause = START if name.startswith("initial.") else ROOM
+        words = f"differences between runs, from {found.runs} runs"
+        law = Normal(*found.given(first))
+        budget = budget.with_one(Source(f"{cause}: {name}", "structural", law, words), cause, Target(name, "add"))
+    return budget, open_
+
+
+def _assumed(seen: KindsSeen, name: str, scenario: Scenario) -> str:
+    """Return the text of the temperature that a scenario gives a boundary, where the runs of a fit were assumed to have the same."""
+    given = scenario.boundaries.get(name)
+    for text in dict.fromkeys(o.start for stage in seen.stages for o in stage.own if o.name == name and "[" in o.start):
+        if isinstance(given, Constant) and abs(literal(text, TEMPERATURE) - given.value) < SAME:
+            return text
+    return ""
+
+
+def _banded(
+    budget: Budget,
+    known: Known,
+    problem: Problem,
+    end: Array,
+    e: Experiment,
+    blocks: Sequence[SensorTrace],
+    grid: Array,
+    seen: KindsSeen,
+) -> tuple[dict[str, SensorBand], list[str]]:
+    """Return the band of every sensor, and what nobody stated of constant coefficients."""
+    setting = Setting.of(budget, times=grid, options=problem.options)
+    linear = setting.linear([o.node for o in e.observations])
+    guessed = setting.guessed(linear)
+    misfit = _misfit(budget, e)
+    still = [k for k, s in enumerate(budget.sources) if s.kind != "misfit"]
+    moved = np.concatenate([linear.columns[linear.run[o.node].path][:-1] for o in e.observations])
+    moved[:, [k for k in range(moved.shape[1]) if k not in still]] = 0.0
+    moved, more = _with_biases(moved, budget, known, e, grid.size)
+    left = _followed(problem, end, e, grid, np.concatenate([moved, more], axis=1))
+    moved, more = left[:, : moved.shape[1]], left[:, moved.shape[1] :]
+    parts = {c: v for c, v in budget.parts(moved).items() if v.any()}
+    if more.shape[1]:
+        parts[SENSORS] = np.sum(more**2, axis=1)
+    parts[MISFIT] = _wanders(problem, end, e, grid, misfit)
+    shift = moved @ budget.means
+    out = {}
+    for k, (o, block) in enumerate(zip(e.observations, blocks, strict=True)):
+        own = slice(k * grid.size, (k + 1) * grid.size)
+        at = {c: np.interp(block.times, grid, v[own]) for c, v in parts.items()}
+        at[READING] = np.full(block.times.size, _noise(o, problem, seen) ** 2)
+        moved_by = np.interp(block.times, grid, shift[own])
+        causes = {c: v for c, v in at.items() if v.any()}
+        out[o.sensor] = SensorBand(o.sensor, o.seat, block.times, block.measured, block.predicted + moved_by, causes, moved_by)
+    return out, guessed
+
+
+def _noise(o: Observation, problem: Problem, seen: KindsSeen) -> float:
+    """Return the noise of one reading: as neighbouring readings of the fitted records scatter, or as stated. [K]"""
+    return seen.noise.get(o.seat, o.noise if o.noise is not None else problem.noise.get(o.sensor, 0.0))
+
+
+def _misfit(budget: Budget, e: Experiment) -> Array:
+    """Return what wanders at every sensor beyond the deviations. [K]"""
+    at = [k for k, s in enumerate(budget.sources) if s.kind == "misfit"]
+    sizes = {t.name: float(np.linalg.norm(row[at])) for t, row in zip(budget.targets, budget.gain, strict=True) if t.form == "node"}
+    return np.array([sizes.get(o.seat, 0.0) for o in e.observations])
+
+
+def _with_biases(moved: Array, budget: Budget, known: Known, e: Experiment, points: int) -> tuple[Array, Array]:
+    """Return the answers to the sources (rows, sources) with the sensors' constant errors, and to sources of these alone."""
+    rows = instruments_of(known)
+    place = {s.name: k for k, s in enumerate(budget.sources)}
+    more = np.zeros((moved.shape[0], len(rows.sources)))
+    for i, o in enumerate(e.observations):
+        own = slice(i * points, (i + 1) * points)
+        name = f"sensor {o.sensor}"
+        if name in rows.names:
+            for k, s in enumerate(rows.sources):
+                size = rows.matrix[rows.names.index(name), k]
+                if s.name in place:
+                    moved[own, place[s.name]] += size
+                else:
+                    more[own, k] += size
+    return moved, more[:, more.any(axis=0)]
+
+
+def _weighed_slopes(problem: Problem, end: Array, e: Experiment, grid: Array) -> tuple[Array, Array]:
+    """Return the derivatives of the weighted residuals by the run's own values (rows, locals), and each row's noise in the sum [K]."""
+    slopes = problem.slopes(0, end, grid)
+    sizes = [np.full(grid.size, o.sigma(problem.noise) * (grid.size / max(o.index.size, 1)) ** 0.5) for o in e.observations]
+    sigma = np.concatenate([np.full(grid.size, o.sigma(problem.noise)) for o in e.observations])
+    weighed = np.concatenate([slopes[:, k, :] for k in range(len(e.observations))])
+    return weighed * sigma[:, None] / np.concatenate(sizes)[:, None], np.concatenate(sizes)
+
+
+def _followed(problem: Problem, end: Array, e: Experiment, grid: Array, moved: Array) -> Array:
+    """Return what is left of changes (rows, columns) of the predicted readings once the run's own fitted values have answered. [K]"""
+    if not end.size:
+        return moved
+    slopes, sizes = _weighed_slopes(problem, end, e, grid)
+    priors = problem.prior_rows(end)[1]
+    answer = symmetric_inverse(slopes.T @ slopes + priors.T @ priors) @ slopes.T
+    return np.asarray(moved - sizes[:, None] * (slopes @ (answer @ (moved / sizes[:, None]))))
+
+
+def _wanders(problem: Problem, end: Array, e: Experiment, grid: Array, misfit: Array) -> Array:
+    """Return the variance (rows,) of what wanders and the run's own values do not follow. [K^2]"""
+    size = np.repeat(misfit, grid.size)
+    if not end.size or not misfit.any():
+        return size**2
+    few = grid[np.unique(np.linspace(0, grid.size - 1, min(COARSE, grid.size)).round().astype(int))]
+    span = max(float(few[-1] - few[0]), 1e-9)
+    sensors = np.repeat(np.arange(len(e.observations)), few.size)
+    like = wandering(np.tile(few / span, len(e.observations)), sensors)
+    sized = np.repeat(misfit, few.size)
+    through = _followed(problem, end, e, few, np.eye(sized.size))
+    variance = quadratic_forms(through, sized[:, None] * like * sized)
+    return np.concatenate([np.interp(grid, few, variance[sensors == k]) for k in range(len(e.observations))])

@@ -1,0 +1,520 @@
+"""An effective coefficient taken apart into radiation and convection, with what is known of each, or the refusal where they do not fit.
+
+Unknown are the logarithms of the emissivities. Known are a prior by finish, and per surface what a correlation says of convection, which
+with the radiation makes the coefficient that was fitted; gas at rest conducts a least amount. The fitted parameters are considered, not
+changed: their errors and correlations go into those of the emissivities.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
+from typing import Any
+
+import numpy as np
+
+from thermid.base.arguments import takes_objects
+from thermid.base.dual import value_of
+from thermid.base.errors import IdentificationError, nearest
+from thermid.base.linear_algebra import Array
+from thermid.base.results import Result
+from thermid.fit.calibration import Calibration
+from thermid.fit.discrepancy import discrepancy_kept
+from thermid.model.elements import exposed_area
+from thermid.model.parameters import Standing, worst
+from thermid.model.tree import FlatConductor, Model
+from thermid.physics.air import dry_air
+from thermid.physics.finishes import SPAN, finish
+from thermid.physics.plates import body_htc, conduction_floor
+from thermid.physics.radiation import linearised_htc
+from thermid.simulation.network import Network, compile_network
+from thermid.simulation.runs import steady
+from thermid.simulation.scenarios import Scenario
+from thermid.values.fitted import FittedValue, FittedValues
+from thermid.values.store import model_standing
+
+SMALLEST_RISE = 0.2
+"""Difference below which a test says nothing of a coefficient. [K]"""
+CORRELATION_SD = 0.25
+"""What a correlation of natural convection promises at equipment, relative, one sigma. [-]"""
+ALIKE = 0.5
+"""Correlation of the emissivities of two surfaces of one finish: half of what parts differ by is the batch, half the part. [-]"""
+CONFLICT = 2.0
+"""Standard deviations beyond which a correlation and what is left of the coefficient disagree. [-]"""
+POSSIBLE = 0.025
+"""Probability below which no emissivity of the finish leaves room for the conduction of gas at rest. [-]"""
+
+
+@dataclass(frozen=True)
+class SplitSurface:
+    """One coefficient taken apart. Errors are one sigma.
+
+    Parameters
+    ----------
+    path : str                          Of the surface.
+    effective, effective_error : float  The coefficient in air. [W/(m^2 K)]
+    radiative, convective : float       Its parts at the temperatures of the fit. [W/(m^2 K)]
+    error : float                       Of the radiative part; that of the convective one with `effective_error`. [W/(m^2 K)]
+    emissivity, emissivity_error : float    [-]
+    prior : str                         Where the emissivity was first taken from.
+    expected : float                    Convection by the correlation for the body. [W/(m^2 K)]
+    floor : float                       Conduction of gas at rest, the least. [W/(m^2 K)]
+    surface, gas : float                Temperatures of the fit. [K]
+    used : bool                         Whether the correlation had a say.
+    remark : str                        What a reader must know.
+    """
+
+    path: str
+    effective: float
+    effective_error: float
+    radiative: float
+    convective: float
+    error: float
+    emissivity: float
+    emissivity_error: float
+    prior: str
+    expected: float
+    floor: float
+    surface: float
+    gas: float
+    used: bool
+    remark: str = ""
+
+    @property
+    def convective_error(self) -> float:
+        """Standard error of the convective part. [W/(m^2 K)]"""
+        return math.hypot(self.error, self.effective_error)
+
+    @property
+    def correlation(self) -> float:
+        """Correlation of the errors of both parts: what is not radiation is convection. [-]"""
+        return -self.error / self.convective_error if self.error else 0.0
+
+    def __str__(self) -> str:
+        """The parts in one line, the remark in a second."""
+        own = f"{self.effective:.3g} = {self.radiative:.2g} radiation + {self.convective:.2g} convection, +- {self.error:.2g} between them"
+        line = f"{self.path}: {own} [W/(m^2 K)]   emissivity {self.emissivity:.3g} +- {self.emissivity_error:.1g} ({self.prior})"
+        return f"{line}\n  remark: {self.remark}" if self.remark else line
+
+
+@dataclass(frozen=True, eq=False)
+class Split(Result):
+    """Effective coefficients taken apart.
+
+    Parameters
+    ----------
+    surfaces : tuple        One entry per surface.
+    values : FittedValues   The fitted parameters and the emissivities, with their joint covariance: what a prediction without gas rests on.
+    model : Model           The model with all of them laid over it.
+    caution : str           What no error here covers; empty where there is nothing.
+    """
+
+    surfaces: tuple[SplitSurface, ...]
+    values: FittedValues
+    model: Model
+    caution: str = ""
+
+    def __getitem__(self, path: str) -> SplitSurface:
+        """Return the entry of a surface."""
+        path = self.model.canonical(path)
+        return next(s for s in self.surfaces if s.path == path)
+
+    def __str__(self) -> str:
+        """One entry per surface, and what no error covers."""
+        return "\n".join([*map(str, self.surfaces), *([f"caution: {self.caution}"] if self.caution else [])])
+
+
+@dataclass(frozen=True)
+class EmissivityPrior:
+    """What is known of an emissivity beforehand, by its logarithm.
+
+    Parameters
+    ----------
+    mean, log_sd : float    [-]
+    text : str              Where it comes from.
+    finish : str            The finish, where it is one.
+    """
+
+    mean: float
+    log_sd: float
+    text: str
+    finish: str = ""
+
+
+@dataclass(frozen=True)
+class Part:
+    """A surface with an effective coefficient, and what is known of it.
+
+    Parameters
+    ----------
+    path, where : str               The surface, and its place in the deck.
+    emissivity, fitted : str        Paths of the values behind its emissivity and its coefficient.
+    prior : EmissivityPrior                   Of the emissivity.
+    effective, effective_error : float      The coefficient and its standard error. [W/(m^2 K)]
+    area : float                    What convects and radiates. [m^2]
+    surface, gas : float            Temperatures of the fit. [K]
+    black : float                   Coefficient of black radiation there. [W/(m^2 K)]
+    expected, floor : float         Convection by correlation, and conduction of gas at rest. [W/(m^2 K)]
+    """
+
+    path: str
+    where: str
+    emissivity: str
+    fitted: str
+    prior: EmissivityPrior
+    effective: float
+    effective_error: float
+    area: float
+    surface: float
+    gas: float
+    black: float
+    expected: float
+    floor: float
+
+    @property
+    def rise(self) -> float:
+        """Surface less gas. [K]"""
+        return self.surface - self.gas
+
+    def suspects(self) -> str:
+        """Return why the coefficient cannot be split, with what each suspect would have to be."""
+        radiation = self.black * self.prior.mean * math.exp(-1.959964 * self.prior.log_sd)
+        need = radiation + self.floor
+        share = self.effective / need
+        power = self.effective * self.area * abs(self.rise)
+        return (
+            f"the coefficient of '{self.path}' cannot be separated into convection and radiation: {self.effective:.3g} W/(m^2 K) in "
+            f"air, but {self.prior.text} radiates at"
+            f" least {radiation:.2g} and gas at rest conducts at least {self.floor:.2g} W/(m^2 K). One of these is wrong: the area (at most"
+            f" {self.area * share:.3g} m^2 instead of {self.area:.3g}; check for faces counted twice or inside), the power (at least"
+            f" {power / share:.3g} W through this surface instead of {power:.3g} W), the position of the sensor (the mean surface is at"
+            f" most {abs(self.rise) * share:.2g} K above the gas instead of {abs(self.rise):.3g} K: a hot spot?), or the finish."
+        )
+
+    def conflict(self, left: float, spread: float) -> str:
+        """Return what it can mean that the correlation and what is left of the coefficient disagree."""
+        head = (
+            f"beside the radiation {left:.2g} +- {spread:.2g} W/(m^2 K) remain for convection, but the correlation for a body of this "
+            f"area gives {self.expected:.2g}. The correlation was not used. Possible causes:"
+        )
+        if left < self.expected:
+            return f"{head} the area (faces counted twice or inside), the power, the position of the sensor, confined air"
+        return f"{head} moving air, heat through mounts and leads (which remains in vacuum), the area, the power"
+
+
+def parts_of(
+    model: Model,
+    values: FittedValues,
+    wanted: Sequence[str],
+    conditions: Scenario | Mapping[str, tuple[float, float]],
+    priors: Mapping[str, tuple[float, float]],
+) -> list[Part]:
+    """Return what is known of each surface; arguments as in `split_values`.
+
+    Raises
+    ------
+    IdentificationError   When a surface has no effective coefficient, or nothing says what its emissivity may be.
+    """
+    network = compile_network(model)
+    known = {c.path: c for c in network.flat.conductors if c.kind == "effective"}
+    chosen = [model.canonical(w) for w in wanted] or list(known)
+    for path in chosen:
+        if path not in known:
+            raise IdentificationError(f"'{path}' is not a surface with an effective coefficient.{nearest(path, known)}", model.title)
+    if not chosen:
+        raise IdentificationError("no surface has an effective coefficient, so there is nothing to separate.", model.title)
+    if isinstance(conditions, Mapping):
+        at = conditions
+    else:
+        rest = steady(model, conditions)
+        at = {p: (rest[known[p].ends[0]], rest[known[p].ends[1]]) for p in chosen}
+    if not at:
+        raise IdentificationError(
+            "the temperatures at which the coefficients were fitted are missing. Give a scenario that settles there, or a fit with "
+            "its records.",
+            network.title,
+        )
+    return [_part(network, known[p], at.get(p, (math.nan, math.nan)), values, priors) for p in chosen]
+
+
+def _part(
+    network: Network, c: FlatConductor, at: tuple[float, float], fitted: FittedValues, priors: Mapping[str, tuple[float, float]]
+) -> Part:
+    """Return what is known of one surface."""
+    values = network.numbers().values
+    hot, cold = at
+    if not abs(hot - cold) > SMALLEST_RISE:
+        raise IdentificationError(
+            f"'{c.path}' was never more than {SMALLEST_RISE:g} K from the gas temperature, so its coefficient is not determined.", c.where
+        )
+    total = value_of(values[c.fields["area"]])
+    area = value_of(exposed_area(c.path, values[c.fields["area"]], c.takes, values, c.where))
+    effective = value_of(values[c.fields["effective_htc"]])
+    root = network.flat.parameters.literal_behind(c.fields["effective_htc"])
+    entry = fitted.assignments.get(root)
+    air = dry_air(0.5 * (hot + cold))
+    return Part(
+        c.path,
+        c.where,
+        _root(network, c, fitted),
+        entry.path if entry else "",
+        _prior(network, c, priors),
+        effective,
+        entry.error if entry else 0.0,
+        area,
+        hot,
+        cold,
+        float(linearised_htc(1.0, hot, cold)),
+        float(body_htc(hot, cold, total, air)),
+        float(conduction_floor(total, air.conductivity)),
+    )
+
+
+def _root(network: Network, c: FlatConductor, fitted: FittedValues) -> str:
+    """Return the path of the value behind an emissivity; where instances share a fitted one, the path it was fitted under."""
+    if not c.emissivity:
+        raise IdentificationError(
+            f"the emissivity of '{c.path}' is not stated. Give its finish, such as finish = \"aluminium, machined\", or its"
+            " emissivity with min and max.",
+            c.where,
+        )
+    root = network.flat.parameters.freeable(c.emissivity, network.flat.names.model.canonical)
+    entry = fitted.assignments.get(root)
+    return entry.path if entry else root
+
+
+def _prior(network: Network, c: FlatConductor, priors: Mapping[str, tuple[float, float]]) -> EmissivityPrior:
+    """Return what is known of an emissivity: what the caller says, else the finish, else the bounds in the deck."""
+    parameters = network.flat.parameters
+    root = parameters.literal_behind(c.emissivity)
+    given = parameters.table[root].parameter
+    value = float(value_of(network.numbers().values[root]))
+    chosen = next((v for k, v in priors.items() if network.flat.names.model.canonical(k) in (root, c.emissivity)), None)
+    if chosen is not None:
+        mean, sd = chosen
+        if not (0.0 < mean <= 1.0 and sd >= 0.0):
+            raise IdentificationError(f"an emissivity of {mean:g} +- {sd:g} is not a valid prior. Give a mean from 0 to 1.", c.path)
+        return EmissivityPrior(mean, sd / mean, f"an emissivity of {mean:.3g} +- {sd:.2g}")
+    if not 0.0 < value <= 1.0:
+        raise IdentificationError(f"an emissivity of {value:g} is not possible. Give 0 to 1.", c.where)
+    if c.emissivity in network.flat.finishes:
+        found = finish(network.flat.finishes[c.emissivity], c.where)
+        return EmissivityPrior(value, found.log_sd, f"finish '{found.name}', {found.low:g} to {found.high:g}", found.name)
+    low, high = given.minimum, given.maximum
+    if low is not None and high is not None and 0.0 < low < high:
+        return EmissivityPrior(value, math.log(high / low) / SPAN, f"an emissivity of {low:g} to {high:g}")
+    return EmissivityPrior(value, 0.0, f"an emissivity of {value:.3g}, taken as exact")
+
+
+@takes_objects
+def split(
+    of: Model | Calibration,
+    paths: str | Sequence[str] = (),
+    conditions: Scenario | None = None,
+    *,
+    priors: Mapping[str, tuple[float, float]] | None = None,
+) -> Split:
+    """Separation of effective coefficients into radiation and convection, with what is known of each.
+
+    Parameters
+    ----------
+    of : Calibration or Model   A fit, whose records say at which temperatures the coefficients hold; or a model with `conditions`.
+    paths : str or sequence     Surfaces; every one with an effective coefficient by default.
+    conditions : Scenario       What was done when the coefficients were fitted, settled; for a model.
+    priors : dict               Path of an emissivity -> (mean, standard deviation), instead of the finish. [-]
+
+    Raises
+    ------
+    IdentificationError   When a coefficient leaves no room for the radiation of its finish beside the conduction of gas at rest; the
+                          message names the suspects. When nothing says what the emissivity may be.
+
+    References
+    ----------
+    Schmidt's filter for parameters that are considered and not estimated: Jazwinski, Stochastic Processes and Filtering Theory, 1970,
+    section 8.4.
+    """
+    wanted = (paths,) if isinstance(paths, str) else tuple(paths)
+    base = of.values.bare() if isinstance(of, Calibration) else FittedValues(of.title, {}, np.zeros((0, 0)))
+    model = of.fitted_model if isinstance(of, Calibration) else of
+    kept = discrepancy_kept(of.values) if isinstance(of, Calibration) else None
+    surfaces = conditions if conditions is not None else kept.surfaces if kept is not None else {}
+    return split_values(model, base, wanted, surfaces, priors or {})
+
+
+def split_values(
+    model: Model,
+    base: FittedValues,
+    wanted: Sequence[str],
+    at: Scenario | Mapping[str, tuple[float, float]],
+    priors: Mapping[str, tuple[float, float]] | None = None,
+) -> Split:
+    """Return effective coefficients taken apart, from fitted values and where these were found.
+
+    Parameters
+    ----------
+    model : Model               With the values laid over it.
+    base : FittedValues         The fitted parameters.
+    wanted : sequence of str    Surfaces; every one with an effective coefficient where none is named.
+    at : Scenario or dict       What was done then, settled; or surface -> its temperature and its gas's. [K]
+    priors : dict               As in `split`.
+    """
+    parts = parts_of(model, base, wanted, at, priors or {})
+    joint = _Joint(base, parts)
+    done = [joint.take(part) for part in parts]
+    values = joint.values(worst([model_standing(model), *([base.standing] if base else [])]))
+    fresh = {p: v for p, v in values.assignments.items() if v.origin.startswith("split")}
+    laid = model.with_values(fresh, f"split of '{values.stage}'")
+    entries = tuple(joint.entry(p, used, remark) for p, (used, remark) in zip(parts, done, strict=True))
+    return Split(entries, values, laid, _caution(model, base, parts))
+
+
+def _caution(model: Model, base: FittedValues, parts: Sequence[Part]) -> str:
+    """Say what masses that were fitted beside constant coefficients have taken up."""
+    flat = compile_network(model).flat
+    roots = dict.fromkeys(flat.parameters.literal_behind(path) for node in flat.nodes for path in node.fields.values())
+    masses = [path for path in roots if path in base]
+    if not masses or not any(part.fitted in base and part.emissivity not in base for part in parts):
+        return ""
+    named = ", ".join(f"'{m}'" for m in masses[:4]) + (f" and {len(masses) - 4} more" if len(masses) > 4 else "")
+    was = "was" if len(masses) == 1 else "were"
+    return (
+        f"{named} {was} fitted together with constant coefficients, although those of air grow with the difference. The masses absorb "
+        "several per cent of a warm-up in this way, so a transient without gas is wrong by that share (0.3 K of a rise of 15 K on a "
+        "painted box, 2 K on an assembly). Steady states are not affected. `thermid predict` includes this error; the errors here, "
+        "and members drawn from `values`, do not. To avoid it, fit a law of natural convection and the emissivity."
+    )
+
+
+class _Joint:
+    """Fitted parameters and emissivities as one normal distribution of fitted forms; emissivities by their logarithms."""
+
+    def __init__(self, base: FittedValues, parts: Sequence[Part]) -> None:
+        self.base, n = base, len(base)
+        self.at = {path: k for k, path in enumerate(base)}
+        fresh = {p.emissivity: p for p in parts if p.emissivity not in self.at}
+        self.at |= {path: n + k for k, path in enumerate(fresh)}
+        self.mean = np.array([0.0] * n + [math.log(p.prior.mean) for p in fresh.values()])
+        self.cov = np.zeros((len(self.at), len(self.at)))
+        self.cov[:n, :n] = base.covariance
+        self.fresh = fresh
+        first = list(fresh.values())
+        for i, a in enumerate(first):
+            for j, b in enumerate(first):
+                share = 1.0 if i == j else ALIKE if a.prior.finish and a.prior.finish == b.prior.finish else 0.0
+                self.cov[n + i, n + j] = share * a.prior.log_sd * b.prior.log_sd
+
+    def emissivity(self, part: Part) -> float:
+        k = self.at[part.emissivity]
+        return float(np.exp(self.mean[k])) if part.emissivity in self.fresh else self.base[part.emissivity].value
+
+    def deviation(self, part: Part) -> float:
+        """Return the standard deviation of an emissivity. [-]"""
+        k = self.at[part.emissivity]
+        log = part.emissivity in self.fresh or self.base[part.emissivity].log
+        return math.sqrt(max(float(self.cov[k, k]), 0.0)) * (self.emissivity(part) if log else 1.0)
+
+    def _slope(self, part: Part) -> Array:
+        """Return the derivative of what is left for convection with respect to the joint forms. [W/(m^2 K)]"""
+        out = np.zeros(self.mean.size)
+        out[self.at[part.emissivity]] = -part.black * self.emissivity(part)
+        if part.fitted in self.at:
+            out[self.at[part.fitted]] = part.effective if self.base[part.fitted].log else 1.0
+        return out
+
+    def take(self, part: Part) -> tuple[bool, str]:
+        """Let a surface have its say: whether the correlation was used, and what a reader must know of it."""
+        if part.emissivity not in self.fresh:
+            return False, ""  # fitted itself: two pressures, powers or orientations
+        left = part.effective - part.black * self.emissivity(part)
+        slope = self._slope(part)
+        spread = math.sqrt(max(float(slope @ self.cov @ slope), 0.0))
+        self._room(part, left, spread)
+        doubt = CORRELATION_SD * part.expected
+        agrees = abs(left - part.expected) <= CONFLICT * math.hypot(spread, doubt)
+        if agrees:
+            self._learn(part, doubt)
+        self._above_floor(part)
+        return agrees, "" if agrees else part.conflict(left, spread)
+
+    def _learn(self, part: Part, doubt: float) -> None:
+        """Let the correlation speak: Gauss-Newton to the maximum, since radiation bends with the logarithm, then the covariance there."""
+        k, prior = self.at[part.emissivity], self.mean
+        for _ in range(30):
+            before, slope = self.mean, self._slope(part)
+            left = part.effective - part.black * self.emissivity(part) + slope[k] * (prior[k] - before[k])
+            self.mean = prior + self._gain(slope, doubt) * (part.expected - left)
+            if abs(self.mean[k] - before[k]) < 1e-10:
+                break
+        gain, slope = self._gain(self._slope(part), doubt), self._slope(part)
+        keep = np.eye(self.mean.size) - np.outer(gain, slope)  # Joseph's form, which holds for any gain
+        self.cov = keep @ self.cov @ keep.T + doubt**2 * np.outer(gain, gain)
+
+    def _gain(self, slope: Array, doubt: float) -> Array:
+        """Return the gain of the emissivities; fitted parameters are considered and stay."""
+        gain = self.cov @ slope / float(slope @ self.cov @ slope + doubt**2)
+        gain[: len(self.base)] = 0.0
+        return np.asarray(gain)
+
+    def _ceiling(self, part: Part) -> tuple[float, float]:
+        """Return the largest emissivity that leaves the conduction of gas at rest, as a logarithm, and its uncertainty."""
+        room = max(part.effective - part.floor, 1e-3 * part.effective)
+        return math.log(room / part.black), part.effective_error / room
+
+    def _room(self, part: Part, left: float, spread: float) -> None:
+        """Refuse a coefficient without room for its finish."""
+        k = self.at[part.emissivity]
+        top, loose = self._ceiling(part)
+        if _normal((top - self.mean[k]) / max(math.hypot(math.sqrt(self.cov[k, k]), loose), 1e-12)) < POSSIBLE:
+            raise IdentificationError(part.suspects(), part.where)
+
+    def _above_floor(self, part: Part) -> None:
+        """Cut off emissivities that leave less than the conduction of gas at rest: moments of a normal that is cut softly."""
+        k = self.at[part.emissivity]
+        top, loose = self._ceiling(part)
+        v = float(self.cov[k, k])
+        w = math.hypot(math.sqrt(v), loose)
+        if v == 0.0:
+            return
+        z = (top - self.mean[k]) / w
+        ratio = math.exp(-0.5 * z * z) / math.sqrt(2 * math.pi) / max(_normal(z), 1e-300)
+        column = self.cov[:, k] / v
+        column[: len(self.base)] = 0.0
+        self.mean = self.mean - column * (v / w * ratio)
+        self.cov = self.cov - np.outer(column, column) * (v * v / (w * w) * ratio * (ratio + z))
+
+    def values(self, standing: Standing) -> FittedValues:
+        """Return the fitted parameters and the emissivities with their joint covariance; the latter have a standing of what was split."""
+        items: dict[str, Any] = dict(self.base.items())
+        for path, part in self.fresh.items():
+            value, error = self.emissivity(part), self.deviation(part)
+            origin = f"split: {part.prior.text}"
+            items[path] = FittedValue(path, value, error, error, True, "1", part.prior.mean, (0.0, 1.0), origin, standing=standing)
+        return replace(self.base, items_=items, covariance=self.cov)  # one covariance, drawn from priors as well
+
+    def entry(self, part: Part, used: bool, remark: str) -> SplitSurface:
+        """Return what was found for a surface."""
+        value, error = self.emissivity(part), self.deviation(part)
+        radiative = part.black * value
+        return SplitSurface(
+            part.path,
+            part.effective,
+            part.effective_error,
+            radiative,
+            part.effective - radiative,
+            part.black * error,
+            value,
+            error,
+            part.prior.text if part.emissivity in self.fresh else "fitted",
+            part.expected,
+            part.floor,
+            part.surface,
+            part.gas,
+            used,
+            remark,
+        )
+
+
+def _normal(z: float) -> float:
+    """Return the cumulative normal distribution."""
+    return 0.5 * math.erfc(-z / math.sqrt(2.0))

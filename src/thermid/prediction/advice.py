@@ -1,0 +1,695 @@
+"""`next_test`: which of the tests that could be made would say most of a parameter, or of a prediction, and how long it would take."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field, replace
+from functools import cached_property
+from typing import Any
+
+import numpy as np
+
+from thermid.base.arguments import takes_objects
+from thermid.base.dual import value_of
+from thermid.base.errors import IdentificationError, NameNotFoundError, ThermidError, nearest
+from thermid.base.linear_algebra import Array, variance
+from thermid.base.results import Result
+from thermid.fit.calibration import Calibration
+from thermid.fit.problem import (
+    SCALE,
+    Experiment,
+    Prior,
+    Problem,
+    Request,
+    Unknown,
+    build_problem,
+    parameter_unknown,
+    prior_of,
+    role_and_target,
+)
+from thermid.fit.uncertainty import TraceNoise, answers_to_inputs, binned, listed, percent, score_excess
+from thermid.inference.planned_records import Sensor, planned_record, sensors_of
+from thermid.measure.amounts import duration_text, short
+from thermid.measure.records import step_of
+from thermid.model.laws import Constant, Signal, TableSignal, literal
+from thermid.model.parameters import Parameter
+from thermid.model.tree import Model
+from thermid.physics.finishes import finish
+from thermid.prediction._budget import CONSTANT, MISFIT, Budget, budget_of
+from thermid.prediction._known import Known, Rows, instruments_of, rows_of
+from thermid.prediction._setting import Setting
+from thermid.simulation.network import compile_network
+from thermid.simulation.runs import network_for
+from thermid.simulation.scenarios import Scenario
+from thermid.values.store import Normal, Source
+
+CHAMBER_STEP = 20.0
+"""Step of a chamber that costs little and is far from what most parts fear. [K]"""
+FELT = 0.1
+"""Part of the error now below which what else a prediction has is not spoken of."""
+WITHOUT_GAS = " without gas"
+"""After the name of a value that is another one without gas."""
+BESIDE = (CONSTANT, MISFIT)
+"""Causes that a test adds no information to: they are said beside."""
+OPEN = ": open"
+"""After the name of a value, its source where no fit has a finite error of it."""
+THIN = 1e4
+"""Pressure below which gas no longer does what it did in the room. [Pa]"""
+EMISSIVITY = 0.15
+"""What an emissivity of a deck is good to, where no finish says it. [-]"""
+JOINT = 0.7
+"""Standard deviation of the logarithm of a joint's conductance without gas about that with it: a factor of two either way. Gas carries more
+than half of the heat between bare, lightly pressed faces (Yovanovich, IEEE Trans. CPT 28 (2005) 182); a filled joint loses nothing. [-]"""
+NAME = "next test"
+DURATIONS = 24
+SEEN = 1e-9
+"""Part of what readings see best from which they see a direction."""
+ALIKE, WORSE = 0.25, 1.1
+"""Part of a step within which temperatures repeat a log's; how many times larger an error must be there to be spoken of."""
+ENOUGH = 0.9
+"""A test is long enough when it has brought nine tenths of what it could."""
+
+
+@dataclass(frozen=True)
+class Aim:
+    """A temperature that is to be known better.
+
+    Parameters
+    ----------
+    scenario : Scenario     Where.
+    node : str              Of what.
+    at : str or float       When; the end when empty. [s]
+    """
+
+    scenario: Scenario
+    node: str
+    at: str | float = ""
+
+    def __str__(self) -> str:
+        """It in words."""
+        when = f" at {self.at}" if self.at else " at the end"
+        return f"'{self.node}' in '{self.scenario.title}'{when}"
+
+
+@dataclass(frozen=True, eq=False)
+class Action:
+    """A test that could be made.
+
+    Parameters
+    ----------
+    name : str                  In words.
+    scenario : Scenario         What is done; its duration is the longest that is thought of.
+    sensors : tuple of Sensor   What is logged; empty for the sensors there are.
+    """
+
+    name: str
+    scenario: Scenario
+    sensors: tuple[Sensor, ...] = ()
+
+
+def usual_actions(model: Model, scenario: Scenario, sensors: Sequence[Sensor]) -> tuple[Action, ...]:
+    """Return the tests that are usually at hand: the same for longer, power and chamber steps, other powers, another sensor, a pump-down.
+
+    Parameters
+    ----------
+    model : Model
+    scenario : Scenario             A test as it was made; its duration holds for all.
+    sensors : sequence of Sensor    What is logged.
+    """
+    network = network_for(model, scenario)
+    half = 0.5 * scenario.seconds
+    out = [Action("the same test again", scenario)]
+    powers = {row.name: float(value_of(row.coefficients[0])) for row in network.numbers().loads if row.fixed}
+    metered = {s.target for s in sensors if s.role == "load"} | set(scenario.loads)
+    for load, own in powers.items():
+        watts = _level(scenario.loads.get(load), own)
+        if watts > 0 and load not in scenario.commands:
+            # a power that nobody meters is as unknown at twice its level as it is now: then the command changes, not the power
+            table, unit = ("loads", watts) if load in metered else ("commands", 1.0)
+            words = f"from {watts:.3g} to {2 * watts:.3g} W" if load in metered else "to twice its power"
+            up, off = (TableSignal(np.array([0.0, half]), unit * np.array([1.0, end]), True) for end in (2.0, 0.0))
+            out.append(Action(f"'{load}' {words} after half the time", scenario.with_(**{table: {load: up}})))
+            twice = f"at {2 * watts:.3g} W" if load in metered else "at twice its power"
+            out.append(Action(f"'{load}' {twice}", scenario.with_(**{table: {load: Constant(2.0 * unit)}})))
+            out.append(Action(f"'{load}' off after half the time", scenario.with_(**{table: {load: off}})))
+    for boundary, signal in scenario.boundaries.items():
+        level = _level(signal, 0.0)
+        ramp = TableSignal(
+            np.array([0.0, half, half + 600.0, max(2.0 * half, half + 601.0)]), level + np.array([0.0, 0.0, 1.0, 1.0]) * CHAMBER_STEP
+        )
+        made = scenario.with_(boundaries={boundary: ramp})
+        out.append(Action(f"'{boundary}' {CHAMBER_STEP:g} K warmer after half the time", made))
+    seen = {s.target for s in sensors if s.role == "node"}
+    noise = min((s.noise for s in sensors if s.role == "node" and s.noise), default=0.1)
+    accuracy = next((s.accuracy for s in sensors if s.role == "node" and s.accuracy), None)
+    for node in (n for n in network.nodes if n not in seen):
+        more = Sensor(f"new sensor at {node}", node, "node", noise, accuracy)
+        out.append(Action(f"the same with a sensor at '{node}'", scenario, (*sensors, more)))
+    out.append(Action("the same, pumped down", scenario.vacuum()))
+    return tuple(out)
+
+
+def _level(signal: Signal | None, own: float) -> float:
+    """Return where a signal begins."""
+    return own if signal is None else float(signal.at(np.zeros(1))[0])
+
+
+@dataclass(frozen=True)
+class Option:
+    """A test that could be made, and what it would be worth.
+
+    Parameters
+    ----------
+    name : str              What is done.
+    error : float           Standard error of the target after all of it; infinite where it cannot be made. [SI]
+    hours : float           Duration after which the goal is met, or, without one, nine tenths of the gain are in; infinite where never.
+    longest : float         Its whole duration. [h]
+    errors : array (durations, 2)   Duration [h] and error [SI].
+    refused : str           Why it cannot be made; empty where it can.
+    alike : float           Standard error where temperatures repeat a log's to a fraction of its sensors' steps, so that readings are
+                            rounded as they were; nan where no log had such temperatures or no sensor has steps. [SI]
+    """
+
+    name: str
+    error: float
+    hours: float
+    longest: float
+    errors: Array
+    refused: str = ""
+    alike: float = float("nan")
+
+
+@dataclass(frozen=True, eq=False)
+class Advice(Result):
+    """What to test next.
+
+    Parameters
+    ----------
+    target : str            What is to be known better.
+    value, now : float      Its value and standard error now. [SI]
+    unit : str              'K' for a prediction; SI unit of a parameter otherwise.
+    goal : float            Error to be reached; nan without one. [SI]
+    options : tuple         The best first.
+    beside : dict           Of a prediction: cause -> standard error [K] that it has besides and that these figures leave out.
+    remarks : tuple of str  What the figures take for granted of the noise.
+    """
+
+    target: str
+    value: float
+    now: float
+    unit: str
+    goal: float
+    options: tuple[Option, ...]
+    beside: Mapping[str, float] = field(default_factory=dict)
+    remarks: tuple[str, ...] = ()
+
+    @property
+    def best(self) -> Option:
+        """The first option."""
+        return self.options[0]
+
+    def _shown(self, error: float) -> str:
+        return f"{short(error)} K" if self.unit == "K" else percent(error / abs(self.value) if self.value else np.inf)
+
+    def __str__(self) -> str:
+        """Return a table: what to do, what error it leaves, how long it takes."""
+        aim = f", wanted +- {self._shown(self.goal)}" if np.isfinite(self.goal) else ""
+        lines = [f"Next test for {self.target}: now +- {self._shown(self.now)}{aim}"]
+        width = max(len(o.name) for o in self.options)
+        for o in self.options:
+            if o.refused:
+                lines.append(f"  {o.name:<{width}}  cannot be made: {o.refused}")
+                continue
+            gain = f"{short(self.now / o.error)} times better" if self.now > 1.02 * o.error else "no better"
+            took = duration_text(3600 * o.hours) if np.isfinite(o.hours) else ""
+            what = "goal after" if np.isfinite(self.goal) else "most of it after"
+            long = duration_text(3600 * o.longest)
+            when = f"{what} {took} of {long}" if took else f"goal not within {long}"
+            lines.append(f"  {o.name:<{width}}  +- {self._shown(o.error):<10} {gain:<20} {when}")
+        felt = {cause: error for cause, error in self.beside.items() if error >= FELT * self.now}
+        if felt:
+            named = ", ".join(f"{cause} +- {short(error)} K" for cause, error in felt.items())
+            lines.append(f"  Not included in these figures: {named}.")
+        lines += [f"  {remark}" for remark in self.remarks]
+        return "\n".join(lines)
+
+
+@dataclass(frozen=True, eq=False)
+class Before:
+    """What a budget says before a test, and what the budget does not hold: instruments.
+
+    Parameters
+    ----------
+    budget : Budget         Of what is known, in the scenario of the prediction that is asked for.
+    instruments : Rows      Constant errors of sensors and powers; sources that values respond to as well bear one name.
+    readings : dict         Instrument -> its value. [SI]
+    held : dict             Name -> information that a prior has brought already, in the fitted form.
+    spread : float          Readings that do not wander scatter so many times as much as their noise says. [-]
+    noise : dict            Sensor -> how its residuals wandered; the longest trace of each.
+    sizes : dict            Sensor -> the noise in whose squares that is given. [K]
+    untie : bool            Whether instances have values of their own.
+    thin : bool             Whether it was learnt with thin gas already.
+    seen : dict             Sensor -> times [s] and what each log's model says that it read [K].
+    split : tuple of str    Emissivities that an effective coefficient was split into.
+    """
+
+    budget: Budget
+    instruments: Rows = field(default_factory=Rows)
+    readings: Mapping[str, float] = field(default_factory=dict)
+    held: Mapping[str, float] = field(default_factory=dict)
+    spread: float = 1.0
+    noise: Mapping[str, TraceNoise] = field(default_factory=dict)
+    sizes: Mapping[str, float] = field(default_factory=dict)
+    untie: bool = False
+    thin: bool = False
+    seen: Mapping[str, Sequence[tuple[Array, Array]]] = field(default_factory=dict)
+    split: tuple[str, ...] = ()
+
+    @property
+    def model(self) -> Model:
+        """The model, effective coefficients split where the prediction needs it."""
+        return self.budget.model
+
+    @cached_property
+    def place(self) -> dict[str, int]:
+        """Source -> its column."""
+        own = [s.name for s, cause in zip(self.budget.sources, self.budget.causes, strict=True) if cause not in BESIDE]
+        return {name: k for k, name in enumerate(dict.fromkeys([*own, *(s.name for s in self.instruments.sources)]))}
+
+    @property
+    def information(self) -> Array:
+        """What is known of each source (sources,): one, or nothing of a value without a finite error."""
+        return np.array([0.0 if name.endswith(OPEN) else 1.0 for name in self.place])
+
+    @cached_property
+    def free(self) -> dict[str, tuple[str, ...]]:
+        """Parameter that is not known exactly -> all paths that share its value."""
+        return {t.name: (t.name, *t.also) for t in self.budget.targets if t.form in ("add", "log")}
+
+    @cached_property
+    def values(self) -> dict[str, float]:
+        """Name -> value, of parameters and instruments. [SI]"""
+        numbers = compile_network(self.model).numbers().values
+        return {p: float(value_of(numbers[p])) for p in self.free} | dict(self.readings)
+
+    @cached_property
+    def responses(self) -> dict[str, Array]:
+        """Name -> what a standard deviation of each source (sources,) does to the value; without gas by a name of its own. [SI]"""
+        out: dict[str, Array] = {}
+        for t, row in zip(self.budget.targets, self.budget.gain, strict=True):
+            if t.form in ("add", "log", "factor"):
+                moved = (1.0 if t.form == "add" else self.values[t.name]) * self.placed(row)
+                out[t.name + WITHOUT_GAS if t.form == "factor" else t.name] = moved + (out[t.name] if t.form == "factor" else 0.0)
+        for name, log, row in zip(self.instruments.names, self.instruments.log, self.instruments.matrix, strict=True):
+            own = np.zeros(len(self.place))
+            own[[self.place[s.name] for s in self.instruments.sources]] = row
+            out[name] = own * (self.values[name] if log else 1.0)
+        return out
+
+    def placed(self, column: Array) -> Array:
+        """Return what a standard deviation of each source does (sources,), from what a unit of each source of the budget does."""
+        out = np.zeros(len(self.place))
+        for s, size, x in zip(self.budget.sources, self.budget.sizes, column, strict=True):
+            if s.name in self.place:
+                out[self.place[s.name]] = size * x
+        return out
+
+    def temperature(self, node: str, at: float) -> tuple[Array, float, dict[str, float]]:
+        """Return how a temperature responds (sources,), its value, and cause -> error that no test takes away. [K]"""
+        linear = Setting.of(self.budget, times=[at]).linear([node])
+        (columns,) = linear.columns.values()
+        parts = self.budget.parts(columns[:1])
+        beside = {cause: float(np.sqrt(v[0])) for cause, v in parts.items() if cause in BESIDE}
+        return self.placed(columns[0]), float(linear.run[node].kelvin[0]), beside
+
+
+def before_fit(fit: Calibration, scenario: Scenario | None = None) -> Before:
+    """Return what a fit knows, at every depth; with a scenario what it knows of that one, as in `predict`.
+
+    Raises
+    ------
+    IdentificationError   When a coefficient that must be split cannot be.
+    """
+    known = _opened(Known.of(fit))
+    rows = rows_of(known)
+    budget = budget_of(known, scenario) if scenario is not None else Budget.of_rows(rows, known.model)
+    states = fit.store.states
+    instruments = instruments_of(known)
+    return Before(
+        budget,
+        instruments,
+        {n: states[n].value for n in instruments.names},
+        {n: s.prior[1] ** -2 for n, s in states.items() if s.prior is not None},
+        (fit.autocorrelation.variance_factor if fit.autocorrelation is not None else max(1.0, fit.reduced_chi_square)) ** 0.5,
+        {t.sensor: t for t in sorted(fit.autocorrelation.traces, key=lambda t: t.samples)} if fit.autocorrelation is not None else {},
+        {o.sensor: o.sigma(fit.problem.noise) for o in fit.problem.observations()} if fit.problem is not None else {},
+        fit.request.untie if fit.request is not None else False,
+        any(e.scenario.environment for e in fit.experiments),
+        _seen(fit),
+        tuple(t.name for t in budget.targets if t.form == "log" and t.name not in rows.names),
+    )
+
+
+def _seen(fit: Calibration) -> dict[str, list[tuple[Array, Array]]]:
+    """Return sensor -> times from the start of each record [s] and what the fit says that it read. [K]"""
+    out: dict[str, list[tuple[Array, Array]]] = {}
+    for b in fit.blocks:
+        out.setdefault(b.sensor, []).append((b.times - b.times[0], b.predicted))
+    return out
+
+
+def before_model(model: Model, priors: Mapping[str, tuple[str, str]], scenario: Scenario | None = None) -> Before:
+    """Return what priors say of a model.
+
+    Raises
+    ------
+    IdentificationError   When there are none.
+    """
+    if not priors:
+        raise IdentificationError("a model alone has no uncertainties. Give priors, or a fit.", model.title)
+    parameters = compile_network(model).flat.parameters
+    texts = {parameters.freeable(raw, model.canonical): given for raw, given in priors.items()}
+    unknowns = [unknown_of(model, p) for p in texts]
+    spreads = np.array([prior_of(u, texts[u.name]).sd for u in unknowns])
+    sources = tuple(Source(u.name, "stated", Normal(), f"the prior of {u.name}") for u in unknowns)
+    rows = Rows(tuple(texts), tuple(u.log for u in unknowns), {}, sources, ("stated",) * len(sources), np.diag(spreads))
+    return Before(Budget.of_rows(rows, model, scenario))
+
+
+def unknown_of(model: Model, path: str) -> Unknown:
+    """Return the unknown that a parameter of a model would be."""
+    parameters = compile_network(model).flat.parameters
+    return parameter_unknown(
+        path, parameters.table[path].parameter, parameters.dimension(path), float(parameters.evaluate({})[path]), (), None
+    )
+
+
+def _opened(known: Known) -> Known:
+    """Return it with a source of its own for each value that its fit has no finite error of."""
+    fit = known.fit
+    assert fit is not None
+    store = fit.store
+    loose = [k for k, s in enumerate(store.states.values()) if not s.known and s.origin.kind == "fit"]
+    if not loose:
+        return known
+    names = [list(store.states)[k] for k in loose]
+    sources = tuple(Source(n + OPEN, "data", Normal(), f"no uncertainty is known for {n}") for n in names)
+    root = np.hstack([store.root, np.zeros((len(store.states), len(loose)))])
+    root[loose, len(store.sources) + np.arange(len(loose))] = 1.0
+    states = {n: replace(s, known=True) if n in names else s for n, s in store.states.items()}
+    whole = replace(store, states=states, sources=(*store.sources, *sources), root=root)
+    values = fit.values.only([n for n in fit.values if n not in names])
+    return replace(known, fit=replace(fit, store=whole), values=(values,))
+
+
+def doubts_without_gas(model: Model, scenario: Scenario) -> dict[str, float]:
+    """Return path -> relative standard deviation of what thin gas meets and air does not tell; empty where gas stays as it is."""
+    if not any(e.pressure.bounds[0] < THIN for e in scenario.environment.values()):
+        return {}
+    flat = compile_network(model).flat
+    parameters = flat.parameters
+    out: dict[str, float] = {}
+
+    def doubt(path: str, size: float) -> None:
+        root = parameters.literal_behind(path)
+        given: Parameter = parameters.table[root].parameter
+        if given.is_literal and parameters.evaluate({})[root] > 0:
+            out[root] = size
+
+    finishes = {parameters.literal_behind(path): finish(named).log_sd for path, named in flat.finishes.items()}
+    for c in flat.conductors:
+        for path in filter(None, (c.emissivity, c.fields.get("emissivity", ""))):
+            doubt(path, finishes.get(parameters.literal_behind(path), EMISSIVITY))
+        if "contact_conductance" in c.fields:
+            doubt(c.fields["contact_conductance"], JOINT)
+    return out
+
+
+def doubted(problem: Problem, doubts: Mapping[str, float]) -> Problem:
+    """Return a problem whose doubtful values have priors of their own."""
+    unknowns = []
+    for u in problem.unknowns:
+        if u.name in doubts:
+            size = doubts[u.name]
+            u = replace(u, prior=Prior(math.log(u.start), size) if u.log else Prior(u.start, size * u.start))
+        unknowns.append(u)
+    return replace(problem, unknowns=tuple(unknowns))
+
+
+@takes_objects
+def next_test(
+    source: Calibration | Model,
+    target: str | Aim,
+    actions: Sequence[Action] = (),
+    *,
+    scenario: Scenario | None = None,
+    sensors: Mapping[str, Any] | None = None,
+    priors: Mapping[str, tuple[str, str]] | None = None,
+    every: str | float = "1 [min]",
+    goal: str = "",
+) -> Advice:
+    """Return which test would say most of a parameter or a prediction, from the sensitivities of the model as it is.
+
+    Parameters
+    ----------
+    source : Calibration or Model   What is known: a fit, or a model with `priors` on what is not.
+    target : str or Aim             A parameter's path, or a temperature somewhere else.
+    actions : sequence of Action    What could be done; the usual ones about `scenario` when none are given.
+    scenario : Scenario             A test as it was made, for the usual actions and their duration.
+    sensors : dict                  As in `identifiability`; those of the fit's records when not given.
+    priors : dict                   Of a model: path -> (mean, standard deviation) as texts.
+    every : str or float            Interval of the readings. [s]
+    goal : str                      Error to be reached, with its unit, such as ``5 [%]`` of a value or ``0.1 [K]``.
+
+    Raises
+    ------
+    IdentificationError   When there is nothing to choose from, or the target is not among what is looked for.
+
+    Notes
+    -----
+    The unknowns are the sources of the budget that `predict` has, each known to its own size: the noise of fits at every level, constant
+    errors of instruments, splits of coefficients, gas in joints. The planned readings respond to them through the values of the model, and
+    their information J'J adds up (Fedorov, Theory of Optimal Experiments, Academic Press 1972, chapter 1). A new instrument is a source
+    more, with the prior of its constant error; one that was there before brings none a second time.
+    """
+    aim = target.scenario if isinstance(target, Aim) else None
+    known = before_fit(source, aim) if isinstance(source, Calibration) else before_model(source, priors or {}, aim)
+    model = known.model
+    if scenario is None and not actions:
+        raise IdentificationError("no test is given to choose from. Give actions, or a scenario to vary.", model.title)
+    base = scenario if scenario is not None else actions[0].scenario
+    given = sensors_of(model, base, sensors) if sensors else _sensors(source)
+    if not given:
+        raise IdentificationError("no sensor is given, so a test would give no information. Name at least one.", model.title)
+    gradient, value, label, slot, beside = _gradient(known, target)
+    now = _error(np.diag(known.information), gradient)
+    wanted = _goal(goal, slot, value)
+    todo = tuple(actions) or usual_actions(model, base, given)
+    options = [_option(known, a, a.sensors or given, every, gradient, wanted) for a in todo]
+    ranked = sorted(options, key=lambda o: _rank(o, wanted))
+    return Advice(label, value, now, slot, wanted, tuple(ranked), beside, (*_remarks(known, given), *_alike(ranked, slot, value)))
+
+
+def _alike(options: Sequence[Option], slot: str, value: float) -> tuple[str, ...]:
+    """Return what is left where readings are rounded as they were, of tests that repeat the temperatures of a log."""
+    out = []
+    for o in options:
+        if o.alike > WORSE * o.error:
+            size = f"{short(o.alike)} K" if slot == "K" else percent(o.alike / abs(value) if value else np.inf)
+            out.append(
+                f"'{o.name}' leaves +- {size} where temperatures repeat those of a log to a fraction of the steps of its sensors, because "
+                "readings are then rounded alike."
+            )
+    return tuple(out)
+
+
+def _rank(option: Option, goal: float) -> tuple[float, float, float]:
+    """Return what options are sorted by: the time to the goal, or without one the error in steps of 5 %, and then the time."""
+    if np.isfinite(goal):
+        return (option.hours, option.error, 0.0)
+    return (round(20.0 * float(np.log(option.error))) if np.isfinite(option.error) else np.inf, option.hours, option.error)
+
+
+def _sensors(source: Calibration | Model) -> tuple[Sensor, ...]:
+    """Return the instruments of a fit's records, with the noise that the fit used; of one in several records as the first has it."""
+    if not isinstance(source, Calibration) or source.problem is None:
+        return ()
+    out: dict[str, Sensor] = {}
+    for experiment in source.experiments:
+        for name, c in experiment.record.channels.items():
+            role, path = role_and_target(experiment.record, c, experiment.network)
+            if role == "command" or name in out or any(path == s.target and s.role != "node" for s in out.values()):
+                continue
+            if role == "node":
+                out[name] = _thermometer(Sensor(name, path, role, c.noise, c.accuracy, step_of(c) or None), source.problem.noise.get(name))
+            else:
+                noisy = experiment.noisy.get(path if role == "boundary" else SCALE + path)
+                found = (noisy.white or None, noisy.step or None) if noisy is not None else (c.noise, None)
+                out[name] = Sensor(name, path, role, found[0], c.accuracy, found[1])
+    return tuple(out.values())
+
+
+def _thermometer(sensor: Sensor, scatter: float | None) -> Sensor:
+    """Return a sensor with its noise as stated, or what is left of the scatter of its readings without rounding to steps. [K]"""
+    if sensor.noise is not None or scatter is None:
+        return sensor
+    rounding = (sensor.resolution or 0.0) / math.sqrt(12.0)
+    return replace(sensor, noise=math.sqrt(max(scatter**2 - rounding**2, (0.1 * scatter) ** 2)))
+
+
+def _remarks(known: Before, sensors: Sequence[Sensor]) -> tuple[str, ...]:
+    """Return what the figures take for granted of the noise of planned readings."""
+    slow = [s.name for s in sensors if s.name in known.noise and known.noise[s.name].correlated_variance > 0.0]
+    if not slow:
+        return ()
+    return (
+        f"Planned readings of {listed(slow)} are assumed to be autocorrelated like the residuals of the fit, because missing physics "
+        "would remain.",
+    )
+
+
+def _gradient(known: Before, target: str | Aim) -> tuple[Array, float, str, str, Mapping[str, float]]:
+    """Return how the target responds to the sources, its value, its name, its unit, and what else makes it uncertain [K]."""
+    if not isinstance(target, str):
+        at = literal(target.at, "s", "at") if isinstance(target.at, str) and target.at else float(target.at or target.scenario.seconds)
+        gradient, value, beside = known.temperature(target.node, at)
+        return gradient, value, str(target), "K", beside
+    path = known.model.canonical(target)
+    name = next((n for n, paths in known.free.items() if path in paths), None)
+    if name is None:
+        raise NameNotFoundError(f"'{target}' is not one of the free parameters.{nearest(path, known.free)}", known.model.title)
+    unit = unknown_of(known.model, name).unit
+    return known.responses[name], known.values[name], f"'{path}'", unit if unit != "K" else "1", {}
+
+
+def _goal(text: str, slot: str, value: float) -> float:
+    if not text:
+        return float("nan")
+    if text.rstrip(" ]").endswith("%"):
+        return abs(value) * literal(text, "1", "goal")
+    return literal(text, slot, "goal")
+
+
+def _error(information: Array, gradient: Array) -> float:
+    """Return the standard error of a target."""
+    return float(np.sqrt(variance(information, gradient)))
+
+
+def _option(known: Before, action: Action, sensors: Sequence[Sensor], every: str | float, gradient: Array, goal: float) -> Option:
+    """Return what an action would be worth, over its duration."""
+    longest = action.scenario.seconds / 3600.0
+    try:
+        grown = [replace(s, noise=(s.noise or 0.0) * known.spread if s.role == "node" else s.noise) for s in sensors]
+        record = planned_record(known.model, action.scenario, grown, every, NAME)
+        doubts = {} if known.thin else doubts_without_gas(known.model, action.scenario)
+        doubts = {path: size for path, size in doubts.items() if path not in known.split}
+        free = (*known.free, *(p for p in doubts if p not in known.free))
+        request = Request(known.model, (record,), free, {"*": action.scenario}, untie=known.untie)
+        problem = doubted(build_problem(request), doubts)
+        durations, matrices, alike = _growing(known, problem, doubts, _planned_noise(known, grown))
+    except ThermidError as error:
+        return Option(action.name, np.inf, np.inf, longest, np.zeros((0, 2)), error.message)
+    full = np.zeros(len(matrices[0]))
+    full[: gradient.size] = gradient
+    errors = np.array([_error(m, full) for m in matrices])
+    now = _error(np.diag(known.information), gradient)
+    wanted = goal if np.isfinite(goal) else now - ENOUGH * (now - errors[-1]) if np.isfinite(now) else errors[-1] / ENOUGH
+    met = np.flatnonzero(errors <= wanted * (1 + 1e-9))
+    hours = float(durations[met[0]]) / 3600.0 if met.size else np.inf
+    table = np.column_stack([durations / 3600.0, errors])
+    same = _error(alike, full) if _rounds_alike(known, problem.experiments[0]) else float("nan")
+    return Option(action.name, float(errors[-1]), hours, longest, table, alike=same)
+
+
+def _rounds_alike(known: Before, planned: Experiment) -> bool:
+    """Return whether a sensor with steps would read along the temperatures of a log, to a fraction of a step most of the time."""
+    for o in planned.observations:
+        times = planned.times[o.index]
+        for t, path in known.seen.get(o.sensor, ()) if o.step else ():
+            if np.median(np.abs(np.interp(times - times[0], t, path) - o.measured)) < ALIKE * o.step:
+                return True
+    return False
+
+
+def _planned_noise(known: Before, sensors: Sequence[Sensor]) -> tuple[TraceNoise, ...]:
+    """Return how planned readings wander, in squares of their noise: as the residuals of each sensor did, a new one like the others."""
+    out = []
+    size = {s.name: known.sizes.get(s.name, s.noise or 0.0) * known.spread for s in sensors if s.role == "node"}
+    slow = [known.noise[n] for n in size if n in known.noise and known.noise[n].correlated_variance > 0.0]
+    typical = float(np.median([t.correlated_variance * known.sizes[t.sensor] ** 2 for t in slow])) if slow else 0.0
+    for name, noise in size.items():
+        t = known.noise.get(name)
+        if t is None and slow and noise:
+            out.append(TraceNoise(NAME, name, 0, 1.0, typical / noise**2, float(np.median([s.correlation_time for s in slow])), 0.0))
+        elif t is not None and t.white_variance > 0.0:
+            white, correlated = (v / known.spread**2 for v in (t.white_variance, t.correlated_variance))
+            out.append(TraceNoise(NAME, name, 0, white, correlated, t.correlation_time, 0.0))
+        else:
+            out.append(TraceNoise(NAME, name, 0, 0.0, 0.0, 0.0, 0.0))
+    return tuple(out)
+
+
+def _informed(rows: Array, excess: Array) -> Array:
+    """Return what least squares learn from readings (unknowns, unknowns) whose noise adds `excess` to the covariance of J'r.
+
+    ``J'J (J'J + E)^-1 J'J``, the inverse of the sandwich of Huber, in the directions that the readings see.
+    """
+    if not excess.any():
+        return np.asarray(rows.T @ rows)
+    _, s, turned = np.linalg.svd(np.linalg.qr(rows, mode="r"), full_matrices=False)
+    s, turned = s[s > SEEN * s[0]], turned[s > SEEN * s[0]]
+    back = turned / s[:, None]
+    inner = np.linalg.inv(np.eye(s.size) + back @ excess @ back.T)
+    ends = turned.T * s
+    return np.asarray(ends @ inner @ ends.T)
+
+
+def _informed_alike(rows: Array, excess: Array, rounding: Array) -> Array:
+    """Return what a log adds to one that was rounded alike (unknowns, unknowns), `rounding` that part of the covariance of J'r.
+
+    With ``N = W + R``, R by rounding, one log says ``J'J N^-1 J'J`` and both say ``J'J (W / 2 + R)^-1 J'J``.
+    """
+    _, s, turned = np.linalg.svd(np.linalg.qr(rows, mode="r"), full_matrices=False)
+    s, turned = s[s > SEEN * s[0]], turned[s > SEEN * s[0]]
+    back = turned / s[:, None]
+    whole, shared = np.eye(s.size) + back @ excess @ back.T, back @ rounding @ back.T
+    sizes, vectors = np.linalg.eigh(whole - shared)
+    own = (vectors * np.maximum(sizes, 0.0)) @ vectors.T
+    both = np.linalg.inv(whole - 0.5 * own)
+    ends = turned.T * s
+    return np.asarray(ends @ (both - np.linalg.inv(whole)) @ ends.T)
+
+
+def _growing(known: Before, problem: Problem, doubts: Mapping[str, float], noise: Sequence[TraceNoise]) -> tuple[Array, list[Array], Array]:
+    """Return durations, at each the information of the sources (those known now, then the test's own), and at the end if rounded alike."""
+    leader = {q: name for name, paths in known.free.items() for q in paths}
+    # what holds with gas says nothing of the same value without it
+    own = [leader.get(u.name, u.name) + (WITHOUT_GAS if u.name in doubts else "") for u in problem.unknowns]
+    fresh = [k for k, name in enumerate(own) if name not in known.responses]
+    size = len(known.place)
+    at = np.array([u.to_fitted(known.values.get(leader.get(u.name, u.name), u.start)) for u in problem.unknowns])
+    chain = np.zeros((len(own), size + len(fresh)))
+    base = np.diag(np.concatenate([known.information, np.zeros(len(fresh))]))
+    for k, (u, name) in enumerate(zip(problem.unknowns, own, strict=True)):
+        if k in fresh:
+            chain[k, size + fresh.index(k)] = 1.0
+        else:
+            chain[k, :size] = known.responses[name] / u.slope(at[k])
+        if u.prior is not None and (k in fresh or u.kind != "parameter"):
+            # a meter good to so many watts is known better as a share once it has read a larger power
+            base += max(0.0, u.prior.sd**-2 - known.held.get(u.name, 0.0)) * np.outer(chain[k], chain[k])
+    rows = problem.jacobian(at) @ chain
+    times = np.concatenate([problem.experiments[0].times[o.index] for o in problem.experiments[0].observations])
+    durations = np.linspace(0.0, float(times.max()), DURATIONS + 1)[1:]
+    pieces = binned(problem, at)
+    inputs = answers_to_inputs(problem, at, pieces)
+    out = []
+    for end in (durations * (1 + 1e-9)).tolist():
+        part = {key: b.before(end) for key, b in pieces.items()}
+        causes = {key: h[pieces[key].times <= end] for key, h in inputs.items()}
+        excess = chain.T @ score_excess(part, noise, 1.0, causes) @ chain
+        out.append(base + _informed(rows[times <= end], excess))
+    moved = [b.slopes.T @ b.rounding for b in pieces.values() if b.shares_rounding]
+    rounding = chain.T @ sum((m @ m.T for m in moved), np.zeros((len(own),) * 2)) @ chain
+    return durations, out, base + _informed_alike(rows, excess, rounding) if moved else out[-1]

@@ -1,0 +1,22 @@
+"""Predictions with bands: of scenarios, of records, before any test; their sources of uncertainty."""
+
+from thermid.prediction._budget import SILENT as SILENT, UNFITTED as UNFITTED, Spread as Spread, assumed_values as assumed_values
+from thermid.prediction._conformal import SecondOpinion as SecondOpinion, second_opinion as second_opinion
+from thermid.prediction._hand import Filed as Filed, filed as filed, hand_values as hand_values
+from thermid.prediction._known import Known as Known
+from thermid.prediction._predict import (
+    IN_TESTS as IN_TESTS,
+    Band as Band,
+    Foresight as Foresight,
+    Prediction as Prediction,
+    foresee as foresee,
+    predict as predict,
+    widened as widened,
+)
+from thermid.prediction._records import (
+    RecordPrediction as RecordPrediction,
+    predict_record as predict_record,
+    record_bands as record_bands,
+    record_request as record_request,
+)
+from thermid.prediction._split import Split as Split, split as split

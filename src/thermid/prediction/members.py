@@ -1,0 +1,14 @@
+"""Many runs with drawn inputs: hold times, bands, drivers."""
+
+from thermid.prediction._monte_carlo.chunks import digest as digest
+from thermid.prediction._monte_carlo.drivers import sobol_of as sobol_of
+from thermid.prediction._monte_carlo.hold import (
+    Hold as Hold,
+    HoldPoint as HoldPoint,
+    HoldQuestion as HoldQuestion,
+    clock as clock,
+    driven_by as driven_by,
+    hold as hold,
+    load_hold as load_hold,
+)
+from thermid.prediction._monte_carlo.uncertain import UncertainRuns as UncertainRuns, uncertain_runs as uncertain_runs

@@ -1,0 +1,181 @@
+"""`deliver`: a model as others get it: decks, values, a reduced deck, scenarios, and what must come out, checked from the folder itself."""
+
+from __future__ import annotations
+
+import hashlib
+import json
+import os
+import platform
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from thermid.base.arguments import takes_objects
+from thermid.base.errors import DeckError
+from thermid.base.files import COPY, DELIVERY, folder_replacing, read_bytes, write_bytes, write_text
+from thermid.base.toml_files import read_json
+from thermid.model.deck import load_model, save_model
+from thermid.model.tree import Model
+from thermid.prediction.members import digest
+from thermid.prediction.reduction import Reduction, assumed, reduce
+from thermid.simulation.runs import Solution, network_for, simulate
+from thermid.simulation.scenarios import Scenario, load_scenario
+from thermid.values.fitted import FittedValues
+
+SAME = 1e-6
+"""Difference up to which a repeated run is the same. [K]"""
+CHECK_TIMES = 5
+"""Times at which temperatures are written down, equally spaced, the end among them."""
+
+
+@takes_objects
+def deliver(
+    model: Model,
+    scenarios: Sequence[str | os.PathLike[str]],
+    to: str | os.PathLike[str],
+    *,
+    values: Sequence[FittedValues] = (),
+    nodes: int | None = None,
+    within: str | float | None = None,
+    keep: Sequence[str] = (),
+    at: str = "",
+) -> Path:
+    """Write a delivery folder and return its `checks.json`: version, hashes, run record, temperatures to be met, deviations when reduced.
+
+    The folder holds ``full/`` (the model with its submodels as decks, values laid in), ``values/``, ``scenarios/`` and, where `nodes` or
+    `within` asks for one, ``reduced/``. Everything is loaded and run again from there before it is said to be done.
+
+    Parameters
+    ----------
+    model : Model                   With all its values laid over it.
+    scenarios : sequence of path    Scenario files.
+    to : path                       The folder, new or empty.
+    values : sequence               What fits found, for the record.
+    nodes, within, keep, at         As in `reduce`.
+
+    Raises
+    ------
+    DeckError       When the folder holds something, two files have one name, or what is in it does not give the same temperatures again.
+    ScenarioError   As in `reduce`.
+    """
+    target = Path(to)
+    if target.exists() and any(target.iterdir()):
+        raise DeckError(f"the folder '{target.name}' is not empty. A delivery is written once. Give a new folder.")
+    names, stages = [Path(s).name for s in scenarios], [v.stage for v in values]
+    for what, names_of in (("scenario files are named", names), ("files of values are of stage", stages)):
+        if twice := [n for n in dict.fromkeys(names_of) if names_of.count(n) > 1]:
+            raise DeckError(f"two {what} '{twice[0]}', but a delivery needs different names. Rename one, or leave it out.", model.title)
+    loaded = dict(zip(names, map(load_scenario, scenarios), strict=True))
+    if not loaded:
+        raise DeckError("a delivery needs a scenario, to state the expected result.", model.title)
+    small = reduce(model, list(loaded.values()), nodes=nodes, within=within, keep=keep, at=at) if nodes or within is not None else None
+    record = _record(model, loaded, small, at)
+    with folder_replacing(target) as folder:
+        for name in ("full", "scenarios", *(["values"] if values else []), *(["reduced"] if small is not None else [])):
+            (folder / name).mkdir()
+        for path in map(Path, scenarios):
+            write_bytes(folder / "scenarios" / path.name, read_bytes(path), COPY)
+        for v in values:
+            v.save(folder / "values" / f"{v.stage}.values.toml")
+        save_model(model, folder / "full" / "model.toml")
+        if small is not None:
+            save_model(small.inside, folder / "reduced" / "model.toml")
+        record["files"] = {str(p.relative_to(folder)): _hash(p) for p in sorted(folder.rglob("*.toml"))}
+        write_text(folder / "checks.json", json.dumps(record, indent=1), DELIVERY)
+    check_delivery(target)
+    return target / "checks.json"
+
+
+@takes_objects
+def check_delivery(folder: str | os.PathLike[str]) -> dict[str, float]:
+    """Return scenario -> largest difference between what a delivery says must come out and what does. [K]
+
+    Raises
+    ------
+    DeckError   When a file has changed since it was written, or a temperature is not met.
+    """
+    base = Path(folder)
+    if not (base / "checks.json").is_file():
+        raise DeckError(f"'{base.name}' is not a delivery: it has no checks.json with files and runs.")
+    record = read_json(base / "checks.json", "thermid.qualify._plan_schema.ChecksFile")
+    files, runs, watched = record.files, record.runs, record.reference_points
+    for name, kept in files.items():
+        if not (base / name).is_file() or _hash(base / name) != kept:
+            raise DeckError(f"'{name}' is not the file that was delivered.", base.name)
+    model = load_model(base / "full" / "model.toml")
+    out = {}
+    for name, want in runs.items():
+        run = simulate(model, load_scenario(base / "scenarios" / name))
+        off = {p: np.abs(run[p].at(np.array(want.times)) - np.array(want.temperatures[p])).max() for p in watched}
+        worst = max(off, key=lambda p: off[p])
+        if not off[worst] <= SAME:
+            raise DeckError(f"'{worst}' is {off[worst]:.3g} K from its expected value in {name}.", base.name)
+        out[name] = float(off[worst])
+    return out
+
+
+def _record(model: Model, scenarios: Mapping[str, Scenario], small: Reduction | None, at: str) -> dict[str, Any]:
+    """Return what stands in checks.json, but for the hashes of the files."""
+    from datetime import UTC, datetime
+    from importlib.metadata import version
+
+    runs = {name: simulate(model, s) for name, s in scenarios.items()}
+    first = next(iter(runs.values()))
+    watched = _watched(model, next(iter(scenarios.values())))
+    taken = assumed(model)
+    return {
+        "schema": 1,
+        "title": model.title,
+        "watermark": f"demonstration, {len(taken)} assumed parameters" if taken else "",
+        "model": {"identity": model.identity(), "nodes": len(first.nodes), "assumed": list(taken)},
+        "reference_points": watched,
+        "written": {
+            "by": f"thermid {version('thermid')}",
+            "numpy": version("numpy"),
+            "python": platform.python_version(),
+            "machine": platform.machine(),
+            "at": datetime.now(UTC).isoformat(timespec="seconds"),
+        },
+        "runs": {name: _run(scenarios[name], run, watched) for name, run in runs.items()},
+        **({"reduced": _reduced(small, at or model.title)} if small is not None else {}),
+    }
+
+
+def _watched(model: Model, scenario: Scenario) -> list[str]:
+    """Return the reference points, or every node where none is marked."""
+    network = network_for(model, scenario)
+    return [n.path for n in network.flat.nodes if n.reference_point] or list(network.nodes)
+
+
+def _run(scenario: Scenario, run: Solution, watched: Sequence[str]) -> dict[str, Any]:
+    times = np.linspace(0.0, scenario.seconds, CHECK_TIMES)
+    balance = run.heat_balance()
+    heat = {"loads_J": balance.loads, "boundaries_J": balance.boundaries, "stored_J": balance.stored, "residual": balance.relative}
+    return {
+        "title": scenario.title,
+        "identity": digest(scenario),
+        "times_s": times.tolist(),
+        "temperatures_C": {p: run[p].at(times).tolist() for p in watched},
+        "highest_C": {p: run[p].highest for p in watched},
+        "heat_balance": heat,
+    }
+
+
+def _reduced(small: Reduction, part: str) -> dict[str, Any]:
+    return {
+        "part": part,
+        "identity": small.model.identity(),
+        "masses": list(small.masses),
+        "nodes": list(small.nodes),
+        "deviations": [
+            {"scenario": d.scenario, "node": d.node, "largest_K": d.largest, "time_s": d.time, "final_K": d.final} for d in small.deviations
+        ],
+        "largest_K": {n: d.largest for n, d in small.by_node().items()},
+        "remarks": list(small.remarks),
+    }
+
+
+def _hash(path: Path) -> str:
+    return hashlib.sha256(path.read_bytes()).hexdigest()

@@ -1,0 +1,470 @@
+"""`load_plan`: a qualification plan - what is to be shown, on what, with which sensors and by which criteria - before any log is read."""
+
+from __future__ import annotations
+
+import hashlib
+import json
+import os
+from collections.abc import Callable, Iterator, Mapping
+from contextlib import suppress
+from dataclasses import dataclass, field, replace
+from functools import cached_property
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from thermid.base.arguments import takes_objects
+from thermid.base.errors import DeckError, NameNotFoundError, ThermidError, errors_at, nearest, refuse_unknown
+from thermid.base.extensions import by_grammar
+from thermid.base.files import OWN, read_bytes, write_text
+from thermid.base.results import Result
+from thermid.base.toml_files import Places, project_root, read_json, read_toml, refuse_another_kind, resolve_inside
+from thermid.base.units import TEMPERATURE, counted
+from thermid.campaign.stages import run_stages
+from thermid.campaign.verdicts import CRITERIA, POLICIES, Criteria, Limits, load_limits, read_limits
+from thermid.fit.uncertainty import listed
+from thermid.measure.steadiness import rule_of
+from thermid.model.deck import load_model
+from thermid.model.laws import literal
+from thermid.prediction.bands import Known, filed
+from thermid.prediction.reduction import macro_model
+
+if TYPE_CHECKING:
+    from thermid.qualify._plan_schema import LockFile, PlanFile, TestTable
+
+
+from datetime import UTC, datetime
+
+AS_RUN = ("log", "state", "deviations", "date", "heat_leaks", "note")
+"""What a test's table may gain once it was made; the rest is the plan."""
+
+
+@dataclass(frozen=True, eq=False)
+class Plan(Result):
+    """A qualification plan.
+
+    Parameters
+    ----------
+    path : Path                 Its file.
+    content : PlanFile          As it is written, checked.
+    limits : tuple of Limits    Of the reference points.
+    criteria : dict             Name -> set of criteria, published ones and the project's own.
+    files : dict                File that the plan rests on -> hash: decks, limits, scenarios, and the files that these name in turn.
+    """
+
+    path: Path
+    content: PlanFile
+    limits: tuple[Limits, ...]
+    criteria: Mapping[str, Criteria]
+    files: Mapping[str, str] = field(repr=False)
+    data: Path | None = None
+
+    @property
+    def title(self) -> str:
+        """Its title."""
+        return self.content.title
+
+    @property
+    def tests(self) -> tuple[TestTable, ...]:
+        """The tests, in order."""
+        return tuple(self.content.tests)
+
+    @cached_property
+    def planned(self) -> dict[str, str]:
+        """Key path -> what is planned there, as text: all that may not change once a log was looked at."""
+        whole = self.content.model_dump(mode="json")
+        whole.pop("document"), whole.pop("discrepancies")
+        for test in whole["tests"]:
+            for key in AS_RUN:
+                test.pop(key, None)
+        whole["tests"] = {t["name"]: t for t in whole["tests"]}
+        return dict(_flat(whole)) | {f"file {name}": sha for name, sha in self.files.items()}
+
+    @cached_property
+    def sha256(self) -> str:
+        """Hash of what is planned, the decks and files that it rests on among it; what is added as tests are made does not enter."""
+        return hashlib.sha256(json.dumps(self.planned, sort_keys=True).encode()).hexdigest()
+
+    @cached_property
+    def known(self) -> Known:
+        """The model with what is known of its values; a campaign is run when this is first asked for."""
+        with errors_at(self.path.name, ", "):
+            return self._known()
+
+    def _known(self) -> Known:
+        source, folder = self.content.model, self.path.parent
+        if source.campaign:
+            file = resolve_inside(folder, source.campaign, "model.campaign")
+            data = self.data or (resolve_inside(folder, source.data, "model.data") if source.data else None)
+            campaign = run_stages(file, data=data, cache=file.parent / "results")
+            refuse_unknown([source.stage], campaign.stages, "model.stage", "the campaign has no stage '{}'.", NameNotFoundError)
+            return Known.of(campaign[source.stage])
+        model = load_model(resolve_inside(folder, source.deck, "model.deck"))
+        if not source.values:
+            return Known(model)
+        values = filed(resolve_inside(folder, source.values, "model.values"), model)
+        synthetic = bool(values.values.provenance.get("synthetic", False))
+        return Known(values.model, (values.values,), synthetic=synthetic, remarks=values.lines)
+
+    def hosted(self, host: str) -> Known:
+        """Return the model on a host of the plan, values under their paths there; the model itself where no host is named."""
+        if not host:
+            return self.known
+        table = self.content.hosts[host]
+        whole = macro_model(resolve_inside(self.path.parent, table.deck, f"hosts.{host}.deck"), unit=self.known.model)
+        return Known(whole, self.known.values, None, self.known.synthetic, at=table.unit)
+
+    def limits_on(self, host: str) -> tuple[Limits, ...]:
+        """Return the limits under their paths on a host."""
+        if not host:
+            return self.limits
+        unit = self.content.hosts[host].unit
+        return tuple(replace(one, node=f"{unit}.{one.node}", loads=tuple(f"{unit}.{n}" for n in one.loads)) for one in self.limits)
+
+    def _summary(self) -> str:
+        """Return the title and what it holds."""
+        return f"{self.title}: {counted(len(self.tests), 'test')}, {counted(len(self.limits), 'reference point')}"
+
+
+def _flat(value: Any, path: str = "") -> list[tuple[str, str]]:
+    if isinstance(value, dict):
+        return [pair for key, inner in value.items() for pair in _flat(inner, f"{path}.{key}" if path else str(key))]
+    return [(path, json.dumps(value, sort_keys=True))] if value not in (None, "", []) else []
+
+
+@takes_objects
+def load_plan(path: str | os.PathLike[str], data: str | os.PathLike[str] | None = None) -> Plan:
+    """Return a qualification plan, checked as far as that goes without running anything.
+
+    Parameters
+    ----------
+    path : path     The TOML file.
+    data : path     A folder of logs outside the project.
+
+    Raises
+    ------
+    DeckError           When it does not follow the grammar, says no objective, test or limit, or a test has no course.
+    NameNotFoundError   When a test names a sensor, a set of criteria or a host that the plan does not have.
+    """
+    target = Path(path)
+    raw, lines = read_toml(target)
+    refuse_another_kind(raw, "a qualification plan, which names it under [model] beside objectives, limits and tests", target.name)
+    _not_empty(raw, target.name)
+    where = Places(target.name, lines)
+    content: PlanFile = by_grammar("thermid.qualify._plan_schema.PlanFile", raw, where)
+    source = content.model
+    if bool(source.deck) == bool(source.campaign) or bool(source.campaign) != bool(source.stage):
+        raise DeckError(
+            "give the model as a deck, with a values file if any; or as a stage of a campaign: campaign and stage.", where("model")
+        )
+    limits = _limits(content.limits, target.parent, where)
+    project_sets = {name: Criteria.read(table, where(f"criteria.{name}"), name) for name, table in content.criteria.items()}
+    criteria = CRITERIA | project_sets
+    check_parts(content, where)
+    for k, test in enumerate(content.tests):
+        check_test(content, test, criteria, lambda key, k=k: where(f"tests.{k}.{key}"))  # type: ignore[misc]
+    if content.margins.policy not in POLICIES:
+        known = "; ".join(POLICIES)
+        raise NameNotFoundError(
+            f"no margin policy '{content.margins.policy}'; there are {known}.{nearest(content.margins.policy, POLICIES)}",
+            where("margins.policy"),
+        )
+    logs = Path(data) if data is not None else None
+    return Plan(target, content, limits, criteria, basis(target, content, logs, where), logs)
+
+
+def _limits(limits: str | Mapping[str, Any], folder: Path, where: Places) -> tuple[Limits, ...]:
+    """Return the limits of a plan; errors of a file of their own name the plan too."""
+    if not isinstance(limits, str):
+        return read_limits(limits, lambda key: where(f"limits.{key}" if key else "limits"))
+    with errors_at(where("limits"), ", "):
+        return load_limits(resolve_inside(folder, limits, where("limits")))
+
+
+def _not_empty(raw: Mapping[str, Any], name: str) -> None:
+    """Refuse a plan that plans nothing, before its grammar is looked at."""
+    lacking = [k for k in ("title", "objectives", "model", "limits", "sensors", "tests") if not raw.get(k)]
+    if len(lacking) == 6:
+        raise DeckError(
+            "the plan is empty. State before any log is read what the tests must show: title, objectives, [model], [limits], [sensors] and "
+            "[[tests]].",
+            name,
+        )
+    if lacking:
+        raise DeckError(
+            f"the plan has no {', no '.join(lacking)}. State them before any log is read; a later decision is weak evidence.", name
+        )
+
+
+LONGEST = 255
+"""Characters that a file's name can have."""
+
+
+def basis(target: Path, content: PlanFile, data: Path | None, where: Callable[[str], str]) -> dict[str, str]:
+    """Return file -> hash: of a deck of the plan, of what its model means; of every other file, of its bytes.
+
+    A file's name is its way from the plan, or ``data: ...`` in the folder of logs that the plan or the caller names.
+
+    Parameters
+    ----------
+    target : Path       The plan's file.
+    content : PlanFile  What it says.
+    data : Path or None A folder of logs outside the project.
+    where : callable    Key -> its place in the plan, for messages.
+
+    Raises
+    ------
+    DeckError   When a file that the plan names is not there.
+    """
+    folder, source = target.parent, content.model
+    decks = [*([source.deck] if source.deck else []), *(h.deck for h in content.hosts.values())]
+    out = {name: load_model(resolve_inside(folder, name, where("model"))).identity() for name in decks}
+    plain = [source.values, source.campaign, content.limits if isinstance(content.limits, str) else ""]
+    plain += [t.scenario for t in content.tests if isinstance(t.scenario, str)]
+    logs = data or (resolve_inside(folder, source.data, where("model.data")) if source.data else None)
+    for name in (n for n in plain if n):
+        file = resolve_inside(folder, name, where("files"))
+        if not file.is_file():
+            raise DeckError(f"there is no file '{name}'.", target.name)
+        for one in _with_named(file, logs, set()):
+            out[_name(one, folder, logs)] = hashlib.sha256(read_bytes(one)).hexdigest()
+    return out
+
+
+def _name(file: Path, folder: Path, logs: Path | None) -> str:
+    """Return how a file is called: a folder of logs may be somewhere else tomorrow."""
+    inside = logs is not None and file.is_relative_to(logs.resolve()) and not folder.resolve().is_relative_to(logs.resolve())
+    return (
+        f"data: {file.relative_to(logs.resolve()).as_posix()}"
+        if logs and inside
+        else Path(os.path.relpath(file, folder.resolve())).as_posix()
+    )
+
+
+def _with_named(file: Path, logs: Path | None, seen: set[Path]) -> Iterator[Path]:
+    """Yield a file, and every file that it names, at any depth.
+
+    Every text in a TOML file that is the name of a file counts, whatever its key: a key that is new tomorrow is not forgotten then.
+    """
+    if file in seen:
+        return
+    seen.add(file)
+    yield file
+    if file.suffix == ".toml":
+        for key, text in _texts(read_toml(file)[0]):
+            for named in _found(key, text, file.parent, logs):
+                yield from _with_named(named, logs, seen)
+
+
+def _texts(value: Any, key: str = "") -> Iterator[tuple[str, str]]:
+    """Yield every text of a file with the key that it stands under."""
+    if isinstance(value, str):
+        yield key, value
+    elif isinstance(value, dict):
+        for name, inner in value.items():
+            yield from _texts(inner, name)
+    elif isinstance(value, list):
+        for inner in value:
+            yield from _texts(inner, key)
+
+
+def _found(key: str, text: str, folder: Path, logs: Path | None) -> list[Path]:
+    """Return the files that a text names, in the folder of logs first; none where it names none, or one outside of the project."""
+    if not text or len(text) > LONGEST or "\0" in text or "\n" in text:
+        return []
+    roots = [r.resolve() for r in (project_root(folder), logs) if r is not None]
+    for root in (r for r in (logs, folder) if r is not None):
+        hits = sorted(root.glob(text)) if key == "files" and not Path(text).is_absolute() else [root / text]
+        inside = [f for f in (h.resolve() for h in hits) if f.is_file() and any(f.is_relative_to(r) for r in roots)]
+        if inside:
+            return inside
+    return []
+
+
+Where = Callable[[str], str]
+PROFILE = "thermid.qualify._profiles.schema.ProfileTable"
+RANGES = {"temperature": TEMPERATURE, "pressure": "Pa", "power": "W", "gravity": "m/s^2"}
+"""Key of the validity -> the unit of its two ends."""
+
+
+def check_parts(content: PlanFile, where: Where) -> None:
+    """Refuse what no test could be judged by: sensors without a reason, exclusions of none, ranges that are none.
+
+    Raises
+    ------
+    DeckError           When a reason is missing, or a range is no pair in order.
+    NameNotFoundError   When an exclusion names no sensor.
+    """
+    for name, sensor in content.sensors.items():
+        if not sensor.reason.strip():
+            raise DeckError(f"sensor '{name}' has no reason for its place. State why.", where(f"sensors.{name}.reason"))
+    for name in content.exclusions.reasons:
+        refuse_unknown(
+            [name], content.sensors, where(f"exclusions.reasons.{name}"), "'{}' is excluded, but is not a sensor.", NameNotFoundError
+        )
+    for key, unit in RANGES.items():
+        texts = getattr(content.validity, key)
+        ends = [literal(t, unit, where(f"validity.{key}")) for t in texts]
+        if texts and (len(ends) not in ((1, 2) if key == "gravity" else (2,)) or ends != sorted(ends)):
+            raise DeckError(f"give the range of the calibration as a pair, lowest first, not {texts}.", where(f"validity.{key}"))
+
+
+def check_test(content: PlanFile, test: TestTable, criteria: Mapping[str, Criteria], where: Where) -> None:
+    """Refuse a test without a name or course of its own, and names and stretches that do not fit.
+
+    Raises
+    ------
+    DeckError           When it is no test.
+    NameNotFoundError   When it names a host, a sensor or criteria that the plan does not have.
+    RecordError         When its rule of stability is none.
+    """
+    names = [t.name for t in content.tests]
+    if not test.name.strip() or names.count(test.name) > 1:
+        raise DeckError(f"a test needs a name of its own, not '{test.name}'.", where("name"))
+    if test.profile is None and test.scenario is None:
+        raise DeckError(f"test '{test.name}' needs a profile or a scenario.", where("name"))
+    refuse_unknown([test.host] if test.host else (), content.hosts, where("host"), "there is no host '{}'.", NameNotFoundError)
+    for key in ("sensors", "weights"):
+        refuse_unknown(getattr(test, key), content.sensors, where(key), "there is no sensor '{}'.", NameNotFoundError)
+    have = f"there are no criteria '{{}}'; there are {listed(list(criteria))}."
+    refuse_unknown(test.criteria, criteria, where("criteria"), have, NameNotFoundError)
+    for key, kind, given in (("scenario", "scenario", test.scenario), ("profile", PROFILE, test.profile)):
+        if isinstance(given, Mapping):
+            by_grammar(kind, given, lambda inner, key=key: where(f"{key}.{inner}".rstrip(".")))  # type: ignore[misc]
+    rule_of(test.stable)
+    steady = [n for n in test.criteria if "steady" in criteria[n].kinds]
+    if test.log is not None and steady and not test.steady and test.profile is None:
+        raise DeckError(
+            f"'{steady[0]}' applies to steady cases, but test '{test.name}' names no steady period. Give steady = [[\"4 [h]\", \"5 "
+            '[h]"]].',
+            where("criteria"),
+        )
+    for window in test.steady:
+        ends = [literal(t, "s", where("steady")) for t in window]
+        if len(ends) != 2 or not ends[0] < ends[1]:
+            raise DeckError('give a steady period as a pair of times, the earlier first: ["4 [h]", "5 [h]"].', where("steady"))
+    if test.state == "waived" and not test.note.strip():
+        raise DeckError(f"test '{test.name}' is waived without a reason. State why, and by whom, in its note.", where("state"))
+
+
+@dataclass(frozen=True)
+class LockStatus:
+    """How a plan stands to its lock.
+
+    Parameters
+    ----------
+    state : str             open (never locked), locked, changed (since, no log looked at), late (logs looked at before it was locked),
+                            moved (changed after logs were looked at).
+    date : str              Of the lock that counts: the last one before the first look.
+    looked : str            When a log was first looked at; empty where none was.
+    changed : tuple of str  Keys that differ from that lock.
+    sha256 : str            Hash of the plan as it is.
+    """
+
+    state: str
+    date: str
+    looked: str
+    changed: tuple[str, ...]
+    sha256: str
+
+    @property
+    def sound(self) -> bool:
+        """Whether what is judged by is what was planned before any log was looked at."""
+        return self.state == "locked"
+
+    def __str__(self) -> str:
+        """Return it in words."""
+        keys = ", ".join(self.changed[:6]) + (f" and {len(self.changed) - 6} more" if len(self.changed) > 6 else "")
+        return {
+            "open": "the plan is not locked. Lock it before any log is read: thermid plan PLAN --lock",
+            "locked": f"the plan is unchanged since it was locked on {self.date} (hash {self.sha256[:12]})"
+            + (", before any log was read" if self.looked else ". No log has been read since"),
+            "changed": f"the plan was changed after it was locked on {self.date}: {keys}. No log has been read since; lock it again",
+            "late": "another plan of this folder read its logs before it was locked, so the lock does not prove that the criteria "
+            "were set in advance"
+            if self.date
+            else f"logs were read on {self.looked}, before the plan was locked, so the lock does not prove that the criteria were set "
+            "in advance",
+            "moved": f"THE PLAN WAS CHANGED AFTER LOGS WERE READ on {self.looked}: {keys}; it was locked on {self.date}",
+        }[self.state]
+
+
+def _file(plan: Plan) -> Path:
+    return plan.path.with_suffix(".lock.json")
+
+
+def _read(plan: Plan) -> dict[str, Any]:
+    file = _file(plan)
+    if not file.is_file():
+        return {"schema": 1, "locks": [], "looks": []}
+    lock: LockFile = read_json(file, "thermid.qualify._plan_schema.LockFile")
+    return dict(lock.model_dump(by_alias=True))
+
+
+def _write(plan: Plan, data: dict[str, Any]) -> None:
+    write_text(_file(plan), json.dumps(data, indent=1, sort_keys=True), OWN)
+
+
+def _today() -> str:
+    return datetime.now(UTC).date().isoformat()
+
+
+@takes_objects
+def lock_plan(plan: Plan, predictions: dict[str, Any] | None = None, date: str = "") -> Path:
+    """Write what is planned with its hash, the date and the pre-test predictions beside the plan, and return the file.
+
+    Older locks and all looks at logs are kept; locking again after a look does not make a plan older than it is.
+
+    Parameters
+    ----------
+    plan : Plan
+    predictions : dict  What was predicted of each test, as plain numbers.
+    date : str          The day; today by default.
+    """
+    data = _read(plan)
+    if not data["locks"] or data["locks"][-1]["sha256"] != plan.sha256:
+        entry = {"sha256": plan.sha256, "date": date or _today(), "planned": plan.planned, "predictions": predictions or {}}
+        entry["looked_beside"] = _beside(plan)
+        data["locks"].append(entry)
+        _write(plan, data)
+    return _file(plan)
+
+
+def _beside(plan: Plan) -> list[str]:
+    """Return the hashes of logs that other plans of the folder have looked at; a copy of a plan does not unsee them."""
+    lock_file, hashes = _file(plan), set()
+    for file in sorted(lock_file.parent.glob("*.lock.json")):
+        if file == lock_file:
+            continue
+        with suppress(ThermidError):
+            hashes |= {look.sha256 for look in read_json(file, "thermid.qualify._plan_schema.LockFile").looks}
+    return sorted(hashes)
+
+
+def note_look(plan: Plan, test: str, sha256: str, date: str = "") -> str:
+    """Note that the log of a test was looked at; return when another log of that test was first looked at, or an empty text.
+
+    The same log again is no new look.
+    """
+    data = _read(plan)
+    others = [one["date"] for one in data["looks"] if one["test"] == test and one["sha256"] != sha256]
+    if all((one["test"], one["sha256"]) != (test, sha256) for one in data["looks"]):
+        data["looks"].append({"test": test, "sha256": sha256, "date": date or _today(), "locks_before": len(data["locks"])})
+        _write(plan, data)
+    return str(min(others, default=""))
+
+
+def lock_status(plan: Plan) -> LockStatus:
+    """Return how a plan stands to its lock."""
+    data = _read(plan)
+    locks, looks = data["locks"], data["looks"]
+    looked = looks[0]["date"] if looks else ""
+    before = locks[: looks[0]["locks_before"]] if looks else locks
+    if not before:
+        return LockStatus("late" if looks else "open", "", looked, (), plan.sha256)
+    base = before[-1]
+    if {look["sha256"] for look in looks} & {*base.get("looked_beside", [])}:
+        return LockStatus("late", base["date"], looked, (), plan.sha256)
+    old, new = base["planned"], plan.planned
+    changed = tuple(sorted(k for k in {*old, *new} if old.get(k) != new.get(k)))
+    state = "locked" if not changed else "moved" if looks else "changed"
+    return LockStatus(state, base["date"], looked, changed, plan.sha256)

@@ -1,0 +1,643 @@
+"""Profiles of environmental tests: numbers with clause and mark, the steps that follow, checks, text and TOML."""
+
+from __future__ import annotations
+
+import json
+import math
+import os
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass, field, replace
+from numbers import Real
+from typing import Any, Final
+
+from thermid.base.errors import ScenarioError, ThermidError, cap, look_up, nearest, raising, refuse_unknown
+from thermid.base.extensions import by_grammar
+from thermid.base.files import PROFILE, write_text
+from thermid.base.results import Result
+from thermid.base.sourced import check_mark, weakest
+from thermid.base.toml_files import Places
+from thermid.base.units import TEMPERATURE
+from thermid.measure.steadiness import rule_of
+from thermid.model.laws import literal
+from thermid.physics.constants import ATMOSPHERE, ICE_POINT
+
+SLOTS: Final[Mapping[str, str]] = {
+    "hot": TEMPERATURE,
+    "cold": TEMPERATURE,
+    "middle": TEMPERATURE,
+    "ambient": TEMPERATURE,
+    "hot_least": TEMPERATURE,
+    "cold_least": TEMPERATURE,
+    "margin": "K",
+    "tolerance": "K",
+    "ramp": "K/s",
+    "ramp_least": "K/s",
+    "cycles": "1",
+    "base_cycles": "1",
+    "base_range": "K",
+    "range_exponent": "1",
+    "dwell": "s",
+    "soak": "s",
+    "soak_ends": "s",
+    "operate": "s",
+    "operate_ends": "s",
+    "off": "s",
+    "pressure": "Pa",
+    "rough_pressure": "Pa",
+    "pump_down": "s",
+    "humidity": "1",
+    "longest_wait": "s",
+    "average": "s",
+}
+"""Numbers of a profile -> their unit."""
+
+USUAL: Final[Mapping[str, str]] = {TEMPERATURE: "degC", "K/s": "K/min", "s": "h"}
+"""Unit of a number -> the one that a person means who writes none."""
+
+WORDS: Final[Mapping[str, tuple[str, ...]]] = {
+    "stable": (),
+    "starts": ("each", "first and last", "never"),
+    "first": ("hot", "cold"),
+    "last": ("hot", "cold"),
+}
+"""Words of a profile -> what they may be; the rule of stability is checked by itself."""
+
+
+@dataclass(frozen=True)
+class Number:
+    """A number or word of a profile.
+
+    Parameters
+    ----------
+    value : float or str    [SI]
+    slot : str              Its unit; empty for a word.
+    mark : str              How it is known; see `MARKS`.
+    clause : str            Where it stands.
+    note : str              What a reader must know beside it.
+    """
+
+    value: float | str
+    slot: str
+    mark: str
+    clause: str = ""
+    note: str = ""
+
+    @property
+    def text(self) -> str:
+        """The value with its unit, as a file holds it."""
+        if isinstance(self.value, str):
+            return self.value
+        v = self.value
+        if self.slot == TEMPERATURE:
+            return f"{round(v - ICE_POINT, 9):.6g} [degC]"
+        if self.slot == "K/s":
+            return f"{round(60.0 * v, 9):.6g} [K/min]"
+        if self.slot == "s":
+            return f"{v / 3600.0:.6g} [h]" if v >= 7200.0 or (v >= 3600.0 and v % 3600.0 == 0) else f"{v / 60.0:.6g} [min]"
+        return f"{v:.6g}" if self.slot == "1" else f"{v:.6g} [{self.slot}]"
+
+
+def number(name: str, spec: Any, mark: str, clause: str, where: str) -> Number:
+    """Return a number from what a file or a caller writes: a value, or a table of value, mark, clause and note.
+
+    Raises
+    ------
+    ScenarioError   When there is no such number, mark or word.
+    UnitError       When its unit does not fit.
+    """
+    place = f"{where}, {name}"
+    if isinstance(spec, Number):
+        return spec
+    refuse_unknown([name], (*SLOTS, *WORDS), where, "a profile has no '{}'.", ScenarioError)
+    note = ""
+    if isinstance(spec, Mapping):
+        unknown = set(spec) - {"value", "mark", "clause", "note"}
+        if unknown or "value" not in spec:
+            raise ScenarioError("give a number as a value, or as a table of value, mark, clause and note.", place)
+        mark, clause, note = spec.get("mark", mark), spec.get("clause", clause), spec.get("note", "")
+        spec = spec["value"]
+    check_mark(mark, place)
+    if name in WORDS:
+        if not isinstance(spec, str) or (WORDS[name] and spec not in WORDS[name]):
+            raise ScenarioError(f"{spec!r} is not one of {', '.join(WORDS[name]) or 'the rules of stability'}.", place)
+        return Number(spec, "", mark, clause, note)
+    if isinstance(spec, bool) or not isinstance(spec, str | int | float):
+        raise ScenarioError(f"{spec!r} is not a value with a unit.", place)
+    value = literal(spec, SLOTS[name], place) if isinstance(spec, str) else float(spec)
+    if SLOTS[name] != TEMPERATURE and value < 0.0:
+        raise ScenarioError(f"{spec!r} is below zero.", place)
+    return Number(value, SLOTS[name], mark, clause, note)
+
+
+def typed(name: str, text: str) -> str | float:
+    """Return what a person wrote for a number of a profile, in its usual unit where there is none; a word as it is."""
+    slot = SLOTS.get(name)
+    try:
+        value = float(text)
+    except ValueError:
+        return text.strip()
+    if slot is None:
+        return text.strip()
+    return value if slot == "1" else f"{text.strip()} [{USUAL.get(slot, slot)}]"
+
+
+@dataclass(frozen=True)
+class Equivalence:
+    """``cycles`` over ``range`` are worth cycles (range / dT)^exponent over dT.
+
+    Parameters
+    ----------
+    cycles : float      Cycles of the standard, those in vacuum among them.
+    range : float       From cold to hot. [K]
+    exponent : float    Of the law of fatigue.
+    clause : str        Where it stands.
+    """
+
+    cycles: float
+    range: float
+    exponent: float
+    clause: str
+
+    def exact(self, span: float) -> float:
+        """Return the cycles over a range [K], not rounded."""
+        return float(self.cycles * (self.range / span) ** self.exponent)
+
+
+EQUIVALENCE: Final[Mapping[str, Equivalence]] = {
+    "qualification": Equivalence(27, 105.0, 1.4, "SMC-S-016, 6.3.8.3"),
+    "protoqualification": Equivalence(20, 95.0, 1.4, "SMC-S-016, 6.3.8.3"),
+    "acceptance": Equivalence(14, 85.0, 1.4, "SMC-S-016, 6.3.8.3"),
+}
+"""Level -> the formula of SMC-S-016; read."""
+
+
+def equivalent_cycles(cold: str | float, hot: str | float, level: str | Equivalence = "qualification") -> int:
+    """Return how many cycles between two temperatures are worth those of a level, rounded up.
+
+    Parameters
+    ----------
+    cold, hot : str or float        The range that is run. [K]
+    level : str or Equivalence      qualification, protoqualification, acceptance, or a law of the project's own.
+
+    Raises
+    ------
+    ScenarioError   When cold does not lie below hot, or there is no such level.
+
+    References
+    ----------
+    SMC-S-016 (2014), 6.3.8.3: N = 27 (105/dT)^1.4, 20 (95/dT)^1.4, 14 (85/dT)^1.4.
+    """
+    if isinstance(level, str):
+        level = look_up(level, EQUIVALENCE, "unknown level '{}'. Use one of {known}.", "cycles", ScenarioError)
+    low, high = (literal(v, TEMPERATURE, "cycles") if isinstance(v, str) else float(v) for v in (cold, hot))
+    if low >= high:
+        raise ScenarioError(
+            f"the cold level, {low - 273.15:g} degC, is not below the hot one, {high - 273.15:g} degC. Give cold first, then hot.",
+            "cycles",
+        )
+    return math.ceil(round(level.exact(high - low), 9))
+
+
+@dataclass(frozen=True)
+class ProfileStep:
+    """One step of a profile. What is None stays as it was.
+
+    Parameters
+    ----------
+    name : str                  What it is.
+    cycle : int                 The cycle that it belongs to, from 1; 0 before the first and after the last.
+    target : float or None      Temperature that the chamber goes to. [K]
+    over : float or None        Time in which it goes there. [s]
+    ramp : float or None        Rate at which it goes there, where no time is given. [K/s]
+    pressure : float or None    Pressure that it goes to. [Pa]
+    humidity : float or None    Relative humidity that it goes to. [-]
+    wait : bool                 Whether to wait until the unit is stable.
+    dwell : float               Time to stay after that. [s]
+    power : bool or None        Whether the unit is switched on.
+    mark : str                  How the numbers of the step are known.
+    """
+
+    name: str
+    cycle: int = 0
+    target: float | None = None
+    over: float | None = None
+    ramp: float | None = None
+    pressure: float | None = None
+    humidity: float | None = None
+    wait: bool = False
+    dwell: float = 0.0
+    power: bool | None = None
+    mark: str = "read"
+
+
+def _read(profile: ThermalProfile, row: Mapping[str, Any], where: str) -> ProfileStep:
+    """Return a step as a file writes it; a value may be the name of a number of the profile."""
+
+    def value(key: str, slot: str) -> float | None:
+        text = row.get(key)
+        if text is None:
+            return None
+        if isinstance(text, str) and text in SLOTS:
+            return profile.value(text)
+        quantity = literal(text, slot, f"{where}, {key}")
+        if slot != TEMPERATURE and quantity < 0.0:
+            raise ScenarioError(f"{text!r} is below zero.", f"{where}, {key}")
+        return quantity
+
+    power = row.get("power")
+    mark = row.get("mark", profile.step_mark)
+    check_mark(mark, where)
+    target, over = value("to", TEMPERATURE), value("over", "s")
+    ramp = value("ramp", "K/s")
+    if target is not None and over is None and ramp is None:
+        ramp = profile.value("ramp")
+    return ProfileStep(
+        str(row.get("name", "step")),
+        int(row.get("cycle", 0)),
+        target,
+        over,
+        ramp,
+        value("pressure", "Pa"),
+        value("humidity", "1"),
+        bool(row.get("wait", False)),
+        value("dwell", "s") or 0.0,
+        None if power is None else power == "on",
+        mark,
+    )
+
+
+def _cycling(profile: ThermalProfile, count: int) -> Iterator[ProfileStep]:
+    """Yield the steps of cycles between hot and cold."""
+    value, has = profile.value, profile.has
+    ramp, powered = value("ramp"), profile.word("starts", "never") != "never"
+    if has("pressure"):
+        if has("rough_pressure"):
+            yield ProfileStep("pump down", power=powered, pressure=value("rough_pressure"), over=value("pump_down"))
+        yield ProfileStep("high vacuum", power=powered, pressure=value("pressure"), over=value("pump_down") if has("pump_down") else 600.0)
+    first = profile.word("first", "hot")
+    order = (first, "cold" if first == "hot" else "hot")
+    for k in range(1, count + 1):
+        for side in order:
+            yield from _plateau(profile, side, k, count, ramp, powered)
+    if profile.word("last", order[1]) != order[1]:
+        yield ProfileStep(f"to {first}, closing half cycle", 0, value(first), None, ramp, wait=True, power=powered)
+        yield ProfileStep(f"{first}, closing half cycle", 0, dwell=value("dwell") if has("dwell") else 0.0)
+    yield ProfileStep("return", 0, value("ambient"), None, ramp, power=powered)
+    if has("pressure"):
+        yield ProfileStep("let in gas", 0, pressure=profile.ground, over=600.0)
+
+
+def _plateau(profile: ThermalProfile, side: str, k: int, count: int, ramp: float, powered: bool) -> Iterator[ProfileStep]:
+    """Yield one stay at hot or cold: there, stable, dwell, off, start, operation until the soak is over."""
+    value = profile.value
+
+    def at_ends(name: str) -> float:
+        """Return a number that may be another in the first and the last cycle."""
+        name_at_ends = f"{name}_ends" if k in (1, count) and profile.has(f"{name}_ends") else name
+        return value(name_at_ends) if profile.has(name_at_ends) else 0.0
+
+    starts = profile.word("starts", "never")
+    start = starts == "each" or (starts == "first and last" and k in (1, count))
+    dwell = value("dwell") if profile.has("dwell") else 0.0
+    off = value("off") if start and profile.has("off") else 0.0
+    operate = at_ends("operate") if side == "hot" and start else 0.0
+    rest = max(at_ends("soak") - dwell - off, operate)
+    yield ProfileStep(f"to {side}", k, value(side), None, ramp, wait=profile.has("stable"), power=powered)
+    if start:
+        if dwell:
+            yield ProfileStep(f"{side} dwell", k, dwell=dwell)
+        yield ProfileStep(f"{side}, off", k, dwell=off, power=False)
+        yield ProfileStep(f"{side} start", k, dwell=rest, power=True)
+    elif dwell + rest > 0.0:
+        yield ProfileStep(f"{side} soak" if not dwell else f"{side} dwell", k, dwell=dwell + rest)
+
+
+KINDS: Final = ("thermal cycling", "thermal vacuum", "thermal balance", "humidity")
+
+
+@dataclass(frozen=True)
+class ThermalProfile(Result):
+    """A profile of an environmental test.
+
+    Parameters
+    ----------
+    title : str                     What it is.
+    kind : str                      Thermal cycling, thermal vacuum, thermal balance or humidity.
+    standard, edition, clause : str Where it comes from.
+    level : str                     Qualification, acceptance, a category; empty where there is one.
+    numbers : dict                  Name -> `Number`.
+    predicted : pair or None        Lowest and highest predicted temperature, the model's uncertainty in them. [K]
+    plan : tuple of dict            Steps as written; empty where they follow from the numbers.
+    step_mark : str                 How the numbers in written steps are known.
+    note : str                      What a reader must know.
+    """
+
+    title: str
+    kind: str
+    standard: str
+    edition: str
+    clause: str
+    level: str
+    numbers: Mapping[str, Number]
+    predicted: tuple[float, float] | None = None
+    plan: tuple[Mapping[str, Any], ...] = ()
+    step_mark: str = "project"
+    note: str = ""
+    ground: float = field(default=ATMOSPHERE, repr=False)
+
+    def __getitem__(self, name: str) -> Number:
+        """Return a number; hot and cold follow from the predicted range where they are not given.
+
+        Raises
+        ------
+        ScenarioError   When the profile has none of that name, or the range is not known.
+        """
+        if name in self.numbers:
+            return self.numbers[name]
+        if name in ("hot", "cold"):
+            return self._level(name)
+        if name == "middle":
+            ends = [self["cold"], self["hot"]]
+            return Number(sum(float(n.value) for n in ends) / 2.0, TEMPERATURE, weakest(n.mark for n in ends), "", "mean of hot and cold")
+        if name in SLOTS or name in WORDS:
+            raise ScenarioError(f"it has no {name}. Give it: {name} = ...", self.title)
+        raise ScenarioError(f"a profile has no '{name}'.{nearest(name, [*SLOTS, *WORDS])}", self.title)
+
+    def _level(self, side: str) -> Number:
+        """Return hot or cold from what was predicted, the margin, and the least range."""
+        margin, least = self.numbers.get("margin"), self.numbers.get(f"{side}_least")
+        if margin is None or (self.predicted is None and least is None):
+            raise ScenarioError(
+                f"its {side} level is not known: give {side}, or predicted=(lowest, highest), the predicted temperatures including "
+                "their uncertainty.",
+                self.title,
+            )
+        sign, pick = (1.0, max) if side == "hot" else (-1.0, min)
+        used = [n for n in (margin, least) if n is not None]
+        ends = [] if self.predicted is None else [self.predicted[side == "hot"] + sign * float(margin.value)]
+        ends += [] if least is None else [float(least.value)]
+        note = f"predicted {'+' if sign > 0 else '-'} {margin.text}" if self.predicted is not None else "nothing predicted"
+        note += f", at least to {least.text}" if least is not None else ""
+        return Number(pick(ends), TEMPERATURE, weakest(n.mark for n in used), margin.clause, note)
+
+    def has(self, name: str) -> bool:
+        """Whether a number is given."""
+        return name in self.numbers
+
+    def value(self, name: str) -> float:
+        """Return a number. [SI]"""
+        number = self[name].value
+        if isinstance(number, str):
+            raise ScenarioError(f"its {name} is a word, not a number: {number}.", self.title)
+        return number
+
+    def word(self, name: str, otherwise: str) -> str:
+        """Return a word, or another where it is not given."""
+        return str(self.numbers[name].value) if name in self.numbers else otherwise
+
+    @property
+    def steps(self) -> tuple[ProfileStep, ...]:
+        """What is done, one step after the other, every cycle written out.
+
+        Raises
+        ------
+        ScenarioError   When a number that the steps need is missing.
+        """
+        wanted = self.value("cycles")
+        count = int(wanted) if math.isfinite(wanted) else 0
+        if count > cap("cycles"):
+            raise ScenarioError(f"{count:g} cycles are too many to write out; at most {cap('cycles'):.0f}.{raising('cycles')}", self.title)
+        if count < 1 or count != self.value("cycles"):
+            raise ScenarioError(f"the number of cycles must be whole, at least one, not {self['cycles'].text}.", self.title)
+        if not self.plan:
+            return tuple(_cycling(self, count))
+        out: list[ProfileStep] = []
+        for k in range(1, count + 1):
+            written = (_read(self, row, f"{self.title}, step {n}") for n, row in enumerate(self.plan, 1))
+            out += [replace(s, cycle=s.cycle or k) for s in written]
+        return tuple(out)
+
+    @property
+    def used(self) -> Mapping[str, Number]:
+        """Numbers that the steps stand on, hot and cold worked out."""
+        out = {k: n for k, n in self.numbers.items() if k not in ("margin", "hot_least", "cold_least")}
+        wanted = (
+            ("hot", "cold") if not self.plan else [w for w in ("hot", "cold") if any(row.get("to") in (w, "middle") for row in self.plan)]
+        )
+        return {k: self[k] for k in wanted} | out
+
+    @property
+    def mark(self) -> str:
+        """The weakest mark of its numbers: read, project, secondary or memory."""
+        marks = [n.mark for n in self.used.values()] + [row.get("mark", self.step_mark) for row in self.plan]
+        rule = rule_of(self.word("stable", "")) if self.has("stable") else None
+        return weakest([*marks, *([] if rule is None or self.numbers["stable"].mark == "project" else [rule.mark])])
+
+    @property
+    def from_memory(self) -> tuple[str, ...]:
+        """Names of the numbers that were written down from memory."""
+        steps = ("steps",) if any(row.get("mark", self.step_mark) == "memory" for row in self.plan) else ()
+        return tuple(k for k, n in self.used.items() if n.mark == "memory") + steps
+
+    @property
+    def decides(self) -> bool:
+        """Whether a verdict may rest on it: no number of it comes from memory."""
+        return not self.from_memory and self.mark != "memory"
+
+    @property
+    def trust(self) -> str:
+        """Say in words how far its numbers can be relied on."""
+        if self.decides:
+            words = {
+                "read": "every number was read in the standard",
+                "project": "its numbers were read in the standard or set by the project",
+            }
+            return words.get(self.mark, "some numbers come from secondary documents, not from the standard itself")
+        which = ", ".join(self.from_memory) or "the rule of stability"
+        return f"quoted from memory, not checked against the standard: {which}. Check them there before any verdict uses this profile"
+
+    def check(self, beside: float = 0.0) -> tuple[str, ...]:
+        """Check the profile: order against condensation, cycles against the range, levels in the wrong order.
+
+        Parameters
+        ----------
+        beside : float  Cycles over the same range that other tests of the unit run.
+
+        Raises
+        ------
+        ScenarioError   When its levels stand in the wrong order.
+        """
+        if "hot" in self.used or "cold" in self.used:
+            ordered(self)
+        return (*_condensation(self), *_count(self, beside), *([] if self.decides else [self.trust]))
+
+    def with_(
+        self, *, predicted: Any = None, steps: Sequence[Mapping[str, Any]] | None = None, title: str = "", **numbers: Any
+    ) -> ThermalProfile:
+        """Return the profile with numbers changed; what is given counts as the project's own.
+
+        Raises
+        ------
+        ScenarioError   When there is no such number, or it has the wrong kind of value.
+        """
+        new = {k: number(k, v, "project", "", self.title) for k, v in numbers.items()}
+        if "stable" in new:
+            rule_of(str(new["stable"].value))
+        changed = replace(self, numbers={**self.numbers, **new}, title=title or self.title)
+        if predicted is not None:
+            changed = replace(changed, predicted=pair_of(predicted, self.title))
+        if steps is None:
+            return changed
+        place = Places(f"{self.title}, steps")
+        rows = (by_grammar("thermid.qualify._profiles.schema.StepTable", s, place).written for s in steps)
+        return replace(changed, plan=tuple(rows), step_mark="project")
+
+    def save(self, path: str | os.PathLike[str]) -> None:
+        """Write it as a profile file that `load_profile` reads, every number with its mark."""
+        write_text(path, as_toml(self), PROFILE)
+
+    def __str__(self) -> str:
+        """The profile as a table, with clauses and marks."""
+        return as_text(self)
+
+
+def pair_of(pair: Any, where: str) -> tuple[float, float]:
+    """Return the predicted range (lowest, highest). [K]"""
+    if not isinstance(pair, Sequence) or isinstance(pair, str) or len(pair) != 2:
+        raise ScenarioError("give predicted as a pair: the lowest and the highest predicted temperature.", where)
+    low, high = (float(v) if isinstance(v, Real) else literal(v, TEMPERATURE, f"{where}, predicted") for v in pair)
+    if low >= high:
+        raise ScenarioError(f"predicted: the lowest ({low - 273.15:g} degC) is not below the highest ({high - 273.15:g} degC).", where)
+    return low, high
+
+
+SHOWN = 16
+"""Steps that a table shows before it stops."""
+
+
+def as_text(profile: ThermalProfile) -> str:
+    """Return a profile as a table: numbers with clause and mark, then the steps of the first cycle, then what there is to remark."""
+    head = [profile.title, f"  {profile.kind}, {profile.standard} {profile.edition}, {profile.clause}".rstrip(" ,")]
+    head += [f"  {profile.note}"] if profile.note else []
+    numbers = _numbers(profile)
+    width = max(len(k) for k in numbers)
+    wide = max(len(n.text) for n in numbers.values())
+    rows = [
+        f"  {k:<{width}}  {n.text:<{wide}}  {n.mark:<9}  {n.clause}{'; ' if n.clause and n.note else ''}{n.note}".rstrip()
+        for k, n in numbers.items()
+    ]
+    lines = [*head, *rows]
+    try:
+        steps = profile.steps
+        lines += ["  steps:", *(f"    {_step(s)}" for s in steps[:SHOWN])]
+        lines += [f"    ... {len(steps) - SHOWN} more"] if len(steps) > SHOWN else []
+        lines += [f"  remark: {r}" for r in profile.check()]
+    except ThermidError as error:
+        lines += [f"  steps: {error.message}"]
+    return "\n".join([*lines, f"  trust: {profile.trust}"])
+
+
+def _numbers(profile: ThermalProfile) -> Mapping[str, Number]:
+    """Return the numbers to show; hot and cold worked out where that is possible."""
+    try:
+        return profile.used
+    except ThermidError:
+        return profile.numbers
+
+
+def _step(step: ProfileStep) -> str:
+    """Return a step in words."""
+    parts = []
+    if step.target is not None:
+        how = f" in {step.over / 60.0:.4g} min" if step.over is not None else f" at {60.0 * (step.ramp or 0.0):.3g} K/min"
+        parts.append(f"to {step.target - ICE_POINT:.4g} degC{how}")
+    if step.pressure is not None:
+        parts.append(f"to {step.pressure:.4g} Pa in {(step.over or 0.0) / 60.0:.4g} min")
+    if step.humidity is not None:
+        parts.append(
+            f"to {100.0 * step.humidity:.3g} % humidity" + (f" in {step.over / 60.0:.4g} min" if step.target is None and step.over else "")
+        )
+    parts += ["until stable"] if step.wait else []
+    parts += [f"stay {step.dwell / 3600.0:.4g} h"] if step.dwell else []
+    cycle = f"{step.cycle:2d}" if step.cycle else "  "
+    power = {None: "", True: "  on", False: "  off"}[step.power]
+    return f"{cycle} {step.name}: {', '.join(parts) or 'at once'}{power}"
+
+
+def as_toml(profile: ThermalProfile) -> str:
+    """Return a profile as a file, every number with its mark."""
+    words = ("title", "kind", "standard", "edition", "clause", "level", "note")
+    lines = ["[profile]", *(f"{w} = {_quoted(getattr(profile, w))}" for w in words if getattr(profile, w))]
+    if profile.plan:
+        lines.append(f"mark = {_quoted(profile.step_mark)}")
+    if profile.predicted is not None:
+        low, high = (f"{round(v - ICE_POINT, 9):.9g} [degC]" for v in profile.predicted)
+        lines.append(f"predicted = [{_quoted(low)}, {_quoted(high)}]")
+    if profile.plan:
+        lines += ["steps = [", *(f"  {_table(row)}," for row in profile.plan), "]"]
+    lines += ["", "[profile.numbers]"]
+    for name, n in profile.numbers.items():
+        fields: dict[str, Any] = {"value": n.value if n.slot == "1" else n.text, "mark": n.mark}
+        fields |= {k: v for k, v in (("clause", n.clause), ("note", n.note)) if v}
+        lines.append(f"{name} = {_table(fields)}")
+    return "\n".join([*lines, ""])
+
+
+def _quoted(text: str) -> str:
+    return json.dumps(text, ensure_ascii=False)
+
+
+def _table(row: Mapping[str, Any]) -> str:
+    def one(value: Any) -> str:
+        return _quoted(value) if isinstance(value, str) else str(value).lower() if isinstance(value, bool) else f"{value:g}"
+
+    return "{ " + ", ".join(f"{k} = {one(v)}" for k, v in row.items()) + " }"
+
+
+def ordered(profile: ThermalProfile) -> None:
+    """Check that cold lies below hot.
+
+    Raises
+    ------
+    ScenarioError   When it does not.
+    """
+    cold, hot = profile["cold"], profile["hot"]
+    if float(cold.value) >= float(hot.value):
+        raise ScenarioError(f"its cold level, {cold.text}, is not below its hot level, {hot.text}. Exchange them.", profile.title)
+
+
+def _condensation(profile: ThermalProfile) -> Iterator[str]:
+    """Compare the first and the last half cycle with the rule against condensation: both hot."""
+    if profile.kind != "thermal cycling" or profile.plan:
+        return
+    low = [s for s in profile.steps if s.target is not None and s.target < profile.value("ambient")]
+    if not low:
+        return
+    turns = [s.name.split(",")[0].removeprefix("to ") for s in profile.steps if s.target is not None and s.name.startswith("to ")]
+    for place, side in (("first", turns[0]), ("last", turns[-1])):
+        if side != "hot":
+            yield (
+                f"the {place} half cycle is cold, so water may condense on the unit when the door opens. SMC-S-016, 6.3.8.3 requires "
+                "a hot first and last half cycle, or dry gas"
+            )
+
+
+def _count(profile: ThermalProfile, beside: float) -> Iterator[str]:
+    """Compare the count of cycles with the one that the range asks for, in this and in other tests together."""
+    if not profile.has("base_cycles"):
+        return
+    law = Equivalence(
+        profile.value("base_cycles"), profile.value("base_range"), profile.value("range_exponent"), profile["base_cycles"].clause
+    )
+    low, high = profile.value("cold"), profile.value("hot")
+    need = equivalent_cycles(low, high, law)
+    cycles = profile.value("cycles")
+    if need != law.cycles or cycles < need:
+        missing = need - cycles - beside
+        yield (
+            f"over {high - low:.4g} K the clause requires {need} cycles in all ({law.cycles:g} ("
+            + f"{law.range:g}/{high - low:.4g})^{law.exponent:g} = "
+            f"{law.exact(high - low):.2f}), in vacuum and in air together; the profile runs {cycles:g}"
+            + (f" and other tests of the plan {beside:g}" if beside else "")
+            + (f": {missing:g} are missing" if missing > 0 else "")
+        )

@@ -1,0 +1,407 @@
+"""Is it stable by a rule, which part is the slowest, and what does the rule leave unfinished: for logs and for simulated runs.
+
+Rules on the heat that a unit still takes up are asked of a run, or of measured temperatures with the capacitances and powers of a run: the
+sum over all nodes of capacitance times rate. A node that is not measured could take up any.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import dataclass
+from typing import Any, Final
+
+import numpy as np
+
+from thermid.base.arguments import takes_objects
+from thermid.base.dual import value_of
+from thermid.base.errors import RecordError
+from thermid.base.results import Result
+from thermid.measure.amounts import duration_text, positive_seconds
+from thermid.measure.records import FloatArray, Record, stretch, within_log
+from thermid.measure.steadiness import (
+    SURE,
+    TAU_ERROR,
+    ChannelStability,
+    StabilityRule,
+    channel_drift,
+    channel_stability,
+    rule_of,
+    since_when,
+    spans,
+    verdict_of,
+)
+from thermid.qualify._profile_runs.profile_run import ProfileRun
+from thermid.qualify._steadiness.approach import approach
+from thermid.qualify._steadiness.forecast import FEWEST, GUARD, REACH
+from thermid.simulation.runs import Solution
+
+SHORT: Final = 60.0
+"""Window of a rule that names none, on a simulated trace. [s]"""
+
+
+@dataclass(frozen=True)
+class Stored:
+    """How much heat a unit still takes up, beside its power.
+
+    Parameters
+    ----------
+    watts, error : float    Heat that it takes up, below zero where it gives heat off; its standard error. [W]
+    power : float           Mean power of its loads over the window. [W]
+    start, end : float      The window. [s]
+    verdict : str           ``stable``, ``not stable``, or ``cannot tell``.
+    nodes : dict            Node -> heat that it takes up. [W]
+    """
+
+    watts: float
+    error: float
+    power: float
+    start: float
+    end: float
+    verdict: str
+    nodes: Mapping[str, float]
+
+    def __str__(self) -> str:
+        """The heat, its share of the power, and what that means."""
+        share, sure = 100.0 * self.watts / self.power, 100.0 * self.error / self.power
+        size = f"{self.watts:+.3g} +- {self.error:.2g} W" if self.error else f"{self.watts:+.3g} W"
+        part = f"{share:+.2g} +- {sure:.1g} %" if self.error else f"{share:+.2g} %"
+        most = max(self.nodes, key=lambda n: abs(self.nodes[n]))
+        return (
+            f"heat taken up: {size}, {part} of {self.power:.3g} W, over the last {duration_text(self.end - self.start)}, "
+            f"most of it in '{most}': {self.verdict}"
+        )
+
+
+@dataclass(frozen=True)
+class Remaining:
+    """How far a temperature still has to go.
+
+    Parameters
+    ----------
+    value, low, high : float    The change to come, with its 95 % interval. [K]
+    basis : str                 What it rests on: rate times time constant, or the readings themselves.
+    """
+
+    value: float
+    low: float
+    high: float
+    basis: str
+
+    def __str__(self) -> str:
+        """The change with its interval."""
+        return f"{self.value:+.2f} K to go ({self.low:+.2f} to {self.high:+.2f}, {self.basis})"
+
+
+@dataclass(frozen=True)
+class Stability(Result):
+    """Whether temperatures are stable by a rule.
+
+    Parameters
+    ----------
+    title : str                 The record or run.
+    rule : StabilityRule
+    at : float                  Time of the question. [s]
+    channels : dict             Name -> what its readings, or its trace, say.
+    remaining : dict            Name -> how far it still has to go.
+    since : dict                Name -> time from which it is stable; None where it is not. [s]
+    tau : float or None         Time constant that the remaining change stands on. [s]
+    stored : Stored or None     Of a rule on stored heat: what all of the unit takes up.
+    """
+
+    title: str
+    rule: StabilityRule
+    at: float
+    channels: Mapping[str, ChannelStability]
+    remaining: Mapping[str, Remaining]
+    since: Mapping[str, float | None]
+    tau: float | None
+    stored: Stored | None = None
+
+    @property
+    def slowest(self) -> str:
+        """The channel that is furthest from stable."""
+        return max(self.channels, key=lambda n: abs(self.channels[n].rate) + SURE * self.channels[n].error)
+
+    @property
+    def verdict(self) -> str:
+        """``stable``, ``not stable``, or ``cannot tell``: that of the worst channel, or of the heat that all take up together."""
+        if self.stored is not None:
+            return self.stored.verdict
+        verdicts = {c.verdict for c in self.channels.values()}
+        return next(v for v in ("not stable", "cannot tell", "stable") if v in verdicts)
+
+    @property
+    def stable(self) -> bool:
+        """Whether every channel is stable beyond doubt."""
+        return self.verdict == "stable"
+
+    @property
+    def decides(self) -> bool:
+        """Whether a verdict may rest on the rule: it was not written down from memory."""
+        return self.rule.mark != "memory"
+
+    def as_object(self) -> dict[str, Any]:
+        """Return it as JSON holds it."""
+        return {
+            "rule": self.rule.name,
+            "source": self.rule.source,
+            "mark": self.rule.mark,
+            "verdict": self.verdict,
+            "slowest": self.slowest,
+            "at": self.at,
+            "stored": None
+            if (s := self.stored) is None
+            else {"heat_W": s.watts, "error_W": s.error, "power_W": s.power, "nodes_W": {**s.nodes}},
+            "channels": {
+                n: {
+                    "rate": c.rate,
+                    "rate_error": c.error,
+                    "window": c.end - c.start,
+                    "verdict": c.verdict,
+                    "since": self.since.get(n),
+                    "remaining": None
+                    if n not in self.remaining
+                    else {"value": self.remaining[n].value, "low": self.remaining[n].low, "high": self.remaining[n].high},
+                }
+                for n, c in self.channels.items()
+            },
+        }
+
+    def __str__(self) -> str:
+        """The verdict, every channel, what is left to go."""
+        lines = [f"{self.title}: {self.verdict} by '{self.rule.name}' ({self.rule.source}; {self.rule.mark}); slowest: {self.slowest}"]
+        lines += [] if self.stored is None else [f"  {self.stored}"]
+        for name, c in self.channels.items():
+            text = f"  {c}"
+            if self.since.get(name) is not None:
+                text += f", since {duration_text(self.since[name] or 0.0)}"
+            if name in self.remaining:
+                text += f"; {self.remaining[name]}"
+            lines.append(text)
+        if self.tau is not None and not self.rule.stored:
+            hidden = self.rule.rate * self.tau
+            lines.append(
+                f"  at the limit of the rule a part with a time constant of {duration_text(self.tau)} still has {hidden:.2g} K to go"
+            )
+        if not self.decides:
+            lines.append("  the number of this rule is quoted from memory. Check it in the standard before any verdict uses it")
+        return "\n".join(lines)
+
+
+@takes_objects
+def stability(
+    of: Record | Solution | ProfileRun,
+    rule: str | StabilityRule = "3 C/h",
+    channels: Iterable[str] = (),
+    *,
+    since: str | float = "start",
+    at: str | float = "end",
+    tau: str | float | None = None,
+    reference: str = "",
+    run: Solution | None = None,
+    unit: str = "",
+) -> Stability:
+    """Return whether temperatures are stable by a rule, which is the slowest, and what the rule leaves unfinished.
+
+    Parameters
+    ----------
+    of : Record, Solution or ProfileRun     A log, or a simulated run.
+    rule : str              A named rule, or one of the project's own: ``0.5 K/h``, ``0.3 C/h over 2 h``.
+    channels : iterable     Channels of a log, nodes of a run; every measured temperature, every node without a given temperature.
+    since, at : str, float  When conditions last changed, and the time of the question.
+    tau : str or float      Slowest time constant, for what is left to go; of a run its own, of a log what its readings say. [s]
+    reference : str         Channel of a log that the temperatures follow, such as the air.
+    run : Solution          For a rule on stored heat (``stored 3 %``) and a log: a run of the model under the same conditions, which gives
+                            capacitances and powers. Every node that stores heat must be measured.
+    unit : str              For such a rule: the submodel that is the unit; all of the model where none is named.
+
+    Raises
+    ------
+    RecordError   When a rule or a name does not fit, readings are too few, or a rule on stored heat cannot be asked.
+    """
+    wanted = rule_of(rule)
+    slow = None if tau is None else positive_seconds(tau, "tau")
+    if isinstance(of, Record):
+        return _of_record(of, wanted, tuple(channels), since, at, slow, reference, run, unit)
+    return _of_solution(of.solution if isinstance(of, ProfileRun) else of, wanted, tuple(channels), since, at, slow, unit)
+
+
+def _of_record(
+    record: Record,
+    rule: StabilityRule,
+    names: tuple[str, ...],
+    since: str | float,
+    at: str | float,
+    tau: float | None,
+    reference: str,
+    run: Solution | None,
+    unit: str,
+) -> Stability:
+    within_log(record, at, f"{record.name}, stability")
+    inside, _ = stretch(record, since, at, f"{record.name}, stability")
+    times = record.times[inside]
+    wanted = names or tuple(record.measured)
+    if not wanted:
+        raise RecordError("it has no temperature. Give a log or run with one.", record.name)
+    begin, end = float(times[0]), float(times[-1])
+    cut = record.trim(begin, end)
+    stored = None
+    if rule.stored:
+        stored, states = _stored_in_log(cut, wanted, rule, end, run, unit)
+    else:
+        states = {n: channel_stability(cut, n, rule, end, begin) for n in wanted}
+    stable_since = {n: since_when(cut, n, rule, begin) if c.verdict == "stable" else None for n, c in states.items()}
+    air = cut.channel(reference) if reference else None
+    room = None if air is None else (cut.times[air.valid], air.values[air.valid])
+    remaining = {}
+    for name, c in states.items():
+        valid = cut.channel(name).valid
+        if tau is not None:
+            remaining[name] = _rate_times(c, tau)
+        elif np.count_nonzero(valid) >= FEWEST:
+            remaining[name] = _by_readings(cut.times[valid], cut.channel(name).values[valid], room)
+    return Stability(record.name, rule, end, states, remaining, stable_since, tau, stored)
+
+
+def _rate_times(c: ChannelStability, tau: float) -> Remaining:
+    """Return rate times time constant, with the errors of both. [K]"""
+    value = c.rate * tau
+    error = 2.0 * float(np.hypot(c.error * tau, TAU_ERROR * value))
+    return Remaining(value, value - error, value + error, f"rate times a time constant of {duration_text(tau)}")
+
+
+def _by_readings(times: FloatArray, kelvin: FloatArray, room: tuple[FloatArray, FloatArray] | None) -> Remaining:
+    """Return what the readings themselves say of the change to come. [K]"""
+    curve = approach(times, kelvin, REACH * float(times[-1] - times[0]), room=room, bent=GUARD)
+    now, end = curve.at(curve.now).mean, curve.at(float("inf"))
+    return Remaining(end.quantile(0.5) - now, end.quantile(0.025) - now, end.quantile(0.975) - now, "by the readings alone")
+
+
+def _of_solution(
+    run: Solution, rule: StabilityRule, names: tuple[str, ...], since: str | float, at: str | float, tau: float | None, unit: str
+) -> Stability:
+    begin = 0.0 if since == "start" else positive_seconds(since, "since")
+    end = float(run.times[-1]) if at == "end" else positive_seconds(at, "at")
+    slow = tau if tau is not None else next((float(t) for t in run.time_constants if np.isfinite(t)), None)
+    window = rule.window or SHORT
+    if end - window < begin - 1e-9 or end > run.times[-1] * (1 + 1e-12):
+        raise RecordError(
+            f"'{rule.name}' needs {duration_text(window)} before {end:g} s, but the run does not include that time.", run.title
+        )
+    stored = None
+    if rule.stored:
+        stored, states = _stored_in_run(run, rule, end - window, end, unit)
+    else:
+        nodes = names or tuple(n for n in run.nodes if n not in run._run.network.boundaries)
+        states = {n: _moved(run, n, rule, end - window, end) for n in nodes}
+    remaining = {n: _rate_times(c, slow) for n, c in states.items()} if slow is not None else {}
+    return Stability(f"{run.title}, {run.scenario}", rule, end, states, remaining, {}, slow, stored)
+
+
+def _moved(run: Solution, node: str, rule: StabilityRule, start: float, end: float) -> ChannelStability:
+    """Return how far a simulated node moved within a window, by a rule on the rate."""
+    trace, window = run[node], end - start
+    inside = (trace.times >= start) & (trace.times <= end)
+    course = np.concatenate([trace.at(np.array([start, end])), trace.celsius[inside]])
+    rate, span = float(course[1] - course[0]) / window, float(np.ptp(course)) / window
+    verdict = "stable" if span <= rule.rate * (1.0 + 1e-9) else "not stable"
+    return ChannelStability(node, rate if rule.window == 0.0 or abs(rate) >= span else span, 0.0, start, end, course.size - 2, verdict)
+
+
+def _capacities(run: Solution, unit: str) -> dict[str, float]:
+    """Return node of a unit -> its capacitance at the end of a run. [J/K]"""
+    network = run._run.network
+    ahead = f"{unit}." if unit else ""
+    out = {}
+    for node, capacitance in network.numbers().capacitances.items():
+        if not node.startswith(ahead) or capacitance is None or value_of(capacitance) <= 0.0:
+            continue
+        store = network.stores.get(node)
+        end = float(run[node].kelvin[-1])
+        out[node] = float(value_of(capacitance)) * (1.0 if store is None else float(store.share(end)))
+    return out
+
+
+def _power(run: Solution, unit: str, start: float, end: float) -> float:
+    """Return the mean power of a unit's loads over a window, each without its sign. [W]
+
+    Raises
+    ------
+    RecordError   When there is none to compare with.
+    """
+    ahead = f"{unit}." if unit else ""
+    axis = np.linspace(start, end, 61)
+    powers = [np.broadcast_to(w, run.times.shape) for load, w in run.load_powers.items() if load.startswith(ahead)]
+    power = float(sum(np.abs(np.interp(axis, run.times, w)).mean() for w in powers))
+    if power <= 0.0:
+        raise RecordError("the unit has no power, so a rule on stored heat does not apply. Give a rule on the rate.", run.title)
+    return power
+
+
+def _stored_in_run(run: Solution, rule: StabilityRule, start: float, end: float, unit: str) -> tuple[Stored, dict[str, ChannelStability]]:
+    """Return what a simulated unit takes up over a window, and the rate of every node.
+
+    Raises
+    ------
+    RecordError   When the unit has no power.
+    """
+    capacities = _capacities(run, unit)
+    rates = {n: float(np.diff(run[n].at(np.array([start, end])))[0]) / (end - start) for n in capacities}
+    nodes = {n: c * rates[n] for n, c in capacities.items()}
+    watts, power = sum(nodes.values()), _power(run, unit, start, end)
+    stored = Stored(watts, 0.0, power, start, end, verdict_of(watts, 0.0, rule.rate * power), nodes)
+    return stored, {n: ChannelStability(n, rate, 0.0, start, end, 2, "") for n, rate in rates.items()}
+
+
+def _stored_in_log(
+    record: Record, channels: Sequence[str], rule: StabilityRule, end: float, run: Solution | None, unit: str = ""
+) -> tuple[Stored, dict[str, ChannelStability]]:
+    """Return what readings say that a unit still takes up, and the rate of every channel.
+
+    The window is the shortest stretch up to the end whose error lets the question be answered, from 5 minutes on.
+
+    Parameters
+    ----------
+    record : Record         The readings since conditions last changed.
+    channels : sequence     Channels at nodes of the unit.
+    rule : StabilityRule    A rule on stored heat.
+    end : float             Time of the question. [s]
+    run : Solution          A run of the model under the conditions of the log, for capacitances and powers.
+    unit : str              The submodel that is the unit; all of the model where none is named.
+
+    Raises
+    ------
+    RecordError   When there is no run, or a node that stores heat is not measured; with the nodes.
+    """
+    if run is None:
+        raise RecordError(
+            f"'{rule.name}' is a rule on stored heat, which cannot be found from readings alone. Give a rule on the rate, or a run of "
+            "a model under the same conditions (run=; on the command line --model and --scenario).",
+            record.name,
+        )
+    find = run._run.network.find
+    capacities = _capacities(run, unit)
+    sits: dict[str, list[str]] = {}
+    for name in channels:
+        sits.setdefault(find(record.channel(name).target or name), []).append(name)
+    hidden = {n: c for n, c in capacities.items() if n not in sits}
+    if hidden:
+        listed = ", ".join(f"'{n}'" for n in sorted(hidden, key=lambda n: -hidden[n])[:4]) + (" and more" if len(hidden) > 4 else "")
+        share = 100.0 * sum(hidden.values()) / sum(capacities.values())
+        raise RecordError(
+            f"'{rule.name}' needs the temperature of every node that stores heat; {listed} "
+            f"{'are' if len(hidden) > 1 else 'is'} not measured ({share:.2g} % of the capacitance). "
+            "Put sensors there, or use a rule on the rate.",
+            record.name,
+        )
+    first, measured = float(record.times[0]), [name for n, names in sits.items() if n in capacities for name in names]
+    for span, last in spans(record, first, end):
+        drift = {name: channel_drift(record, name, end - span, end) for name in measured}
+        nodes = {n: c * float(np.mean([drift[name].rate for name in sits[n]])) for n, c in capacities.items()}
+        errors = [c * drift[name].error / len(sits[n]) ** 0.5 for n, c in capacities.items() for name in sits[n]]
+        watts, error = sum(nodes.values()), float(np.sqrt(np.sum(np.square(errors))))
+        power = _power(run, unit, end - span, end)
+        verdict = verdict_of(watts, error, rule.rate * power)
+        if last or verdict != "cannot tell":
+            break
+    return Stored(watts, error, power, end - span, end, verdict, nodes), drift

@@ -1,0 +1,645 @@
+"""A test of a plan: predicted, checked against its limits, and judged where its log has come back."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from dataclasses import dataclass, field, replace
+from itertools import pairwise
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from thermid.base.errors import NameNotFoundError, RecordError, ScenarioError, refuse_unknown
+from thermid.base.linear_algebra import Array
+from thermid.base.sourced import VERDICTS, weigh
+from thermid.base.toml_files import resolve_inside
+from thermid.base.units import TEMPERATURE
+from thermid.campaign.verdicts import (
+    Correlation,
+    Exclusions,
+    HeaterDuty,
+    LimitCheck,
+    Limits,
+    Overlay,
+    check_limits,
+    check_readings,
+    compare,
+    correlate,
+    heater_duty,
+    overlays,
+    paired,
+)
+from thermid.fit.calibration import Calibration
+from thermid.inference.diagnosis import Diagnosis, diagnose
+from thermid.measure.amounts import duration_text
+from thermid.measure.readers import read_record
+from thermid.measure.records import Record
+from thermid.measure.steadiness import rule_of
+from thermid.model.laws import literal
+from thermid.model.tree import flatten
+from thermid.physics.constants import ATMOSPHERE, ICE_POINT
+from thermid.prediction.bands import Foresight, Known, foresee
+from thermid.qualify._plan import Plan
+from thermid.qualify._profile_runs.conduct import run_profile
+from thermid.qualify._profile_runs.profile_run import ProfileRun, in_short
+from thermid.qualify._profiles.profile import ThermalProfile
+from thermid.qualify._profiles.standards import profile_from
+from thermid.qualify._steadiness.stabilisation import Stability, stability
+from thermid.simulation.runs import Solution
+from thermid.simulation.scenarios import Scenario, load_scenario
+
+if TYPE_CHECKING:
+    from thermid.qualify._plan_schema import TestTable, ValidityTable
+
+Window = tuple[float, float]
+STORED = 6000
+"""At most so many stored times of a run: two minutes over eight days."""
+ENVIRONMENTAL = ("thermal cycling", "thermal vacuum", "thermal balance", "humidity")
+"""Kinds of test whose levels somebody applies."""
+LONG = 3600.0
+"""Stays of at least so long end settled. [s]"""
+LEVEL = 3.0
+"""How far a test's temperature may be off its level: SMC-S-016, 4.7 (read). [K]"""
+MISSING = 0.02
+"""Share of a test without readings from which it counts as not covered. [-]"""
+GAP = 5.0
+"""A pause is a gap from so many usual intervals on."""
+THERE = 0.9
+"""Share of the planned time at a level that must have been spent there. [-]"""
+CLEAR = 1.0
+"""Deviation from which it is asked whether two sensors were exchanged. [K]"""
+
+
+@dataclass(frozen=True, eq=False)
+class Trial:
+    """One test of a plan.
+
+    Parameters
+    ----------
+    test : TestTable                As planned.
+    known : Known                   The model that it was predicted with.
+    foresight : Foresight           What is expected of it.
+    limits : tuple of Limits        Under their paths in that model.
+    checks : tuple of LimitCheck    What is expected, and what was measured, against the limits.
+    course : ProfileRun or None     Where a profile says the course: its phases.
+    heaters : tuple of HeaterDuty
+    outside : tuple of str          Where it leaves the conditions of the calibration.
+    told : Calibration or None      Readings beside the model in what was done, where a log has come back.
+    correlation : Correlation or None
+    diagnosis : Diagnosis or None   What would explain the deviations, where a criterion is not met.
+    log_sha256 : str                Hash of the log.
+    synthetic : bool                Whether the log was made and not measured.
+    doubts : tuple of str           What the log does not show: stretches without readings, levels that were not applied.
+    remarks : tuple of str          What else a reader must know of the log.
+    settled : tuple of Stability    Per settled stretch, what the readings say about it being settled.
+    as_logged : dict                Column of a logged boundary -> its lowest and highest reading. [degC]
+    after : Foresight or None       What is expected once the logs of the plan are known: with what the model could not follow in them.
+    """
+
+    test: TestTable
+    known: Known
+    foresight: Foresight
+    limits: tuple[Limits, ...]
+    checks: tuple[LimitCheck, ...]
+    course: ProfileRun | None = None
+    heaters: tuple[HeaterDuty, ...] = ()
+    outside: tuple[str, ...] = ()
+    told: Calibration | None = field(default=None, repr=False)
+    correlation: Correlation | None = None
+    diagnosis: Diagnosis | None = None
+    log_sha256: str = ""
+    synthetic: bool = False
+    doubts: tuple[str, ...] = ()
+    remarks: tuple[str, ...] = ()
+    settled: tuple[Stability, ...] = ()
+    as_logged: Mapping[str, tuple[float, float]] = field(default_factory=dict)
+    after: Foresight | None = field(default=None, repr=False)
+
+    @property
+    def expected(self) -> Foresight:
+        """What is expected by all that is known: before any log of the plan has come back, the pre-test prediction."""
+        return self.after or self.foresight
+
+    @property
+    def within(self) -> bool | None:
+        """Whether no limit is passed, by what is expected and by what was measured; None where that is not decided."""
+        outcomes = [c.passed for c in self.checks] + [h.passed for h in self.heaters]
+        if not self.checks or (self.course is not None and not self.course.decides):
+            outcomes.append(None)
+        return weigh(outcomes)
+
+    @property
+    def correlated(self) -> bool | None:
+        """Whether every set of criteria is met; None without a log, without criteria, or where the log does not show it."""
+        if self.correlation is None:
+            return None
+        outcomes = list(self.correlation.verdicts.values())
+        return weigh([*outcomes, *([None] if self.doubts or not outcomes else [])])
+
+    @property
+    def passed(self) -> bool | None:
+        """Whether limits and criteria are met. A test without criteria and log is an analysis: its limits alone; see `open`."""
+        return weigh([self.within, *([self.correlated] if self._judged else []), *([None] if self.open else [])])
+
+    @property
+    def _judged(self) -> bool:
+        """Whether criteria have their say: a waived test is held against its limits alone."""
+        return self.correlation is not None or (bool(self.test.criteria) and self.test.state != "waived")
+
+    @property
+    def open(self) -> tuple[str, ...]:
+        """Why the verdict is not decided, as far as it is not; empty where nothing is open."""
+        out = list(dict.fromkeys(c.undecided for c in self.checks if c.undecided))
+        if not self.checks:
+            out.append("no limit was checked in this test")
+        if self.course is not None and not self.course.decides:
+            out.append(f"the course uses numbers {self.course.trust}")
+        out += [f"the power margin of heater {h.load} is quoted from memory" for h in self.heaters if h.passed is None]
+        if self._judged and self.correlation is None:
+            out.append(f"there is no log yet, so {', '.join(self.test.criteria)} could not be judged")
+        if self.correlation is not None:
+            verdicts = self.correlation.verdicts
+            out += [] if verdicts else ["there is a log, but no criteria for it"]
+            out += [f"the criteria {name} are quoted from memory" for name, passed in verdicts.items() if passed is None]
+        return (*out, *self.doubts)
+
+    @property
+    def worst(self) -> LimitCheck | None:
+        """The check that comes nearest to a limit."""
+        return min((c for c in self.checks if np.isfinite(c.room)), key=lambda c: c.room, default=None)
+
+    def to_dict(self) -> dict[str, Any]:
+        """Return it as plain numbers."""
+        checks = [
+            {
+                "point": c.point,
+                "state": c.state,
+                "lowest_C": c.lowest - 273.15,
+                "highest_C": c.highest - 273.15,
+                "room_K": c.room if np.isfinite(c.room) else None,
+                "by": c.by,
+                "passed": c.passed,
+                "crossings": [{"side": x.side, "time_s": x.time, "worst_C": x.worst - 273.15, "outside_s": x.outside} for x in c.crossings],
+            }
+            for c in self.checks
+        ]
+        out: dict[str, Any] = {"name": self.test.name, "kind": self.test.kind, "state": self.test.state, "passed": self.passed}
+        out |= {"waived": self.test.state == "waived", "open": list(self.open), "remarks": list(self.remarks)}
+        out |= {"within_limits": self.within, "limits": checks, "outside_calibration": list(self.outside), "correlation": None}
+        if self.correlation is not None:
+            out["correlation"] = self.correlation.to_dict()
+            out["diagnosis"] = None if self.diagnosis is None else {"group": self.diagnosis.group, "groups": dict(self.diagnosis.groups)}
+        return out
+
+    def __str__(self) -> str:
+        """Return it as text."""
+        lines = [f"{self.test.name} ({self.test.kind}, {self.test.state}): limits {VERDICTS[self.within]}"]
+        if self.course is not None:
+            lines[0] += (
+                f"; {self.course.duration / 3600:.1f} h, of it {self.course.waited / 3600:.1f} h waiting; profile: {self.course.trust}"
+            )
+        if self.worst is not None:
+            lines.append(f"  nearest: {self.worst}")
+        lines += [f"  {c}" for c in self.checks if c.crossings and c is not self.worst]
+        for h in self.heaters:
+            lines.append(f"  heater {h.load}: duty {100 * h.duty:.0f} %, at most {100 * h.most:.0f} %: {VERDICTS[h.passed]}")
+        lines += [f"  outside the calibration: {o}" for o in self.outside]
+        if self.correlation is not None:
+            for name, passed in self.correlation.verdicts.items():
+                failed = [str(g) for g in self.correlation.failed if g.criteria == name]
+                lines.append(f"  {name}: {VERDICTS[passed]}" + (f" ({'; '.join(failed)})" if failed else ""))
+            if self.diagnosis is not None:
+                lines += [f"  {line}" for line in str(self.diagnosis).splitlines()]
+        lines += [f"  not decided: {o}" for o in self.open]
+        lines += [f"  remark: {r}" for r in self.remarks]
+        return "\n".join(lines)
+
+
+def run_test(plan: Plan, test: TestTable, progress: Callable[[int, int, float], None] | None = None) -> Trial:
+    """Return a test of a plan: predicted, held against limits, and judged where its log is there; `told` as in `run_profile`."""
+    known, limits = plan.hosted(test.host), plan.limits_on(test.host)
+    scenario, course = _course(plan, test, known, progress)
+    sensors = sensors_of(plan, test)
+    _known_nodes(plan, known, limits, sensors)
+    points = list(dict.fromkeys([x.node for x in limits] + [n for n, _ in sensors.values()]))
+    step = max(literal(test.every, "s", f"{test.name}, every"), scenario.seconds / STORED)
+    times = np.linspace(0.0, scenario.seconds, int(np.ceil(scenario.seconds / step)) + 1)
+    foresight = foresee(known, scenario, nodes=points, spread=test.spread, times=times)
+    checks = check_limits(foresight.solution, limits, state=_state(test))
+    heaters = tuple(
+        heater_duty(
+            foresight, load, literal(power, "W", f"{test.name}, heaters.{load}"), name=test.name, policy=plan.content.margins.policy
+        )
+        for load, power in test.heaters.items()
+    )
+    ahead = f"{known.at}." if known.at else ""
+    outside = extrapolations(test, foresight, plan.content.validity, [x.node for x in limits], ahead)
+    remarks = in_short(course) if course is not None else ()
+    trial = Trial(test, known, foresight, limits, checks, course, heaters, outside, remarks=remarks)
+    return trial if test.log is None else _judged(plan, trial, scenario, sensors)
+
+
+def _known_nodes(plan: Plan, known: Known, limits: Sequence[Limits], sensors: Mapping[str, tuple[str, Any]]) -> None:
+    """Refuse sensors and reference points at nodes that the model does not have.
+
+    Raises
+    ------
+    NameNotFoundError   Which, and the nearest.
+    """
+    nodes = [n.path for n in flatten(known.model).nodes]
+    asked = [(f"limits.{x.point}.node", x.node) for x in limits] + [(f"sensors.{s}.node", n) for s, (n, _) in sensors.items()]
+    for key, node in asked:
+        refuse_unknown([known.model.canonical(node)], nodes, f"{plan.path.name}, {key}", f"no node '{node}'.", NameNotFoundError)
+
+
+def _course(
+    plan: Plan, test: TestTable, known: Known, progress: Callable[[int, int, float], None] | None
+) -> tuple[Scenario, ProfileRun | None]:
+    """Return what is done to the model, and its phases where it follows a profile."""
+    scenario: Scenario | None = None
+    if isinstance(test.scenario, str):
+        scenario = load_scenario(resolve_inside(plan.path.parent, test.scenario, f"{plan.path.name}, {test.name}"))
+    elif test.scenario is not None or test.profile is None:
+        scenario = Scenario(**({"title": test.name} | dict(test.scenario or {})))
+    if test.profile is not None:
+        run = run_profile(
+            known.model,
+            profile_from(test.profile, plan.path.name, test.name),
+            chamber=test.chamber,
+            base=test.base,
+            watch=test.watch,
+            equipment=test.equipment,
+            scenario=_beside(scenario, test, known),
+            every=literal(test.every, "s", f"{test.name}, every"),
+            told=progress,
+        )
+        return replace(run.scenario, title=test.name), replace(run, cycles_beside=_cycles_beside(plan, test, run.profile))
+    assert scenario is not None
+    return scenario, None
+
+
+def _beside(scenario: Scenario | None, test: TestTable, known: Known) -> Scenario | None:
+    """Return what is done beside a profile: loads, commands, other boundaries.
+
+    Raises
+    ------
+    ScenarioError   When it says what the profile says: a time, or the temperature of the chamber.
+    """
+    if scenario is None:
+        return None
+    chamber = {known.model.canonical(n) for n in ([test.chamber] if isinstance(test.chamber, str) else test.chamber)}
+    both = [n for n in scenario.boundaries if known.model.canonical(n) in chamber]
+    if both or scenario.seconds > 0.0:
+        what = f"boundary '{both[0]}' is the chamber" if both else "its duration follows from the unit"
+        raise ScenarioError(
+            f"{what}: the profile gives it already. A scenario beside a profile may give other inputs only. Leave it out there.", "scenario"
+        )
+    return scenario
+
+
+def _cycles_beside(plan: Plan, test: TestTable, profile: ThermalProfile) -> float:
+    """Return how many cycles over at least the range of a profile the other tests of the plan run."""
+    if not profile.has("base_cycles"):
+        return 0.0
+    others = [profile_from(t.profile, plan.path.name, t.name) for t in plan.tests if t.profile is not None and t.name != test.name]
+    cycling = [p for p in others if p.kind in ("thermal cycling", "thermal vacuum") and not p.plan]
+    least = profile.value("hot") - profile.value("cold") - 0.1
+    return sum(p.value("cycles") for p in cycling if p.value("hot") - p.value("cold") >= least)
+
+
+def sensors_of(plan: Plan, test: TestTable) -> dict[str, tuple[str, Any]]:
+    """Return sensor -> its node in the model of the test, and its table."""
+    ahead = f"{plan.content.hosts[test.host].unit}." if test.host else ""
+    wanted = test.sensors or list(plan.content.sensors)
+    return {s: (ahead + plan.content.sensors[s].node, plan.content.sensors[s]) for s in wanted}
+
+
+def _state(test: TestTable) -> str:
+    """Return the state of points whose limits name no loads."""
+    return "operating" if test.operating else "non-operating"
+
+
+def _judged(plan: Plan, trial: Trial, scenario: Scenario, sensors: Mapping[str, tuple[str, Any]]) -> Trial:
+    """Return a test with its log beside what the model, or another simulation, says of what was done."""
+    test = trial.test
+    log = test.log
+    assert log is not None
+    record = _record(plan, test, log.file, sensors, log.boundaries, log.loads)
+    windows = [(literal(a, "s", f"{test.name}, steady"), literal(b, "s", f"{test.name}, steady")) for a, b in test.steady]
+    windows = windows or dwells(trial, [n for n, _ in sensors.values()], record.duration)
+    comparison: Calibration | None = None
+    if log.simulated:
+        other = _record(plan, test, log.simulated, sensors, {}, {})
+        seen = paired(record, other, test.name)
+    else:
+        base = replace(scenario, start=log.start) if log.start else scenario
+        comparison = compare(trial.known.model, record, scenario=_without(base, log.boundaries.values(), log.loads.values()))
+        seen = overlays(comparison, test.name)
+    excluded = plan.content.exclusions
+    left_out = Exclusions({s: r for s, r in excluded.reasons.items() if s in {o.sensor for o in seen}}, excluded.cap)
+    correlation = correlate(
+        seen,
+        [plan.criteria[n] for n in test.criteria],
+        steady={test.name: windows} if windows else None,
+        weights=test.weights,
+        exclusions=left_out,
+        title=test.name,
+    )
+    diagnosis = diagnose(comparison) if comparison is not None and correlation.failed and len({o.sensor for o in seen}) > 1 else None
+    counted = [o for o in seen if o.sensor not in left_out.reasons]
+    settled, unsure = settled_by(trial, record, windows, [o.sensor for o in counted])
+    steady = any("steady" in plan.criteria[n].kinds for n in test.criteria)
+    origin = record.origin
+    return replace(
+        trial,
+        told=comparison,
+        correlation=correlation,
+        diagnosis=diagnosis,
+        log_sha256=origin.sha256,
+        synthetic=origin.synthetic,
+        checks=(*trial.checks, *_measured(trial, counted, sensors)),
+        doubts=(*_doubts(trial, record, counted, windows), *(unsettled(settled) if steady else ())),
+        remarks=(*trial.remarks, *_state_remarks(test), *exchanged(counted), *unsure),
+        settled=settled,
+        as_logged={c: _ends(record, c) for c in log.boundaries},
+    )
+
+
+def _ends(record: Record, column: str) -> tuple[float, float]:
+    """Return the lowest and highest valid reading of a column. [degC]"""
+    channel = record[column]
+    celsius = channel.values[channel.valid] - ICE_POINT
+    return (float(celsius.min()), float(celsius.max())) if celsius.size else (np.nan, np.nan)
+
+
+def _state_remarks(test: TestTable) -> list[str]:
+    """Return what the state of a test with a log leaves to mend."""
+    return [f"its state is '{test.state}', but there is a log. Write state = \"run\""] if test.state == "planned" else []
+
+
+def _measured(trial: Trial, counted: Sequence[Overlay], sensors: Mapping[str, tuple[str, Any]]) -> tuple[LimitCheck, ...]:
+    """Return the readings held against the limits of the reference points that their sensors sat at."""
+    find = trial.known.model.canonical
+    limits = [replace(x, node=find(x.node)) for x in trial.limits]
+    readings = [(find(sensors[o.sensor][0]), o.times, o.measured) for o in counted]
+    return check_readings(readings, limits, trial.foresight.solution, state=_state(trial.test))
+
+
+def _doubts(trial: Trial, record: Record, counted: Sequence[Overlay], windows: Sequence[tuple[float, float]]) -> Iterator[str]:
+    """Yield what the log does not show of the test."""
+    test, run = trial.test, trial.foresight.solution
+    log = test.log
+    assert log is not None
+    # a chamber that follows the unit takes its own time; settled stretches that are stated then belong to the log
+    own_pace = trial.course is not None and test.steady
+    yield from not_covered(counted, 0.0, record.duration if own_pace else float(run.times[-1]), windows)
+    yield from not_reached(record, run, log.boundaries)
+    if test.kind in ENVIRONMENTAL:
+        missing = sorted({*trial.foresight.scenario.boundaries} - {*log.boundaries.values()})
+        if missing and not log.simulated:
+            listed = ", ".join(f"'{n}'" for n in missing)
+            yield f"no column of the log gives {listed}, so there is no measurement that its levels were applied"
+
+
+def _without(scenario: Scenario, boundaries: Any, loads: Any) -> Scenario:
+    """Return a scenario without what the log gives itself."""
+    kept = {k: v for k, v in scenario.boundaries.items() if k not in set(boundaries)}
+    logged = set(loads)
+    return replace(
+        scenario,
+        boundaries=kept,
+        loads={k: v for k, v in scenario.loads.items() if k not in logged},
+        commands={k: v for k, v in scenario.commands.items() if k not in logged},
+    )
+
+
+def _record(
+    plan: Plan, test: TestTable, file: str, sensors: Mapping[str, tuple[str, Any]], boundaries: Mapping[str, str], loads: Mapping[str, str]
+) -> Record:
+    """Return a log with what its columns are.
+
+    Raises
+    ------
+    RecordError   When a planned sensor has no column.
+    """
+    channels: dict[str, dict[str, object]] = {}
+    for sensor, (node, table) in sensors.items():
+        channels[sensor] = {"node": node} | {k: getattr(table, k) for k in ("accuracy", "noise") if getattr(table, k)}
+    for role, columns in (("boundary", boundaries), ("load", loads)):
+        channels |= {column: {role: path} for column, path in columns.items()}
+    roots = [plan.data] if plan.data is not None else []
+    place = next((f for root in roots if (f := root / file).is_file()), None) or resolve_inside(plan.path.parent, file, f"{test.name}, log")
+    log = test.log
+    time = log.time or None if log is not None else None
+    record = read_record(place, channels, time=time, name=test.name)
+    return record.prepare(log.prepare) if log is not None and log.prepare else record
+
+
+def settled_by(
+    trial: Trial, record: Record, windows: Sequence[tuple[float, float]], sensors: Sequence[str]
+) -> tuple[tuple[Stability, ...], tuple[str, ...]]:
+    """Return what the readings say about every settled stretch by the test's rule, and where they say nothing."""
+    out: list[Stability] = []
+    unsure: dict[str, list[str]] = {}
+    for begin, end in windows if sensors else ():
+        try:
+            verdict = stability(record, trial.test.stable, sensors, since=begin, at=end, run=trial.foresight.solution, unit=trial.known.at)
+        except RecordError as error:
+            unsure.setdefault(f"its steadiness cannot be judged: {error}", []).append(_span(begin, end))
+            continue
+        out.append(verdict)
+        if verdict.verdict == "cannot tell":
+            unsure.setdefault(f"the readings do not decide whether '{verdict.rule.name}' is met at {verdict.slowest}", []).append(
+                _span(begin, end)
+            )
+    more = {why: f" and {len(spans) - 1} more" if len(spans) > 1 else "" for why, spans in unsure.items()}
+    return tuple(out), tuple(f"{spans[0]}{more[why]}: {why}" for why, spans in unsure.items())
+
+
+def unsettled(settled: Sequence[Stability]) -> Iterator[str]:
+    """Yield the stretches that count as settled and are not."""
+    for s in settled:
+        worst = s.channels[s.slowest]
+        if s.verdict == "not stable" and s.decides and s.stored is not None:
+            yield f"{_span(worst.start, worst.end)} is stated as steady but is not: {s.stored} by '{s.rule.name}' [{s.rule.mark}]"
+        elif s.verdict == "not stable" and s.decides:
+            yield (
+                f"{_span(worst.start, worst.end)} is stated as steady but is not: {s.slowest} drifts by {3600.0 * worst.rate:+.2f} K/h, "
+                f"the rule is '{s.rule.name}' [{s.rule.mark}]"
+            )
+
+
+def _span(begin: float, end: float) -> str:
+    return f"the stretch {begin / 3600.0:.4g} .. {end / 3600.0:.4g} h"
+
+
+def dwells(trial: Trial, nodes: Sequence[str], end: float) -> list[tuple[float, float]]:
+    """Return the last part of every long stay of a course in which its unit is expected to be settled; a log must have followed it.
+
+    Stays that nothing waited for, such as those of humidity tests, may begin and end while the unit still drifts: those are left out.
+    """
+    rule, run = rule_of(trial.test.stable), trial.foresight.solution
+    stays = [p for p in trial.course.phases if p.kind == "stay" and p.duration >= LONG] if trial.course is not None else []
+    out = []
+    for p in (p for p in stays if p.end <= end):
+        window = (p.end - max(0.25 * p.duration, 0.5 * LONG), p.end)
+        moved = (run[n].at(window) for n in nodes)
+        drift = max(abs(float(end - begin)) for begin, end in moved) / (window[1] - window[0])
+        if rule.stored or drift <= rule.rate:
+            out.append(window)
+    return out
+
+
+def not_covered(seen: Sequence[Overlay], begin: float, end: float, windows: Sequence[Window] = ()) -> Iterator[str]:
+    """Yield which part of a test, or of a settled stretch of it, no valid reading covers; sensors with the same lack together.
+
+    Parameters
+    ----------
+    seen : sequence of Overlay  Readings that count.
+    begin, end : float          Of the test as it is simulated. [s]
+    windows : sequence          Settled stretches. [s]
+    """
+    lacks: dict[str, list[str]] = {}
+    for o in seen:
+        missing, longest, start = _missing(o.times, begin, end)
+        if missing > MISSING * (end - begin):
+            text = f"for {duration_text(missing)} of {duration_text(end - begin)}; the longest gap, {duration_text(longest)}, is at "
+            lacks.setdefault(f"{text}{start / 3600.0:.2f} h", []).append(o.sensor)
+        for a, b in windows:
+            lost, _, _ = _missing(o.times, a, b)
+            if lost > (1.0 - THERE) * (b - a):
+                text = f"for {duration_text(lost)} of the steady period {a / 3600.0:.4g} .. {b / 3600.0:.4g} h"
+                lacks.setdefault(text, []).append(o.sensor)
+    for text, sensors in lacks.items():
+        yield f"no reading of {', '.join(sensors)} {text}"
+
+
+def _missing(times: Array, begin: float, end: float) -> tuple[float, float, float]:
+    """Return the time without readings between two instants, the longest gap and its begin. [s]"""
+    inside = times[(times >= begin) & (times <= end)]
+    if inside.size < 2:
+        return end - begin, end - begin, begin
+    usual = float(np.median(np.diff(inside)))
+    points = np.concatenate([[begin], inside, [end]])
+    gaps = [(b - a, a) for a, b in pairwise(points.tolist()) if b - a > GAP * usual]
+    longest, start = max(gaps, default=(0.0, begin))
+    return float(sum(g for g, _ in gaps)), float(longest), float(start)
+
+
+def not_reached(record: Record, planned: Solution, boundaries: Mapping[str, str]) -> Iterator[str]:
+    """Yield which planned level of a boundary the log does not show, on either side.
+
+    What counts is the time spent within the tolerance of the planned extreme, or beyond it.
+
+    Parameters
+    ----------
+    record : Record         The log.
+    planned : Solution      The test as it was planned.
+    boundaries : dict       Column -> boundary that it drives.
+    """
+    for column, boundary in boundaries.items():
+        channel, trace = record[column], planned[boundary]
+        times, values = record.times[channel.valid], channel.values[channel.valid]
+        inside = times <= trace.times[-1]
+        for word, sign in (("hot", 1.0), ("cold", -1.0)):
+            level = float((sign * trace.kelvin).max())
+            wanted = _time_above(trace.times, sign * trace.kelvin, level - LEVEL)
+            spent = _time_above(times[inside], sign * values[inside], level - LEVEL)
+            if spent < THERE * wanted:
+                furthest = sign * float((sign * values).max()) - ICE_POINT
+                yield (
+                    f"the {word} level of '{boundary}', {sign * level - ICE_POINT:.1f} degC for {duration_text(wanted)}, was not applied: "
+                    f"{column} goes to {furthest:.1f} degC and is within {LEVEL:g} K of it for {duration_text(spent)}"
+                )
+
+
+def _time_above(times: Array, values: Array, level: float) -> float:
+    """Return how long a trace is at or above a level, by the nearer of its samples. [s]"""
+    if times.size < 2:
+        return 0.0
+    width = np.gradient(times)
+    width[[0, -1]] *= 0.5
+    return float(width[values >= level].sum())
+
+
+def exchanged(seen: Sequence[Overlay]) -> Iterator[str]:
+    """Yield pairs of sensors whose readings fit far better when they change places."""
+    for k, a in enumerate(seen):
+        for b in seen[k + 1 :]:
+            if a.times.size != b.times.size or not np.array_equal(a.times, b.times):
+                continue
+            as_wired = float(np.sqrt(np.mean((a.measured - a.simulated) ** 2 + (b.measured - b.simulated) ** 2)))
+            other = float(np.sqrt(np.mean((a.measured - b.simulated) ** 2 + (b.measured - a.simulated) ** 2)))
+            if as_wired > CLEAR and other < as_wired / 3.0:
+                yield (
+                    f"{a.sensor} and {b.sensor} look exchanged: their readings lie {as_wired:.1f} K from the model, but {other:.1f} K "
+                    "with the columns exchanged. Check the wiring and the header of the log"
+                )
+
+
+def extrapolations(test: TestTable, run: Foresight, validity: ValidityTable, nodes: Sequence[str], ahead: str = "") -> tuple[str, ...]:
+    """Return in words where a run leaves the conditions under which the model was calibrated; nothing stated is nothing known.
+
+    Parameters
+    ----------
+    test : TestTable            The test, with its gravity and orientation.
+    run : Foresight             What is expected of it.
+    validity : ValidityTable    Temperature, pressure, power of the whole unit, gravity and orientation of the calibration.
+    nodes : sequence of str     Nodes whose temperature counts.
+    ahead : str                 What the paths of the unit's loads begin with.
+    """
+    out = []
+    unsaid = [k for k in ("temperature", "pressure", "power", "gravity", "orientation") if not getattr(validity, k)]
+    if unsaid:
+        out.append(f"{', '.join(unsaid)}: the plan does not give the range of the calibration")
+    unsaid = [k for k in ("gravity", "orientation") if getattr(validity, k) and not getattr(test, k)]
+    if unsaid:
+        out.append(f"{', '.join(unsaid)}: not given for this test")
+    if validity.temperature:
+        low, high = (literal(t, TEMPERATURE, "validity.temperature") - ICE_POINT for t in validity.temperature)
+        temperatures = [run.prediction[n].celsius for n in nodes]
+        least, most = min(float(s.min()) for s in temperatures), max(float(s.max()) for s in temperatures)
+        if least < low - 0.05 or most > high + 0.05:
+            out.append(f"temperature {least:.0f} .. {most:.0f} degC; calibrated {low:.0f} .. {high:.0f} degC")
+    if validity.pressure:
+        low, high = (literal(t, "Pa", "validity.pressure") for t in validity.pressure)
+        least, most = _pressures(run)
+        if least < low * 0.999 or most > high * 1.001:
+            out.append(f"pressure {least:.3g} .. {most:.3g} Pa; calibrated {low:.3g} .. {high:.3g} Pa")
+    if validity.power:
+        low, high = (literal(t, "W", "validity.power") for t in validity.power)
+        powers = [np.broadcast_to(w, run.solution.times.shape) for load, w in run.solution.load_powers.items() if load.startswith(ahead)]
+        total = np.sum(powers, axis=0) if powers else np.zeros(1)
+        if float(total.min()) < low - 0.001 * high or float(total.max()) > 1.001 * high:
+            out.append(f"power {float(total.min()):.3g} .. {float(total.max()):.3g} W; calibrated {low:.3g} .. {high:.3g} W")
+    if validity.gravity and test.gravity:
+        low, high = (literal(t, "m/s^2", "validity.gravity") for t in (validity.gravity[0], validity.gravity[-1]))
+        here = literal(test.gravity, "m/s^2", f"{test.name}, gravity")
+        if not low - 1e-6 <= here <= high + 1e-6:
+            out.append(f"gravity {here:.3g} m/s^2; calibrated {low:.3g} .. {high:.3g} m/s^2")
+    if validity.orientation and test.orientation and test.orientation not in validity.orientation:
+        out.append(f"orientation {test.orientation}; calibrated {', '.join(validity.orientation)}")
+    return tuple(out)
+
+
+def _pressures(run: Foresight) -> tuple[float, float]:
+    """Return the lowest and highest pressure of a run's gases. [Pa]"""
+    times = run.solution.times
+    pressures = [np.asarray(e.pressure.at(times), dtype=float) for e in run.scenario.environment.values()]
+    every = [float(x) for p in pressures for x in (np.min(p), np.max(p))] or [ATMOSPHERE]
+    return min(every), max(every)
+
+
+def pre_test(plan: Plan) -> dict[str, dict[str, dict[str, Any]]]:
+    """Return test -> sensor -> lowest, highest and last expected temperature, each with its standard error; no log is read."""
+    out: dict[str, dict[str, dict[str, Any]]] = {}
+    for test in plan.tests:
+        prediction = run_test(plan, test.model_copy(update={"log": None})).foresight.prediction
+        out[test.name] = {}
+        for sensor, (node, _) in sensors_of(plan, test).items():
+            band = prediction[node]
+            error, kelvin = band.error, band.kelvin
+            places = {"lowest": int(kelvin.argmin()), "highest": int(kelvin.argmax()), "last": -1}
+            out[test.name][sensor] = {f"{word}_C": round(float(kelvin[k]) - ICE_POINT, 3) for word, k in places.items()}
+            out[test.name][sensor] |= {f"{word}_error_K": round(float(error[k]), 4) for word, k in places.items()}
+    return out

@@ -1,0 +1,209 @@
+"""When to stop a test: forecasts at set moments, each with a share of the risk, so that looking on does not add to it.
+
+A decision is taken only when the time watched has grown by a seventh since the last one, or when a known power was switched, which begins
+another plateau; each of the first `DECISIONS` on a plateau takes the same part of its risk, and later ones none: they forecast, and stop
+nothing (alpha spending: Lan and DeMets, Biometrika 70 (1983) 659; by the union bound for any dependence between looks). Channels share each
+part alike. Within a decision the forecast is that of the model fitted to the readings (`LiveFit`), or without a model that of
+`thermid.qualify._steadiness`.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from typing import Any, Final
+
+from thermid.base.errors import RecordError, SolverError
+from thermid.measure.amounts import duration_text, short
+from thermid.measure.records import Record
+from thermid.measure.steadiness import StabilityRule
+from thermid.model.tree import Model
+from thermid.physics.constants import ICE_POINT
+from thermid.qualify._steadiness.forecast import FEWEST, Forecast, forecast
+from thermid.qualify._watch.live_fit import LiveFit, ModelForecast
+from thermid.simulation.scenarios import Scenario
+
+RISK: Final = 0.01
+"""Probability of one wrong stop on a plateau, at most: in a whole test where no known power is switched."""
+GROWN: Final = 1.15
+"""By how much the time watched grows from one decision to the next."""
+FIRST: Final = 600.0
+"""After a power was switched, until the second decision on the new plateau. [s]"""
+DECISIONS: Final = 30
+"""Decisions that share the risk: the time watched grows to sixty times that of the first one."""
+
+AnyForecast = Forecast | ModelForecast
+"""Where a channel ends, by its readings or by the model fitted to them."""
+
+STOP, WAIT, DECLINED = "stop", "wait", "declined"
+
+
+@dataclass(frozen=True)
+class TemperatureLimit:
+    """A limit on where a channel ends. [K]"""
+
+    channel: str
+    above: bool
+    value: float
+
+    def undecided(self, low: float, high: float) -> bool:
+        """Whether an interval lies on both sides of it."""
+        return low <= self.value <= high
+
+    def __str__(self) -> str:
+        """As it is written."""
+        return f"{self.channel}{'>' if self.above else '<'}{short(self.value - ICE_POINT)} degC"
+
+
+@dataclass(frozen=True)
+class StopAdvice:
+    """What is advised at one moment.
+
+    Parameters
+    ----------
+    word : str                  ``stop``, ``wait`` or ``declined``.
+    because : str               In words.
+    decisions : int             How many there were up to now.
+    level : float               Level of the intervals at the last one. [-]
+    ends : dict                 Channel -> its `Forecast` or `ModelForecast` at the last one.
+    holds : float or None       When the rule of stability will hold for all channels, as likely earlier as later. [s]
+    at : float                  Time of the decision. [s]
+    """
+
+    word: str
+    because: str
+    decisions: int
+    level: float
+    ends: Mapping[str, AnyForecast] = field(repr=False)
+    holds: float | None
+    at: float
+
+
+class Stopping:
+    """Decisions of one test.
+
+    Parameters
+    ----------
+    rule : StabilityRule    The plan's own; advice never says that it holds where it does not.
+    within : float          Half of the interval of where a channel ends, at most. [K]
+    limits : sequence       Limits on where channels end; a stop needs each decided.
+    risk : float            Of one wrong stop in the whole test. [-]
+    required : bool         Whether the plan's rule must hold before a stop is advised.
+    model, scenario         A model that is fitted to the readings, and what the log does not say of the test.
+    more                    Without a model passed on to `forecast`: reference, slowest.
+    """
+
+    def __init__(
+        self,
+        rule: StabilityRule,
+        within: float,
+        limits: tuple[TemperatureLimit, ...] = (),
+        risk: float = RISK,
+        required: bool = False,
+        model: Model | None = None,
+        scenario: Scenario | None = None,
+        **more: Any,
+    ) -> None:
+        self.rule, self.within, self.limits, self.risk, self.required, self.more = rule, within, limits, risk, required, more
+        self.settling = None if model is None else LiveFit(model, scenario)
+        self.count, self._watched, self.changed = 0, 0.0, float("-inf")
+        self.last: StopAdvice | None = None
+
+    def due(self, record: Record) -> bool:
+        """Whether the time watched has grown enough for the next decision, or a power was switched since the last one."""
+        if self.last is not None and record.times[-1] >= self.changed > self.last.at:
+            return True
+        return self._since(record) >= GROWN * self._watched
+
+    def _since(self, record: Record) -> float:
+        """Return the time watched: since the beginning, or since a known power was switched. [s]"""
+        return float(record.times[-1]) - max(float(record.times[0]), self.changed)
+
+    def decide(self, record: Record, names: tuple[str, ...], settles: Mapping[str, float] | None = None, doubt: str = "") -> StopAdvice:
+        """Return the advice on a record, a new decision where one is due, else the last one.
+
+        Parameters
+        ----------
+        record : Record     All readings since conditions last changed.
+        names : tuple       Channels that must end.
+        settles : dict      Channel -> where a model settles; a forecast that ends elsewhere is declined. [K]
+        doubt : str         What is wrong with the test or its model; nothing is then stopped.
+        """
+        if self.last is not None and not self.due(record):
+            return self.last
+        anew = self.last is not None and self.changed > self.last.at
+        self.count = 1 if anew else self.count + 1
+        self._watched = max(self._since(record), FIRST / GROWN if self.changed > record.times[0] else 0.0)
+        level = 1.0 - self.risk / (DECISIONS * len(names))
+        ends, why = ({}, "") if doubt else self._ends(record, names, level)
+        holds = [f.holds for f in ends.values()]
+        late = None if not ends or any(h is None for h in holds) else max(h for h in holds if h is not None)
+        self.last = self._advice(record, ends, why or self._apart(ends, settles or {}), late, level, doubt)
+        return self.last
+
+    def _ends(self, record: Record, names: tuple[str, ...], level: float) -> tuple[dict[str, AnyForecast], str]:
+        """Return where channels end, and why not where one has no forecast."""
+        ends: dict[str, AnyForecast] = {}
+        why = ""
+        if self.settling is not None:
+            try:
+                ends |= self.settling.ends(record, names, self.rule, self.within, level)
+            except (RecordError, SolverError) as error:
+                return {}, error.message
+            return ends, "" if ends else f"a forecast needs {FEWEST} readings of every channel."
+        for name in names:
+            try:
+                ends[name] = forecast(record, name, rule=self.rule, within=self.within, level=level, **self.more)
+            except RecordError as error:
+                why = why or error.message
+        return ends, why
+
+    def _apart(self, ends: Mapping[str, AnyForecast], settles: Mapping[str, float]) -> str:
+        """Return that readings end elsewhere than the model settles; nothing where they do not."""
+        apart = {n: ends[n].final.value - t for n, t in settles.items() if n in ends and not ends[n].declined}
+        far = max(apart, key=lambda n: abs(apart[n]), default="")
+        if not far or abs(apart[far]) <= self.within:
+            return ""
+        return (
+            f"{far}: the readings end at {ends[far].final}, the model settles {short(abs(apart[far]))} K "
+            f"{'below' if apart[far] > 0 else 'above'} that. The model lacks a slow mass, or one of its values is wrong."
+        )
+
+    def _advice(
+        self, record: Record, ends: Mapping[str, AnyForecast], why: str, late: float | None, level: float, doubt: str
+    ) -> StopAdvice:
+        now = float(record.times[-1])
+
+        def said(word: str, because: str) -> StopAdvice:
+            return StopAdvice(word, because, self.count, level, ends, late, now)
+
+        if doubt or why:
+            return said(DECLINED if doubt or ends else WAIT, doubt or why)
+        if self.count > DECISIONS:
+            return said(DECLINED, f"{DECISIONS} decisions were made, which uses up the stated risk. Apply the plan's rule instead.")
+        open_ = [f for f in ends.values() if f.declined]
+        if open_:
+            worst = max(open_, key=lambda f: f.final.error)
+            return said(DECLINED, f"{worst.channel}: {worst.declined}")
+        undecided = [m for m in self.limits if m.channel in ends and m.undecided(ends[m.channel].final.low, ends[m.channel].final.high)]
+        if undecided:
+            m = undecided[0]
+            f = ends[m.channel].final
+            span = f"{short(f.low - ICE_POINT)} to {short(f.high - ICE_POINT)} degC"
+            return said(DECLINED, f"{m.channel} may end on either side of its limit {m}: {span}. Wait longer.")
+        holds = late is not None and late <= now
+        if self.required and not holds:
+            return said(WAIT, f"the final temperature is known, but the plan requires that '{self.rule.name}' is met{_when(late, now)}.")
+        rule = (
+            ""
+            if holds
+            else f" The plan's rule '{self.rule.name}' is not met yet{_when(late, now)}. Check in the plan whether the test may end."
+        )
+        return said(
+            STOP, f"waiting longer does not change the verdict: every channel ends within +- {short(self.within)} K of its forecast.{rule}"
+        )
+
+
+def _when(late: float | None, now: float) -> str:
+    """Return when a rule will hold, in brackets; nothing where that is not to be seen."""
+    return "" if late is None else f" (in about {duration_text(max(late - now, 0.0))})"

@@ -1,0 +1,631 @@
+"""`Watcher`: a log looked at again and again; every `WatchLook` says what is advised, what nobody measures, and what went wrong.
+
+A sensor that is off shows in its readings alone. By the model, a suspect is a value that changes some minutes before now. A filter that
+knows of it would have had other innovations; the difference is its signature d, and what the innovations e hold of it raises the
+log-likelihood by ``(sum d e / S)^2 / (2 sum d^2 / S)`` (generalised likelihood ratio: Willsky and Jones, IEEE Trans. Autom. Control 21
+(1976) 108). The largest names the suspect; others that do as well are named with it.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
+from typing import Any, Final
+
+import numpy as np
+
+from thermid.base.dual import value_of
+from thermid.base.errors import RecordError, SolverError
+from thermid.base.linear_algebra import Array, Bools
+from thermid.fit.estimation import WIENER, At, Belief, Dynamics, Passing, ProcessNoise
+from thermid.fit.problem import Bench, Experiment, bind
+from thermid.measure.amounts import duration_text, short
+from thermid.measure.records import Channel, Record, found_noise
+from thermid.model.laws import Constant
+from thermid.model.tree import Model
+from thermid.physics.constants import ICE_POINT
+from thermid.qualify._watch.columns import roles_in
+from thermid.qualify._watch.growing import (
+    LEAST,
+    after_gaps_left_out,
+    blocked,
+    gap_from,
+    latest,
+    noise_of,
+    plateaus,
+    smoothed,
+    switches,
+    without_spikes,
+)
+from thermid.qualify._watch.live_fit import STORED, TRUST, unknowns_of
+from thermid.qualify._watch.stopping import StopAdvice, Stopping
+from thermid.qualify._watch.suspects import SuspectValue, ambients_of, suspects_of
+from thermid.simulation.network import compile_network
+from thermid.simulation.scenarios import Scenario
+from thermid.simulation.solver import Traces, settle
+
+JUMP: Final = 8.0
+"""Usual changes between neighbours by which a reading that jumps exceeds them, all at once, while what it measures cannot."""
+LEAST_JUMP: Final = 3.0
+"""The same at least. [K]"""
+GONE: Final = 3
+"""Readings in a row that are missing."""
+STAYS: Final = 60.0
+"""How long readings must stay where they jumped to; sensors of simple boards are off by some kelvin for seconds. [s]"""
+STUCK: Final = 60
+"""Readings in a row without any change, of a sensor that changed before."""
+MOVING: Final = 0.05
+"""Share of neighbours that noise had apart by two steps before, from which a sensor that does not change is stuck."""
+
+
+@dataclass(frozen=True)
+class Alarm:
+    """Something that went wrong.
+
+    Parameters
+    ----------
+    kind : str          ``sensor``, ``joint``, ``air``, ``power``, or ``heat path``.
+    suspect : str       Channel or path.
+    since : float       When it began, about. [s]
+    because : str       In words.
+    gain : float        Rise of the log-likelihood; infinite for what readings alone show. [-]
+    """
+
+    kind: str
+    suspect: str
+    since: float
+    because: str
+    gain: float
+
+    def __str__(self) -> str:
+        """On one line."""
+        return f"{self.kind}: {self.suspect}: {self.because}"
+
+
+def sensor_alarms(record: Record, names: Sequence[str], changed: Sequence[float] | Array = ()) -> list[Alarm]:
+    """Return the sensors whose readings are none: missing, stuck, or jumped further than what they measure can.
+
+    Parameters
+    ----------
+    record : Record
+    names : sequence        Channels.
+    changed : sequence      When a known power was switched; a jump just after that is none. [s]
+    """
+    channels = [record.channel(name) for name in names]
+    found = [_of_readings(c.name, record.times, c.values, c.valid, np.asarray(changed)) for c in channels]
+    return [a for a in found if a is not None]
+
+
+def pending(record: Record, names: Sequence[str]) -> bool:
+    """Whether the last readings of a sensor jumped, or are missing, and too few came since to say whether it is off."""
+    for name in names:
+        channel = record.channel(name)
+        if not channel.valid[-1]:
+            return True
+        times, steps = record.times[channel.valid], np.diff(channel.values[channel.valid])
+        late = times[1:] > record.times[-1] - 1.5 * STAYS
+        if late.any() and np.abs(steps[late]).max() > _least(steps):
+            return True
+    return False
+
+
+def _least(steps: Array) -> float:
+    """Return the step between neighbours that counts as a jump. [K]"""
+    usual = max(float(np.median(np.abs(steps))) / 0.6745, float(np.quantile(np.abs(steps), 0.9)) / 1.645, 1e-3)
+    return max(JUMP * usual, LEAST_JUMP)
+
+
+def _of_readings(name: str, times: Array, kelvin: Array, valid: Bools, changed: Array) -> Alarm | None:
+    if valid.size >= GONE and not valid[-GONE:].any():
+        last = np.flatnonzero(valid)
+        since = float(times[last[-1] + 1]) if last.size else float(times[0])
+        return Alarm("sensor", name, since, f"no reading since {since:.0f} s", float("inf"))
+    t, y = times[valid], kelvin[valid]
+    if y.size < 2 * GONE + 2:
+        return None
+    steps = np.diff(y)
+    far = np.flatnonzero(np.abs(steps) > _least(steps))
+    usual = float(np.median(np.diff(t)))
+    for k in far[::-1]:  # a spike comes back, a sensor that is off stays
+        if np.any((changed <= t[k + 1]) & (changed > t[k] - STAYS)):
+            continue
+        before, after = y[(t > t[k] - STAYS) & (t <= t[k])], y[(t > t[k]) & (t <= t[k + 1] + STAYS)]
+        enough = min(before.size, after.size) >= 2 * GONE and t[-1] >= t[k + 1] + STAYS and t[k + 1] - t[k] < GONE * usual
+        if not enough or abs(float(np.median(after) - np.median(before))) < 0.7 * abs(steps[k]):
+            continue
+        if max(np.ptp(before), np.ptp(after)) < 0.5 * abs(steps[k]):  # else it jumps about, and what it reads is its noise
+            words = f"jumped by {short(float(steps[k]))} K between two readings at {t[k + 1]:.0f} s and stayed there"
+            return Alarm("sensor", name, float(t[k + 1]), words, float("inf"))
+    if y.size > 3 * STUCK and not steps[-STUCK:].any():
+        begin = int(np.flatnonzero(steps)[-1]) + 1 if steps.any() else 0
+        if _noisy(steps[max(begin - 2 * STUCK, 0) : begin]):
+            return Alarm("sensor", name, float(t[begin]), f"has not changed since {t[begin]:.0f} s", float("inf"))
+    return None
+
+
+def _noisy(steps: Array) -> bool:
+    """Whether noise moves readings by two of their smallest steps or more, so that 60 equal ones in a row are no chance."""
+    if steps.size < STUCK or not steps.any():
+        return False
+    smallest = float(np.abs(steps[steps != 0.0]).min())
+    return bool(np.mean(np.abs(steps - np.median(steps)) > 1.5 * smallest) > MOVING)
+
+
+DRIVEN: Final = 1e-3
+"""Wiener noise on every node where nobody says how far the model can be trusted: 0.06 K in an hour. [K/s^0.5]"""
+WINDOW: Final = 2400.0
+"""How far back a fault is looked for. [s]"""
+BEGINNINGS: Final = (60.0, 120.0, 180.0, 300.0, 480.0, 780.0, 1260.0, 2100.0)
+"""Before now, when a fault may have begun. [s]"""
+NEARER: Final = 12
+"""Further beginnings that are tried about the best one."""
+CLOSER: Final = 10.0
+"""Over what a closer look averages readings, where no node is faster than five times that. [s]"""
+CERTAIN: Final = 20.0
+"""Rise of the log-likelihood from which a fault is named: chance makes one in 2e8 of a single question, and a day of looks asks 1e5."""
+CLEARER: Final = 2.0
+"""By how much the named one must exceed that of every other kind; closer ones are named together."""
+OFF: Final = 10.0
+"""Times its noise that a logged power must have to be a candidate."""
+CHANGE: Final = 1.0
+"""By which a suspected value is changed either way for its signature, of its logarithm."""
+FITTED: Final = (
+    f"the structure of the deck; its conductances, coefficients and powers to {100 * TRUST:g} %, its capacitances to {100 * STORED:g} %"
+)
+"""What a fit to the readings takes as given."""
+STRANGE: Final = 4.0
+"""Mean of neighbouring innovations, in its standard deviations, from which a cause is looked for: a gain of `CERTAIN` is a mean of 6."""
+STANDS: Final = 300.0
+"""Between the beliefs from which a closer look can begin. [s]"""
+UNKNOWN: Final = 10.0
+"""Spread of every node after a gap. [K]"""
+MORE: Final = 0.5
+"""By how much such a mean must exceed that of the last closer look, where that found no cause, before the next one."""
+CONFIRMED: Final = 90.0
+"""How long what the model's suspects explain must last before it is named: a sensor that jumps looks like anything at first. [s]"""
+
+
+@dataclass(frozen=True)
+class NodeBand:
+    """A node, or what a noise adds, as the filter has it now: value and 95 % half-width [K], and whether a sensor reads it."""
+
+    name: str
+    value: float
+    half: float
+    measured: bool
+
+
+@dataclass(frozen=True)
+class WatchLook:
+    """What one look at a running test says.
+
+    Parameters
+    ----------
+    at : float                  Time of the last reading. [s]
+    advice : StopAdvice             Stop, wait or declined.
+    alarms : tuple of Alarm     What went wrong, the surest first.
+    nodes : tuple of NodeBand   Of a model; empty without one.
+    assumed : tuple of str      What nobody said and was taken.
+    """
+
+    at: float
+    advice: StopAdvice
+    alarms: tuple[Alarm, ...]
+    nodes: tuple[NodeBand, ...]
+    assumed: tuple[str, ...] = ()
+
+    def as_object(self) -> dict[str, Any]:
+        """Return it as one JSON line holds it."""
+        a = self.advice
+        return {
+            "at_s": self.at,
+            "advice": a.word,
+            "because": a.because,
+            "decisions": a.decisions,
+            "level": a.level,
+            "rule_holds_at_s": a.holds,
+            "remaining_s": None if a.holds is None else max(a.holds - self.at, 0.0),
+            "ends": {n: f.as_object() for n, f in a.ends.items()},
+            "nodes": {n.name: {"value_C": n.value - ICE_POINT, "half_K": n.half, "measured": n.measured} for n in self.nodes},
+            "alarms": [{"kind": m.kind, "suspect": m.suspect, "since_s": m.since, "because": m.because} for m in self.alarms],
+            "assumed": list(self.assumed),
+        }
+
+    def __str__(self) -> str:
+        """The alarms, the advice, where channels end, what nobody measures, and what was taken."""
+        return "\n".join([self.seen(), *(f"  assumed: {a}" for a in self.assumed)])
+
+    def seen(self) -> str:
+        """Return it in words without what was taken, which stays the same from look to look."""
+        lines = [f"ALARM {m}" for m in self.alarms]
+        word = {"stop": "stop now", "wait": "wait", "declined": "declined"}[self.advice.word]
+        lines.append(f"after {duration_text(self.at)}: {word}: {self.advice.because}")
+        for f in self.advice.ends.values():
+            end = "declined" if f.declined else f"ends at {f.final}"
+            ahead = 0.0 if f.holds is None else f.holds - self.at
+            left = "" if f.holds is None else f"; rule '{f.rule.name}' {f'in {duration_text(ahead)}' if ahead > 0.0 else 'met'}"
+            made = "" if f.now >= self.at else f" (decision after {duration_text(f.now)})"
+            lines.append(f"  {f.channel} {f.latest - ICE_POINT:.2f} degC, {end}{left}{made}")
+        for n in self.nodes:
+            if not n.measured:
+                lines.append(f"  {n.name} (not measured) {n.value - ICE_POINT:.2f} +- {short(n.half)} degC")
+        return "\n".join(lines)
+
+
+@dataclass
+class _Filter:
+    """What the filter carries from look to look, of the last window only.
+
+    Parameters
+    ----------
+    time : float            Up to which readings were taken. [s]
+    belief : Belief         Then; None before the first reading.
+    stands : list           Time and belief at the looks of the last window, where closer looks begin.
+    errors : dict           Sensor -> times and innovations in units of their standard deviations.
+    fastest : float         Shortest time constant. [s]
+    """
+
+    time: float
+    belief: Belief | None = None
+    stands: list[tuple[float, Belief | None]] = field(default_factory=list)
+    errors: dict[str, tuple[Array, Array]] = field(default_factory=dict)
+    fastest: float = 0.0
+
+    def take(self, window: _Window, now: float) -> None:
+        """Take what a filter found since the last look."""
+        grid = window.dynamics.grid
+        between = [int(np.searchsorted(grid, at)) for at in np.arange(STANDS, float(grid[-1]), STANDS)]
+        self.stands += [(self.time, self.belief), *((self.time + float(grid[k]), window.beliefs[k]) for k in between)]
+        while len(self.stands) > 1 and self.stands[1][0] <= now - WINDOW:
+            del self.stands[0]
+        for k, o in enumerate(window.dynamics.experiment.observations):
+            own = window.sensors == k
+            old = self.errors.get(o.sensor, (np.zeros(0), np.zeros(0)))
+            times = np.concatenate([old[0], self.time + window.times[own]])
+            standard = np.concatenate([old[1], window.errors[own] / np.sqrt(window.variances[own])])
+            late = times > now - WINDOW
+            self.errors[o.sensor] = (times[late], standard[late])
+        self.time, self.belief, self.fastest = now, window.beliefs[-1], window.fastest
+
+    @property
+    def largest(self) -> float:
+        """The largest mean of neighbouring innovations in units of its own standard deviation. [-]"""
+        return max((_largest_mean(standard) for _, standard in self.errors.values()), default=0.0)
+
+
+def _largest_mean(standard: Array) -> float:
+    """Return the largest mean of 1, 2, 4, ... neighbours in units of its own standard deviation. [-]"""
+    sums = np.concatenate([[0.0], np.cumsum(standard)])
+    lengths = 2 ** np.arange(int(np.log2(max(standard.size, 1))) + 1)
+    return max((float(np.abs(sums[n:] - sums[:-n]).max()) / n**0.5 for n in lengths if n < sums.size), default=0.0)
+
+
+@dataclass
+class Watcher:
+    """A running test.
+
+    Parameters
+    ----------
+    stopping : Stopping     What decides when to stop.
+    channels : tuple        Temperatures that must end.
+    model : Model or None   Of the unit; without one nodes without sensors and faults of the unit are not known.
+    scenario : Scenario     What the log does not say: constant boundaries, powers, starts.
+    driven : float          Wiener noise on every node. [K/s^0.5]
+    remarks : tuple of str  What else was taken, said with every look.
+    """
+
+    stopping: Stopping
+    channels: tuple[str, ...]
+    model: Model | None = None
+    scenario: Scenario | None = None
+    driven: float = DRIVEN
+    remarks: tuple[str, ...] = ()
+    _filter: _Filter | None = field(default=None, init=False, repr=False)
+    _nodes: tuple[NodeBand, ...] = field(default=(), init=False, repr=False)
+    _since: float | None = field(default=None, init=False, repr=False)
+    _wander: Mapping[str, float] = field(default_factory=dict, init=False, repr=False)
+    _cleared: float = field(default=0.0, init=False, repr=False)
+    _zero: float | None = field(default=None, init=False, repr=False)
+    _roles: Mapping[str, str] | None = field(default=None, init=False, repr=False)
+    _named: dict[str, Alarm] = field(default_factory=dict, init=False, repr=False)
+
+    def look(self, record: Record) -> WatchLook:
+        """Return what a log says by now.
+
+        Parameters
+        ----------
+        record : Record     The log from when conditions last changed, its channels bound to the model's nodes.
+        """
+        recent, record = latest(record), smoothed(without_spikes(record))
+        kept = blocked(record)
+        calm = after_gaps_left_out(kept)
+        self._zero = float(record.times[0]) if self._zero is None else self._zero
+        changed = plateaus(record, self.scenario)
+        self.stopping.changed = max(changed, default=self.stopping.changed)
+        off = sensor_alarms(recent, self.channels, np.append(changed, recent.times[switches(recent)]))
+        broken = {a.suspect for a in off}
+        names = tuple(n for n in self.channels if n not in broken)
+        fitted = self.stopping.due(kept) and self._fitted(calm, names, True)
+        nodes, found = self._filtered(record, kept, names, fitted) if self.model is not None and names else ((), [])
+        for a in (*off, *self._lasting(found, recent, names)):
+            self._named.setdefault(f"{a.kind} {a.suspect}", a)
+        doubt = f"there is an alarm: {next(iter(self._named.values()))}" if self._named else ""
+        doubt = doubt or ("readings differ from the model's forecast; the cause is not known yet." if found else "")
+        settles = self._settles(kept) if self.model is not None and names and not doubt and self.stopping.due(kept) else {}
+        advice = self.stopping.decide(calm, names, settles, doubt) if names else _no_reading(float(record.times[-1]))
+        return WatchLook(float(record.times[-1]), advice, tuple(self._named.values()), nodes, self._assumed(recent))
+
+    def _assumed(self, record: Record) -> tuple[str, ...]:
+        if self.model is None:
+            return ("no model is given, so faults of the unit and nodes without a sensor cannot be detected",)
+        silent = [f"{n} {short(noise_of(record, n))} K" for n in self.channels if not record.channel(n).noise]
+        noise = [f"noise as the latest readings show it, because none is stated: {', '.join(silent)}"] if silent else []
+        fitted = () if self.stopping.settling is None else (FITTED,)
+        error = f"error of the model: {self.driven * 60.0:.2g} K per root of an hour on every node"
+        return (error, *fitted, *noise, *self._unlogged(record), *self.remarks)
+
+    def _unlogged(self, record: Record) -> tuple[str, ...]:
+        """Return which powers are the deck's, and that what is logged stays as it was last."""
+        assert self.model is not None
+        if self._roles is None:
+            self._roles = roles_in(compile_network(self.model))
+        bound = {c.target or c.name for c in record.channels.values()}
+        given = bound | {*(self.scenario.loads if self.scenario is not None else ())}
+        own = [p for p, role in self._roles.items() if role == "load" and p not in given]
+        last = [p for p, role in self._roles.items() if role != "node" and p in bound]
+        deck = (f"power of {', '.join(own)}: the deck's, because no column gives it",) if own else ()
+        return (*deck, *((f"forecasts hold while {', '.join(last)} stays as last logged",) if last else ()))
+
+    def _lasting(self, found: list[Alarm], record: Record, names: Sequence[str]) -> list[Alarm]:
+        """Return what was found, once it lasts and no sensor's jump is pending; one fault of the unit is named."""
+        now = float(record.times[-1])
+        if not found or self._named:
+            self._since = None
+            return []
+        if self._since is None:
+            self._since = now
+        return found if now - self._since >= CONFIRMED and not pending(record, names) else []
+
+    def _settles(self, record: Record) -> dict[str, float]:
+        """Return where the model settles with the inputs as they are now: channel -> temperature. [K]"""
+        assert self.model is not None
+        experiment = bind(self.model, record, self.scenario, errors={})
+        engine = Bench.of(experiment, ()).engine
+        a = engine.started(engine.wiring.assemble(gradients=False))
+        last = float(experiment.times[-1])
+        found, _ = settle(engine, a, last)
+        traces = Traces(engine.wiring, a, np.array([last]), engine.nodes, found[None, :], np.zeros((1, found.size, 0)))
+        return {o.sensor: float(traces.temperature(o.node)[0]) for o in experiment.observations if o.sensor in self.channels}
+
+    def _fitted(self, record: Record, names: Sequence[str], due: bool) -> bool:
+        """Fit the model's values, and let the filter pass the last window again with them; whether they moved."""
+        settling = self.stopping.settling
+        if settling is None or not names or self._named:
+            return False
+        before = settling.values
+        try:
+            settling.fit(record, names)
+        except (RecordError, SolverError):
+            return False  # the decision states why
+        if due:
+            self._wander = settling.wander
+        if settling.values is not before and self._filter is not None:
+            self._filter = _Filter(*self._filter.stands[0])
+        return settling.values is not before
+
+    def _filtered(self, whole: Record, record: Record, names: Sequence[str], fitted: bool) -> tuple[tuple[NodeBand, ...], list[Alarm]]:
+        """Return the nodes as they are now, and what the model's suspects explain that no other values of the model do."""
+        f = self._passed(record, names)
+        self._cleared = min(self._cleared, f.largest)
+        if self._named or f.largest <= max(STRANGE, self._cleared + MORE):
+            return self._nodes, []
+        if not fitted and self._fitted(after_gaps_left_out(record), names, False):
+            f = self._passed(record, names)
+        settling = self.stopping.settling
+        found = []
+        if f.largest > STRANGE and (settling is None or settling.values):
+            begin, belief = f.stands[0]
+            found = self._window(self._of(blocked(whole, min(CLOSER, f.fastest / 5.0)), names).trim(begin, "end"), belief).alarms()
+        self._cleared = 0.0 if found else f.largest
+        return self._nodes, found
+
+    def _passed(self, record: Record, names: Sequence[str]) -> _Filter:
+        """Return the filter after the readings that are new to it."""
+        now = float(record.times[-1])
+        if self._filter is None:
+            self._filter = _Filter(float(record.times[0]))
+        f = self._filter = self._after_gap(self._filter, record)
+        if now > f.time:
+            window = self._window(self._of(record, names).trim(f.time, "end"), f.belief)
+            f.take(window, now)
+            self._nodes = window.nodes()
+        return f
+
+    def _after_gap(self, f: _Filter, record: Record) -> _Filter:
+        """Return a filter that begins anew after the last gap, where what was not logged may have moved every node."""
+        times = record.times[np.searchsorted(record.times, f.time) :]
+        gaps = np.flatnonzero(np.diff(times, prepend=f.time) > gap_from(record))
+        if not gaps.size or f.belief is None:
+            return f
+        mean = f.belief.mean
+        return _Filter(float(times[gaps[-1]]), Belief(mean, UNKNOWN * np.eye(mean.shape[1])[None]))
+
+    def _of(self, record: Record, names: Sequence[str]) -> Record:
+        """Return a record without the channels that are broken."""
+        others = {c.name for c in record.channels.values() if c.name in self.channels and c.name not in names}
+        return record.select(*(c for c in record.channels if c not in others)) if others else record
+
+    def _window(self, record: Record, belief: Belief | None) -> _Window:
+        """Return a stretch of the log passed by the filter, from a belief or the start of the log."""
+        assert self.model is not None
+        settling = self.stopping.settling
+        later = None if self.scenario is None else self.scenario.begun(float(record.times[0]) - (self._zero or 0.0))
+        return _Window.of(self.model, record, later, self.driven, belief, {} if settling is None else settling.values, self._wander)
+
+
+@dataclass(frozen=True, eq=False)
+class _FilterValues:
+    """Values at which a filter runs: free names with their numbers, the sensors' constant errors [K], noises, and what is a sum."""
+
+    names: tuple[str, ...]
+    x: Array
+    bias: Array
+    sigma: Array
+    driven: Array
+    added: Bools
+
+    def at(self, dynamics: Dynamics, changed: tuple[str, float] = ("", 0.0)) -> At:
+        """Return the dynamics at the values, one suspect or sensor changed either way."""
+        way, sign = changed
+        own = np.array([n == way for n in self.names])
+        x = np.where(own, np.where(self.added, self.x + sign, self.x * np.exp(sign * CHANGE)), self.x)
+        bias = self.bias.copy()
+        if way.startswith("sensor "):
+            bias[int(way.removeprefix("sensor "))] += sign
+        count = len(dynamics.noises)
+        return dynamics.at(x, self.driven, np.full(count, np.inf), self.sigma, bias)
+
+
+@dataclass(frozen=True, eq=False)
+class _Window:
+    """The last stretch of a log, filtered."""
+
+    dynamics: Dynamics
+    suspects: tuple[SuspectValue, ...]
+    values: _FilterValues
+    passing: Passing
+    beliefs: tuple[Belief, ...]
+    errors: Array
+    variances: Array
+    times: Array
+    sensors: Array
+
+    @classmethod
+    def of(
+        cls,
+        model: Model,
+        record: Record,
+        scenario: Scenario | None,
+        driven: float,
+        start: Belief | None,
+        values: Mapping[str, float],
+        wander: Mapping[str, float],
+    ) -> _Window:
+        """Return a stretch passed by the filter, from a belief or the start of the log, at what a fit moved the model's values by.
+
+        `wander` is by how much readings of a sensor count as noisier than they are, because what a fit leaves of them is correlated.
+        """
+        experiment = bind(model, record, scenario, errors={})
+        free, base, _, relative = unknowns_of(experiment)
+        keep = np.array([not n.startswith("initial.") for n in free])
+        names = tuple(n for n, kept in zip(free, keep, strict=True) if kept)
+        moved = np.array([values.get(n, 0.0) for n in names])
+        x = np.where(relative[keep], base[keep] * np.exp(moved), base[keep] + moved)
+        bias = np.array([values.get(f"sensor {o.sensor}", 0.0) for o in experiment.observations])
+        ambients = ambients_of(experiment.network, {c.target or c.name for c in record.channels.values()})
+        names, x = (*names, *(a.path for a in ambients)), np.append(x, [_level(experiment, a.path) for a in ambients])
+        bench = Bench.of(experiment, names)
+        massive = [n for n, c in experiment.network.numbers().capacitances.items() if c is not None]
+        noises = [ProcessNoise(n, "node", WIENER, driven, False) for n in massive]
+        sizes = np.hypot(driven, [_by_powers(experiment, n) for n in massive])
+        dynamics = Dynamics(bench, noises, {})
+        sigma = np.array([o.sigma({o.sensor: LEAST}) * wander.get(o.sensor, 1.0) for o in experiment.observations])
+        values_of = _FilterValues(names, x, bias, sigma, sizes, np.arange(len(names)) >= len(names) - len(ambients))
+        passing = Passing(dynamics, [values_of.at(dynamics)])
+        kept = passing.run(keep=True, begin=None if start is None else (0, start))
+        i = kept.innovations
+        off = {c.target or c.name for c in record.channels.values() if c.held and _is_off(c)}
+        suspects = (*(s for s in suspects_of(experiment.network) if s.kind != "power" or s.whose not in off), *ambients)
+        return cls(dynamics, suspects, values_of, passing, kept.beliefs, i.errors[:, 0], i.variances[:, 0], i.times, i.sensors)
+
+    def nodes(self) -> tuple[NodeBand, ...]:
+        """Return the nodes at the end."""
+        last = self.beliefs[-1]
+        read = {o.seat for o in self.dynamics.experiment.observations}
+        sd = np.sqrt(last.variance[0])
+        return tuple(
+            NodeBand(n, float(m), 1.96 * float(s), n in read) for n, m, s in zip(self.dynamics.states, last.mean[0], sd, strict=True)
+        )
+
+    @property
+    def fastest(self) -> float:
+        """The shortest time constant at the end. [s]"""
+        local = self.dynamics.local(self.values.at(self.dynamics), self.beliefs[-1].mean[0], float(self.dynamics.grid[-1]))
+        return float(1.0 / max(np.abs(np.linalg.eigvals(local.jacobian)).max(), 1e-12))
+
+    def alarms(self) -> list[Alarm]:
+        """Return the suspect that explains the innovations best, where one does beyond doubt, and those that do as well."""
+        end = float(self.dynamics.grid[-1])
+        backs = [0.0, *(back for back in BEGINNINGS if back < end)]
+        found = [a for back in backs[1:] for a in self._began(end - back)]
+        best = max(found, key=lambda a: a.gain, default=None)
+        if best is None or best.gain < CERTAIN:
+            return []
+        # a beginning that is wrong blames what acts later or sooner: look closer about the best
+        k = int(np.argmin(np.abs(np.array(backs) - (end - best.since))))
+        for back in np.linspace(backs[max(k - 1, 0)], backs[min(k + 1, len(backs) - 1)], NEARER + 2)[1:-1]:
+            found += self._began(end - float(back))
+        best = max(found, key=lambda a: a.gain)
+        alike = {a.suspect: a for a in found if a.gain > best.gain - CLEARER}
+        if len(alike) == 1:
+            return [best]
+        others = ", ".join(f"{a.kind} {a.suspect}" for a in alike.values() if a.suspect != best.suspect)
+        return [Alarm(best.kind, best.suspect, best.since, f"{best.because}; {others} would explain it as well", best.gain)]
+
+    def _began(self, since: float) -> list[Alarm]:
+        """Return what every suspect explains, had it changed at a time of the window. [s]"""
+        place = max(int(np.searchsorted(self.dynamics.grid, since)) - 1, 0)
+        names = [*(s.path for s in self.suspects), *(f"sensor {k}" for k in range(self.values.sigma.size))]
+        ways = [(name, sign) for name in names for sign in (-1.0, 1.0)]
+        members = [self.values.at(self.dynamics, way) for way in (("", 0.0), *ways)]
+        belief = self.beliefs[place]
+        count = len(members)
+        several = Belief(np.repeat(belief.mean, count, axis=0), np.repeat(belief.root, count, axis=0))
+        run = Passing(self.dynamics, members).run(begin=(place, several))
+        errors, variances = run.innovations.errors, run.innovations.variances[:, 0]
+        if errors.shape[0] < 4:
+            return []
+        out = []
+        for k, way in enumerate(ways):
+            signature = errors[:, 0] - errors[:, 1 + k]
+            size = float(np.sum(signature**2 / variances))
+            if size < 1e-12:
+                continue
+            share = float(np.sum(signature * errors[:, 0] / variances)) / size
+            if share > 0.0:
+                out.append(self._alarm(way[0], way[1] * share, 0.5 * share**2 * size, since))
+        return out
+
+    def _alarm(self, way: str, share: float, gain: float, since: float) -> Alarm:
+        if way.startswith("sensor "):
+            o = self.dynamics.experiment.observations[int(way.removeprefix("sensor "))]
+            return Alarm(
+                "sensor", o.sensor, since, f"reads {short(abs(share))} K too {'high' if share > 0 else 'low'}, or has slipped", gain
+            )
+        s = next(s for s in self.suspects if s.path == way)
+        return Alarm(s.kind, s.whose, since, s.lower if share < 0 else s.higher, gain)
+
+
+def _level(experiment: Experiment, boundary: str) -> float:
+    """Return the free value of a boundary: its temperature where that is constant, else what is added to it. [K]"""
+    signal = experiment.scenario.boundaries[boundary]
+    return signal.value if isinstance(signal, Constant) else 0.0
+
+
+def _by_powers(experiment: Experiment, node: str) -> float:
+    """Return the Wiener noise of a node by the noise of its logged powers: sigma sqrt(interval) / C. [K/s^0.5]"""
+    loads = {load.path for load in experiment.network.flat.loads if load.node == node}
+    capacity = experiment.network.numbers().capacitances[node]
+    record = experiment.record
+    found = [found_noise(c) for c in record.channels.values() if c.quantity == "power" and (c.target or c.name) in loads]
+    return float(np.linalg.norm(found)) * record.step**0.5 / value_of(capacity or 1.0) if found else 0.0
+
+
+def _is_off(channel: Channel) -> bool:
+    """Whether a logged power is no more than its noise, so that no share of it can be missing."""
+    seen = channel.values[channel.valid]
+    return not seen.size or float(np.abs(seen).max()) <= OFF * found_noise(channel)
+
+
+def _no_reading(at: float) -> StopAdvice:
+    return StopAdvice("declined", "no sensor gives readings any more. Check the logger.", 0, 0.0, {}, None, at)

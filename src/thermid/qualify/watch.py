@@ -1,0 +1,6 @@
+"""A growing log watched: when to stop, and what went wrong."""
+
+from thermid.qualify._watch.columns import BoundColumns as BoundColumns
+from thermid.qualify._watch.growing import GrowingLog as GrowingLog, played as played
+from thermid.qualify._watch.stopping import Stopping as Stopping, TemperatureLimit as TemperatureLimit
+from thermid.qualify._watch.watcher import Watcher as Watcher, WatchLook as WatchLook

@@ -1,0 +1,432 @@
+"""`report`: a campaign as one self-contained HTML page."""
+
+from __future__ import annotations
+
+import math
+import os
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+
+from thermid.base.arguments import takes_objects
+from thermid.base.errors import ThermidError
+from thermid.base.sourced import VERDICTS
+from thermid.base.units import from_si, unit
+from thermid.campaign.stages import Campaign, JointFit
+from thermid.campaign.verdicts import Verdict, largest, metric, second_opinions
+from thermid.fit.calibration import Calibration
+from thermid.fit.problem import SensorTrace
+from thermid.fit.uncertainty import MOVED, NOT_REJECTED, UNDECIDED, Move, MovedGroup
+from thermid.inference.criticism import criticise
+from thermid.inference.diagnosis import energy_balance
+from thermid.inference.intervals import identifiability
+from thermid.model.tree import Model, Names
+from thermid.reporting._blocks.content import DASH, Cell, Graphic, Head, Line, Table, duration, number, plain, pretty, significant, tall
+from thermid.reporting._blocks.extras import check_page, tables_folder, write_page
+from thermid.reporting._blocks.numbering import Sheets, check_audience
+from thermid.reporting._diagrams.diagram import diagram
+from thermid.reporting._diagrams.heat import heat_map
+from thermid.reporting._pages import tables
+from thermid.reporting._pages.courses import drives as driving
+from thermid.reporting._pages.front import VERDICTS_TABLE, front
+from thermid.reporting._pages.tables import glance
+from thermid.reporting._pictures import figures
+from thermid.reporting._pictures.figures import Dots
+from thermid.simulation.runs import Solution
+
+FEW = 4
+"""Up to so many traces stand open on the page; more are folded away."""
+
+
+Part = dict[str, object]
+"""What the template says of one stage, trace or scenario, by name."""
+
+
+@takes_objects
+def report(
+    campaign: Campaign,
+    *,
+    to: str | os.PathLike[str],
+    scenarios: Sequence[tuple[str, Solution]] = (),
+    notes: str | Sequence[str] = (),
+    audience: str = "all",
+    tables_to: str | os.PathLike[str] | None = None,
+) -> Path:
+    """Write a campaign as one HTML page, or as a PDF where its name ends in .pdf, and return its path.
+
+    The page holds everything: verdicts, what a reader must know, coefficients by level, and for each stage its diagram, parameters before
+    and after, sensors, measured against simulated with residuals; then predictions and provenance. It loads nothing and runs no script
+    but its own, without which it stands as well. Long tables are files of comma-separated values too, in a folder beside the page.
+
+    Parameters
+    ----------
+    campaign : Campaign     The result of `run_stages`, or one made in Python.
+    to : path               The file to write; its folder is made where it is missing.
+    scenarios : sequence    Pairs (title, Solution): what the model predicts.
+    notes : str(s)          What the author says, a paragraph each.
+    audience : str          ``summary``: at most two sheets; ``agency``: what a reviewer reads; ``all``: everything.
+    tables_to : path        Folder of the long tables; that of the page's name with ``.tables`` by default.
+
+    Raises
+    ------
+    MissingExtraError   When jinja2 is not installed.
+    NoBrowserError      When a PDF is asked for and no browser is installed that prints it.
+    OutputError         When the file may not be written, or its name promises another format.
+    ScenarioError       When there is no such audience.
+    """
+    check_page(to)
+    sheets = Sheets(Path(tables_to) if tables_to is not None else tables_folder(to), check_audience(audience))
+    records, of = tables.made_records(campaign)
+    coefficients, others = tables.levels(campaign)
+    paragraphs = [p for text in ([notes] if isinstance(notes, str) else notes) for p in text.split("\n\n") if p.strip()]
+    return write_page(
+        "page.html.jinja",
+        to,
+        title=campaign.title,
+        campaign=campaign,
+        synthetic=records,
+        record_count=of,
+        notes=[p for p in (campaign.note, *paragraphs) if p],
+        verdicts=replace(tables.verdicts(campaign, audience == "summary"), key=VERDICTS_TABLE) if campaign.verdicts else None,
+        held_out=_held_out(campaign) if audience != "summary" else None,
+        coverage=_coverage(campaign) if audience != "summary" else None,
+        bands=_bands(campaign) if audience != "summary" else (None, []),
+        front=front(campaign),
+        coefficients=coefficients,
+        others=others,
+        overview=figures.overview(_dots(campaign)) if campaign.stages else None,
+        stages=[_stage(f"stage-{k}", c, campaign, sheets) for k, c in enumerate(campaign.fits, 1)] if audience != "summary" else [],
+        predictions=[_prediction(f"prediction-{k}", title, s, campaign) for k, (title, s) in enumerate(scenarios, 1)],
+        data=tables.data(campaign),
+        models=tables.models(campaign),
+        versions=tables.versions(),
+        sheets=sheets,
+        seen=glance(campaign, {"verdicts": "verdicts"} | {c.stage: f"stage-{k}" for k, c in enumerate(campaign.fits, 1)}),
+    )
+
+
+def _inline(svg: str) -> str:
+    """Return an SVG as it is inside a page, where it needs no name space."""
+    return svg.replace(' xmlns="http://www.w3.org/2000/svg"', "", 1)
+
+
+ANNEX = (
+    ("inputs", "Inputs, with their sources"),
+    ("records", "Every record and sensor"),
+    ("local", "Values of single records"),
+    ("correlations", "Correlations"),
+    ("areas", "Area ledger"),
+    ("held", "All values, with what they hide"),
+)
+"""Tables of a stage that open on demand, and stand in files alone on a page that is not for all."""
+
+
+def _stage(key: str, c: Calibration, campaign: Campaign, sheets: Sheets) -> Part:
+    """Return what the page says of one stage."""
+    samples = sum(s.samples for s in c.sensors.values())
+    facts = (
+        ("model", c.model.title),
+        ("records", str(len(c.records))),
+        ("samples", str(samples)),
+        ("free parameters", str(len(c.values.parameters))),
+        ("reduced χ²", number(c.reduced_chi_square, 3)),
+        ("loss", c.loss),
+        ("evaluations", str(c.evaluations)),
+        ("converged", "yes" if c.converged else "NO"),
+    )
+    shown = {
+        "parameters": tables.parameters(c),
+        "sensors": tables.sensors(c),
+        "instruments": tables.instruments(c),
+        "records": tables.records(c),
+        "local": tables.locals_(c),
+        "moved": moved(c),
+        "correlations": tables.correlations(c),
+        "areas": tables.areas(c.fitted_model),
+        "held": tables.held(c),
+        "inputs": tables.inputs(c),
+    }
+    logged = {load for e in c.experiments for load in (*e.scenario.loads, *e.scenario.commands)}
+    picture = _inline(diagram(c.fitted_model, logged=logged, title=f"{c.stage}: the model with its fitted values"))
+    annex = [(title, shown[name]) for name, title in ANNEX if shown[name].rows]
+    if sheets.audience != "all":
+        for title, table in annex:
+            sheets.keep(table, f"{c.stage} {title}")
+    whole = sheets.audience == "all"
+    return {
+        "key": key,
+        "name": c.stage,
+        "model": c.model,
+        "facts": facts,
+        "warnings": c.warnings,
+        "diagram": picture if whole or not tall(picture) else "",
+        "tall": tall(picture),
+        "traces": _traces(c.blocks, f"{key}-trace", fits={id(b): c for b in c.blocks}, most=figures.MOST_TRACES if whole else BRIEF),
+        "tables": shown,
+        "annex": annex if whole else [],
+        "trust": trust(campaign, c) if whole else (),
+    }
+
+
+BRIEF = 4
+"""Traces of a stage on a page that is not for all."""
+
+
+def _traces(
+    blocks: Sequence[SensorTrace],
+    key: str,
+    models: Mapping[int, str] | None = None,
+    *,
+    fits: Mapping[int, Calibration],
+    judged: Mapping[int, Verdict] | None = None,
+    most: int = figures.MOST_TRACES,
+) -> Part:
+    """Return the traces to draw with what marks each, the text that says which, and whether they stand open.
+
+    `models` names the model of each block by its identity, where several stand together; `fits` says of which fit each is, and `judged`
+    by which verdict.
+    """
+    chosen = figures.choose(blocks, most)
+    text = f"All {len(blocks)} traces." if len(blocks) > 1 else ""
+    if len(chosen) < len(blocks):
+        text = (
+            f"{len(chosen)} of {len(blocks)} traces are drawn: for each sensor those with the lowest, the median and the highest RMSE, "
+            "and others evenly between them. All statistics count every trace."
+        )
+    drives = {(id(fits[id(b)]), b.record): driving(fits[id(b)], b.record) for b, _ in chosen}
+    drawn: list[Part] = []
+    for k, (b, mark) in enumerate(chosen):
+        limit, met = _limit(b, (judged or {}).get(id(b)))
+        title = f"{b.sensor} in {b.record}: measured and simulated"
+        graphic = figures.trace(b, f"{key}-{k}", title, drives[id(fits[id(b)]), b.record], limit)
+        drawn.append({"block": b, "mark": mark, "model": (models or {}).get(id(b), ""), "met": met, "drawn": graphic})
+    return {"drawn": drawn, "text": text, "opened": len(chosen) <= FEW}
+
+
+def _limit(block: SensorTrace, verdict: Verdict | None) -> tuple[float | None, str]:
+    """Return the limit of every single residual of a trace, and whether it is met; None and nothing where no such limit was judged."""
+    for c in verdict.checks if verdict is not None else ():
+        if c.sensor == block.sensor and metric(c.criterion).of is largest:
+            return c.limit, VERDICTS[c.passed]
+    return None, ""
+
+
+def _held_out(campaign: Campaign) -> Part | None:
+    """Return the traces of all verdicts; a record that several of them judge is drawn once a model."""
+    blocks = {(v.model, b.record, b.sensor): (b, v) for v in campaign.verdicts for b in v.blocks}
+    if not blocks:
+        return None
+    models = {id(b): model for (model, _, _), (b, _) in blocks.items()}
+    fits = {id(b): v.prediction for b, v in blocks.values() if v.prediction is not None}
+    judged = {id(b): v for b, v in blocks.values()}
+    several = models if len(set(models.values())) > 1 else None
+    return _traces([b for b, _ in blocks.values()], "held-out", several, fits=fits, judged=judged)
+
+
+def _coverage(campaign: Campaign) -> Graphic | None:
+    """Return nominal against observed shares of readings inside the bands of the verdicts; None where no verdict has bands."""
+    judged = {(v.model, v.record): v.bands.coverage for v in campaign.verdicts if v.bands is not None and v.bands.bands}
+    if not judged:
+        return None
+    several = len({model for model, _ in judged}) > 1
+    shares = {f"{record}, {model}" if several else record: found for (model, record), found in judged.items()}
+    return figures.coverage(shares, "coverage", "Readings inside the band against the nominal share")
+
+
+def _bands(campaign: Campaign) -> tuple[Table | None, list[str]]:
+    """Return how the bands of the verdicts met the readings, sensor by sensor, and what a reader of them must know."""
+    judged = {(v.model, v.record): v.bands for v in campaign.verdicts if v.bands is not None and v.bands.bands}
+    if not judged:
+        return None, []
+    columns = [
+        Head("model"),
+        Head("hold-out record"),
+        Head("sensor"),
+        Head("inside, %", True, "readings inside the 95 % band"),
+        Head("95 % band, ± K", True, "mean half-width"),
+        Head("worst stretch", wrapped=True),
+    ]
+    rows: list[Line] = []
+    for (model, record), run in judged.items():
+        for k, (sensor, b) in enumerate(run.bands.items()):
+            first = [Cell(model, "", "main"), Cell(record)] if k == 0 else [Cell("", "", "same"), Cell("", "", "same")]
+            w = b.worst
+            worst = f"{w.begin / 60:.3g} to {w.end / 60:.3g} min: {100 * w.inside:.0f} % inside, centre off by {w.rmse:.2g} K"
+            rows.append([*first, sensor, f"{100 * b.inside():.0f}", number(float(b.half_width().mean()), 2), worst])
+    remarks = list(dict.fromkeys(f"{model}: {words}" for (model, _), run in judged.items() for words in run.warnings))
+    return Table.of(columns, rows), [*remarks, *(f"{model}: {opinion}" for model, opinion in second_opinions(campaign.verdicts).items())]
+
+
+def _dots(campaign: Campaign) -> list[Dots]:
+    """Return the RMSE of every record by stage, and of the held-out records by model."""
+    lines = [Dots(stage, _rmse([c]), doubt="" if c.standing.fair else c.standing.state) for stage, c in campaign.stages.items()]
+    judged: dict[str, list[Calibration]] = {}
+    for v in campaign.verdicts:
+        known = judged.setdefault(v.model, [])
+        if v.prediction is not None and all(v.record not in k.records for k in known):
+            known.append(v.prediction)
+    return lines + [Dots(model, _rmse(found), True) for model, found in judged.items()]
+
+
+def _rmse(calibrations: Sequence[Calibration]) -> dict[str, list[float]]:
+    out: dict[str, list[float]] = {}
+    for c in calibrations:
+        for b in c.blocks:
+            out.setdefault(b.sensor, []).append(float(np.sqrt(np.mean(b.residuals**2))))
+    return out
+
+
+def _prediction(key: str, title: str, solution: Solution, campaign: Campaign) -> Part:
+    """Return what the page says of one simulated scenario."""
+    columns = [Head("node"), *(Head(f"{c}, °C", True) for c in ("start", "end", "highest", "lowest"))]
+    rows: list[Line] = []
+    for node in solution.nodes:
+        trace = solution[node]
+        rows.append([Cell(node, "", "main"), *(f"{t:.2f}" for t in (trace.celsius[0], trace.final, trace.highest, trace.lowest))])
+    drawn = figures.prediction(solution, key, f"{title}: predicted temperatures")
+    final = dict(zip(solution.nodes, solution.temperatures[-1].tolist(), strict=True))
+    powers = {load: float(np.broadcast_to(w, solution.times.shape)[-1]) for load, w in solution.load_powers.items()}
+    end = f"{title}: temperatures at the end"
+    flows = {name: float(w[-1]) for name, w in solution.heat_flows.items()}
+    pictures = []
+    for m in _models_of(solution, campaign):
+        drawn_whole = _inline(diagram(m, temperatures=final, powers=powers, title=end))
+        pictures.append(heat_map(m, final, flows, powers, title=end) if tall(drawn_whole) else drawn_whole)
+    length = duration(float(solution.times[-1] - solution.times[0]))
+    return {
+        "key": key,
+        "title": title,
+        "solution": solution,
+        "drawn": drawn,
+        "ends": Table.of(columns, rows),
+        "diagram": next(iter(pictures), ""),
+        "length": length,
+    }
+
+
+def _models_of(solution: Solution, campaign: Campaign) -> Iterator[Model]:
+    """Yield the campaign's model that a solution is of, if it is one of them."""
+    for c in reversed(list(campaign.stages.values())):
+        if c.model.title == solution.title:
+            names = Names(c.model)
+            if {*names.nodes, *names.boundaries} == set(solution.nodes):
+                yield c.fitted_model
+                return
+
+
+LOOKS = {MOVED: "bad", NOT_REJECTED: "good", UNDECIDED: "soft"}
+
+
+def moved(calibration: Calibration) -> Table:
+    """Return inherited values against what this stage's logs say of them alone: per parameter, per part, and all together."""
+    columns = [
+        Head("inherited"),
+        Head("from stage"),
+        Head("there", True),
+        Head("logs alone", True, "the value from the logs of this stage alone, without its prior; for a joint fit its value there"),
+        Head("unit"),
+        Head("change, %", True),
+        Head("deviations", True, "the change over its standard error; for several values chi-square"),
+        Head("chance", True, "probability of such a change if the value is the same, corrected for the number of values tested"),
+        Head("found, %", True, "the change that would be found with 90 % power, in parts of the value"),
+        Head("result"),
+    ]
+    rows: list[Line] = [_line(m) for m in calibration.moved.values] + [_group(g) for g in calibration.moved.groups]
+    how = (
+        "A value that changed: the part behaves differently in the assembly than alone, or the stage below lacks physics. A value is "
+        "called not rejected only if the logs would show a change of 10 %."
+    )
+    return Table.of(columns, rows, how)
+
+
+def _result(verdict: str) -> Cell:
+    return Cell(verdict, "", LOOKS[verdict])
+
+
+def _line(m: Move) -> Line:
+    below, alone = from_si(m.below, m.unit), from_si(m.alone, m.unit)
+    share = number(100 * (alone / below - 1), 2) if below and m.told else DASH
+    far = f"{m.deviations:+.1f}" if math.isfinite(m.deviations) else DASH
+    error = m.below_error / float(unit(m.unit).factor)
+    there = f"{significant(below, error)} ± {number(error, 2)}" if math.isfinite(error) else plain(below, 5)
+    detectable = number(100 * m.detectable_share, 2) if m.told else DASH
+    here = plain(alone, 4) if m.told else DASH
+    return [
+        Cell(m.path, "", "main"), m.stage, there, here, pretty(m.unit), share, far, number(m.chance, 2), detectable, _result(m.verdict),
+    ]  # fmt: skip
+
+
+def _group(g: MovedGroup) -> Line:
+    what = Cell(g.name, ", ".join(g.paths), "main")
+    square = f"χ² {number(g.chi_square, 3)} of {g.directions}" if g.directions else DASH
+    return [what, "", "", "", "", "", square, number(g.chance, 2), "", _result(g.verdict)]
+
+
+MOST = 12
+"""Records of a stage up to which the page says of each trace what is left in it."""
+
+
+def trust(campaign: Campaign, c: Calibration) -> tuple[tuple[str, str], ...]:
+    """Return titles with texts: what the logs told of the stage's values, what its residuals say, who looked, where measured heat goes."""
+    parts = []
+    if c.values.parameters and not isinstance(c, JointFit):
+        parts.append(("Information in the logs", _said(lambda: str(identifiability(c)))))
+    known = {e.record.name for e in c.experiments}
+    if len(known) > MOST:
+        parts.append(
+            (
+                "Analysis of its residuals",
+                f"{len(known)} records: for each of them run td.inference.criticise(campaign[{c.stage!r}], elements=False).",
+            )
+        )
+    elif c.request is not None and not isinstance(c, JointFit) and all(b.record in known for b in c.blocks):
+        parts.append(("Analysis of its residuals", _said(lambda: str(criticise(c, elements=False)))))
+    looks = _looks(campaign, c)
+    if looks:
+        parts.append(("Uses of its hold-out records", looks))
+    balances = _balances(campaign, c)
+    if balances:
+        parts.append(("Heat flows of its steady points", balances))
+    return tuple(parts)
+
+
+def _said(make: object) -> str:
+    """Return a finding, or why there is none."""
+    assert callable(make)
+    try:
+        return str(make())
+    except ThermidError as error:
+        return f"not available: {error.message}"
+
+
+def _looks(campaign: Campaign, c: Calibration) -> str:
+    lines = []
+    for v in campaign.verdicts:
+        if v.model == c.stage:
+            if v.passed is None:
+                lines.append(f"{v.record}: not judged and not read; {v.standing.reason(v.model)}")
+                continue
+            word = "passed" if v.passed else "failed"
+            before = (
+                f"{len(v.failed_before)} failed verdicts before, by other values: no longer independent"
+                if v.failed_before
+                else "not used before"
+            )
+            lines.append(f"{v.record}: {word}, {before}{', conditional on values fitted to it' if v.conditional else ''}")
+    return "\n".join(lines)
+
+
+def _balances(campaign: Campaign, c: Calibration) -> str:
+    """Return the heat balance of every steady point that the stage fitted."""
+    source = campaign.source
+    stage = next((s for s in source.content.stages if s.name == c.stage), None) if source is not None else None
+    if source is None or stage is None:
+        return ""
+    out = []
+    for name, table in stage.steady.items():
+        (one,) = source.pick([table.record], name)[:1]
+        log = source.bound(one, stage)
+        out.append(f"{name}: " + _said(lambda: energy_balance(c, log, table.start, table.end, limit=table.limit)))  # noqa: B023
+    return "\n\n".join(out)

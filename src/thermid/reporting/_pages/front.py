@@ -1,0 +1,167 @@
+"""The top of a page: the answer in one sentence, the figure that decides it beside the coloured network, and all tests at one look."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from thermid.base.sourced import VERDICTS
+from thermid.campaign.stages import Campaign
+from thermid.campaign.verdicts import Check, Verdict, largest, metric
+from thermid.fit.calibration import Calibration
+from thermid.fit.problem import SensorTrace
+from thermid.physics.constants import ICE_POINT
+from thermid.reporting._blocks.content import Figures, Graphic, PageBlock, Plot, Words, duration, number, plain
+from thermid.reporting._diagrams.heat import heat_map
+from thermid.reporting._pages.courses import course_of, drives
+from thermid.reporting._pictures import correlation, figures
+
+SYNTHETIC = "synthetic"
+LEAD = (620.0, 284.0)
+"""Size of the figure that decides. [px]"""
+DECIDES, NETWORK, MATRIX, VERDICTS_TABLE = "fig-decides", "fig-network", "fig-matrix", "table-verdicts"
+
+
+@dataclass(frozen=True, eq=False)
+class Decisive:
+    """The trace that decides: the one that takes most of its limit, or without a verdict the worst that was fitted.
+
+    Parameters
+    ----------
+    fit : Calibration       The fit, or the prediction that was judged.
+    block : SensorTrace     Its readings.
+    verdict, check          What was judged, and by which limit; None without a verdict.
+    """
+
+    fit: Calibration
+    block: SensorTrace
+    verdict: Verdict | None = None
+    check: Check | None = None
+
+    @property
+    def moment(self) -> int:
+        """Sample with the largest residual."""
+        return int(np.abs(self.block.residuals).argmax())
+
+    @property
+    def limit(self) -> float | None:
+        """Limit of every single residual, where that is what was judged. [K]"""
+        return self.check.limit if self.check is not None and metric(self.check.criterion).of is largest else None
+
+    def sentence(self) -> str:
+        """Return which sensor it is, what was measured and simulated, the residual, and the limit."""
+        b, k = self.block, self.moment
+        at = duration(float(b.times[k] - b.times[0]))
+        read = f"measured {b.measured[k] - ICE_POINT:.2f} °C, simulated {b.predicted[k] - ICE_POINT:.2f} °C"
+        said = f"{b.sensor} in {b.record}. After {at}: {read}, residual {b.residuals[k]:+.2f} K"
+        if self.check is None:
+            rmse = float(np.sqrt(np.mean(b.residuals**2)))
+            return f"Worst fitted sensor: {said}. RMSE {number(rmse, 2)} K. No limit applies: there is no hold-out record."
+        c = self.check
+        word = VERDICTS[c.passed]
+        return (
+            f"Worst held-out sensor: {said}. {c.title[0].upper()}{c.title[1:]} {number(c.found, 3)} K, "
+            f"limit {plain(c.limit, 4)} K ({100 * c.used:.0f} %): {word}."
+        )
+
+
+def decisive(campaign: Campaign) -> Decisive | None:
+    """Return the trace that decides; None where nothing was fitted or judged."""
+    judged = [(v, c) for v in campaign.verdicts for c in v.checks if v.blocks]
+    if judged:
+        verdict, check = max(judged, key=lambda pair: pair[1].used)
+        own = [b for b in verdict.blocks if b.sensor == check.sensor] or list(verdict.blocks)
+        assert verdict.prediction is not None
+        return Decisive(verdict.prediction, max(own, key=_size), verdict, check)
+    for c in reversed(campaign.fits):
+        if len(c.blocks):
+            return Decisive(c, max(c.blocks, key=lambda b: float(np.mean(b.weighted**2))))
+    return None
+
+
+def _size(block: SensorTrace) -> float:
+    return float(np.abs(block.residuals).max())
+
+
+def front(campaign: Campaign) -> list[PageBlock]:
+    """Return the top of a page, below its answer; nothing where nothing was fitted or judged."""
+    found = decisive(campaign)
+    if found is None:
+        return []
+    plots = [_decides(found)]
+    network = _network(found)
+    plots += [network] if network is not None else []
+    charts = list(_charts(campaign))
+    blocks: list[PageBlock] = [
+        Words(found.sentence(), (DECIDES, NETWORK, MATRIX, VERDICTS_TABLE)),
+        Figures(tuple(plots), lead=True),
+    ]
+    wide = [p for p in charts if p.key == MATRIX and not p.drawn.narrow]
+    blocks += [Figures(tuple(wide), wide=True)] if wide else []
+    rest = tuple(p for p in charts if p not in wide)
+    return [*blocks, Figures(rest)] if rest else blocks
+
+
+def _tag(c: Calibration) -> str:
+    return SYNTHETIC if c.synthetic or any(e.record.origin.synthetic for e in c.experiments) else ""
+
+
+def _decides(found: Decisive) -> Plot:
+    b = found.block
+    drive = drives(found.fit, b.record)
+    predicted = b.measured - b.residuals
+    label = f"{b.sensor} in {b.record}: measured and simulated"
+    drawn = figures.compared(b.times, b.measured, predicted, "decides", label, drive=drive, limit=found.limit, size=LEAD)
+    met = f": {VERDICTS[found.check.passed]}" if found.check is not None else ""
+    kind = "held out" if found.verdict is not None else "fitted"
+    return Plot(
+        drawn, f"{b.sensor} in {b.record}, {kind}{met}. Above measured and simulated, below the residual.", _tag(found.fit), DECIDES
+    )
+
+
+def _network(found: Decisive) -> Plot | None:
+    """Return the coloured network at the moment of the largest residual; None where the run cannot be made again."""
+    b = found.block
+    at = float(b.times[found.moment])
+    run = course_of(found.fit, b.record, np.unique([0.0, max(at, 1.0)]))
+    if run is None:
+        return None
+    model = found.fit.fitted_model
+    temperatures = dict(zip(run.nodes, run.temperatures[-1].tolist(), strict=True))
+    flows = {k: float(v[-1]) for k, v in run.heat_flows.items()}
+    powers = {k: float(np.broadcast_to(v, run.times.shape)[-1]) for k, v in run.load_powers.items()}
+    markup = heat_map(model, temperatures, flows, powers)
+    caption = f"{model.title} at that moment, as simulated: temperatures by colour, heat flows by width."
+    return Plot(Graphic(markup, ()), caption, _tag(found.fit), NETWORK)
+
+
+def _charts(campaign: Campaign) -> Iterator[Plot]:
+    """Yield tests by sensors, predicted against measured, and the residuals counted; of what was held out, else of the uppermost fit."""
+    judged = [v for v in campaign.verdicts if v.blocks]
+    twice = len({v.record for v in judged}) < len({(v.model, v.record) for v in judged})
+    cells: dict[tuple[str, str], tuple[float, bool | None]] = {}
+    for v in judged:
+        test = f"{v.record} ({v.model})" if twice else v.record
+        for c in v.checks:
+            if c.sensor:
+                ratio, met = cells.get((test, c.sensor), (0.0, True))
+                cells[test, c.sensor] = (max(ratio, c.used), c.passed if c.used >= ratio else met)
+    most = (correlation.MOST_ROWS, correlation.MOST_COLUMNS)
+    counts = sorted((len({k[i] for k in cells}) for i in (0, 1)), reverse=True)
+    more = f" The worst of {counts[0]} and {counts[1]}." if counts[0] > most[0] or counts[1] > most[1] else ""
+    if cells:
+        yield Plot(
+            correlation.matrix(cells), f"Error over limit, test by sensor. Blue below 1, orange beyond, ✗ not met.{more}", "", MATRIX
+        )
+    blocks: Sequence[SensorTrace] = [b for v in judged for b in v.blocks]
+    words = "held-out records"
+    if not blocks:
+        last = next((c for c in reversed(campaign.fits) if len(c.blocks)), None)
+        blocks, words = (list(last.blocks), f"fitted records of {last.stage}") if last is not None else ([], "")
+    if blocks:
+        drawn = correlation.scatter([b.measured for b in blocks], [b.measured - b.residuals for b in blocks])
+        yield Plot(drawn, f"Predicted against measured, {words}; lines at ± 2 K, ± 3 K (dashed) and ± 5 K (dotted).", "", "fig-scatter")
+        residuals = [b.residuals for b in blocks]
+        yield Plot(correlation.histogram(residuals), f"Residuals, {words}: {correlation.spread_words(residuals)}.", "", "fig-histogram")

@@ -1,0 +1,642 @@
+"""Tables of a stage and of a campaign - what was fitted, sensors, verdicts, areas, origins - and what decides, for the top of a page."""
+
+from __future__ import annotations
+
+import math
+import platform
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass
+from datetime import UTC, datetime
+from fractions import Fraction
+from importlib.metadata import PackageNotFoundError, version
+
+import numpy as np
+
+from thermid.base.units import NAMES, Dimension, from_si, unit
+from thermid.campaign.stages import Campaign
+from thermid.campaign.verdicts import Check, Verdict, largest, metric
+from thermid.fit.calibration import BLAME, Calibration, instrument_shares, sensor_shares
+from thermid.fit.uncertainty import MOVED
+from thermid.measure.records import Record
+from thermid.model.tree import Model, ParameterSet, flatten, ledger, parameter_table
+from thermid.physics.constants import ICE_POINT
+from thermid.reporting._blocks.content import DASH, Cell, Head, Line, Table, duration, number, plain, pretty, signed, significant
+from thermid.reporting._pages.views import Quantity, view
+from thermid.values.fitted import FittedValue
+
+Names = tuple[tuple[str, str], ...]
+HTC_NAMES = ("effective_htc", "htc", "htc.coefficient")
+STRONG = 0.95
+"""Correlation from which two parameters are hardly separable."""
+
+
+def parameters(calibration: Calibration) -> Table:
+    """Return what was fitted: before, after, random and total error, bounds, shift in standard errors, source and state."""
+    columns = [
+        Head("parameter"),
+        Head("before", True),
+        Head("after", True),
+        Head("± random", True, "standard error from the noise of the samples alone"),
+        Head("± total", True, "standard error with the constant errors of sensors and powers"),
+        Head("total, %", True),
+        Head("unit"),
+        Head("bounds", True),
+        Head("shift / ±", True, "after less before, over the total standard error"),
+        Head("source before"),
+        Head("state"),
+    ]
+    table = parameter_table(calibration.model)
+    rows: list[Line] = []
+    shown = view(calibration).values
+    for path, v in calibration.values.parameters.items():
+        entry, q = table[path], shown[path]
+        source = entry.origin if entry.origin.startswith("stage ") else entry.parameter.source or "not stated"
+        share = 100 * v.error / abs(v.value) if v.value else math.inf
+        shift = (v.value - v.start) / v.error if v.error > 0 and math.isfinite(v.error) else math.nan
+        rows.append(
+            [
+                Cell(path, entry.parameter.note),
+                plain(q.start, 6),
+                Cell(significant(q.value, q.random), repr(q.value), "main"),
+                number(q.random, 2),
+                number(q.error, 2),
+                number(share, 2),
+                pretty(q.unit),
+                _bounds(q),
+                f"{shift:+.1f}" if math.isfinite(shift) else DASH,
+                Cell(source, entry.parameter.basis),
+                _state(v),
+            ]
+        )
+    return Table.of(columns, rows)
+
+
+def _bounds(q: Quantity) -> str:
+    low, high = (plain(b, 4) if math.isfinite(b) else "" for b in q.bounds)
+    return f"{low} .. {high}" if low and high else f"from {low}" if low else f"to {high}" if high else DASH
+
+
+def at_bound(v: FittedValue) -> str:
+    """Return at which bound a value ended, 'lower' or 'upper'; empty for inside."""
+    for bound, side in zip(v.bounds, ("lower", "upper"), strict=True):
+        if math.isfinite(bound) and abs(v.value - bound) <= max(1e-4 * abs(bound), 0.02 * v.error):
+            return side
+    return ""
+
+
+def _state(v: FittedValue) -> Cell:
+    """Return whether a value is free inside its bounds or ended at one."""
+    if not math.isfinite(v.error):
+        return Cell("not determined", "", "bad")
+    if at_bound(v):
+        return Cell(f"at its {at_bound(v)} bound", "its error is not meaningful", "bad")
+    shared = f", shared by {1 + len(v.also)} instances" if v.also else ""
+    return Cell(f"free, with prior{shared}" if v.prior else f"free{shared}", ", ".join(v.also))
+
+
+def levels(campaign: Campaign) -> tuple[Table, Table]:
+    """Return heat transfer coefficients by level, and all other parameters that any stage fitted: parts down, stages across.
+
+    A part keeps its line whatever it is called in a larger model: the models' titles tell which part it is.
+    """
+    lines: list[tuple[Names, dict[str, tuple[float, FittedValue | None]]]] = []
+    for stage in reversed(tuple(campaign)):
+        calibration = campaign[stage]
+        values = ParameterSet(calibration.fitted_model).evaluate({})
+        fitted = calibration.values.assignments
+        for path in values:
+            names = tuple(_names(calibration.model, path))
+            hits = [found for keys, found in lines if names[0] in keys]
+            if not hits:
+                lines.append((names, {}))
+                hits = [lines[-1][1]]
+            for found in hits:
+                found[stage] = (float(values[path]), fitted.get(path))
+    lines_by_kind = [(any(f".{names[0][1]}".endswith(f".{name}") for name in HTC_NAMES), names, found) for names, found in lines]
+    htc = [_level_row(names, found, campaign) for is_htc, names, found in lines_by_kind if is_htc]
+    rest = [
+        _level_row(names, found, campaign) for is_htc, names, found in lines_by_kind if not is_htc and any(v for _, v in found.values())
+    ]
+    columns = [
+        Head("part"),
+        Head("parameter"),
+        Head("unit"),
+        *(_stage_column(campaign[stage], stage) for stage in campaign),
+    ]
+    how = "Bold: fitted at that stage, with its total standard error. Plain: fixed there. A dash: not in that model."
+    return Table.of(columns, htc, how), Table.of(columns, rest, how)
+
+
+def _stage_column(fit: Calibration, stage: str) -> Head:
+    """Return the column of a stage, with its standing where a reader must know it."""
+    standing = fit.standing
+    return Head(stage, True) if standing.fair else Head(f"{stage} ({standing.state})", True, standing.line(stage))
+
+
+def _names(model: Model, path: str) -> Iterator[tuple[str, str]]:
+    """Yield title and rest of a path, for the model itself and every part that it passes."""
+    yield model.title, path
+    head, _, rest = path.partition(".")
+    if rest and head in model.submodels:
+        yield from _names(model.submodels[head].model, rest)
+
+
+def _level_row(names: Names, found: Mapping[str, tuple[float, FittedValue | None]], campaign: Campaign) -> list[Cell]:
+    one = next((v for _, v in found.values() if v), None)
+    text = one.unit if one else "W/(m^2 K)"
+    row = [Cell(names[-1][0]), Cell(names[0][1]), Cell(pretty(text))]
+    for stage in campaign:
+        value, fitted = found.get(stage, (math.nan, None))
+        shown = from_si(value, text)
+        if fitted is None:
+            row.append(Cell(number(shown, 4), "held" if stage in found else "", "soft"))
+        else:
+            error = fitted.error / float(unit(text).factor)
+            row.append(Cell(f"{significant(shown, error)} ± {number(error, 2)}", "fitted", "main"))
+    return row
+
+
+def sensors(calibration: Calibration) -> Table:
+    """Return how the model meets each sensor, over all records of a stage."""
+    columns = [
+        Head("sensor"),
+        Head("node", wrapped=True),
+        Head("records", True),
+        Head("samples", True),
+        Head("RMSE, K", True),
+        Head("median RMSE, K", True, "median over the records"),
+        Head("mean, K", True, "mean of measured minus simulated"),
+        Head("largest, K", True, "the largest residual by size, with its sign"),
+        Head("bias, K", True, "constant error of the sensor: reading minus truth, fitted or fixed"),
+        Head("stated ±, K", True, "standard deviation of the constant error, as stated for the sensor"),
+        Head("noise, K", True, "standard deviation of a sample, the weight of the fit"),
+        Head("white", False, "whether neighbouring residuals are uncorrelated; else their correlation"),
+    ]
+    accuracy = {o.sensor: o.accuracy for e in calibration.experiments for o in e.observations}
+    rows: list[Line] = []
+    for name, s in view(calibration).sensors.items():
+        blocks = [b for b in calibration.blocks if b.sensor == name]
+        fixed = f"{signed(s.bias, 2)} held" if s.bias else DASH
+        bias = fixed if s.bias_error is None else f"{signed(s.bias, 2)} ± {number(s.bias_error, 2)}"
+        rows.append(
+            [
+                Cell(name, "", "main"),
+                ", ".join(dict.fromkeys(b.node for b in blocks)),
+                str(len(blocks)),
+                str(s.samples),
+                number(s.rmse, 3),
+                number(s.median_rmse, 3),
+                signed(s.mean, 3),
+                signed(s.largest, 3),
+                bias,
+                plain(accuracy.get(name) or math.nan, 3),
+                plain(blocks[0].noise, 3),
+                Cell("yes") if s.white else Cell(f"no ({s.lag_one:+.2f})", "", "warn"),
+            ]
+        )
+    said = "".join(f" {str(share)[0].upper()}{str(share)[1:]}." for share in (*sensor_shares(calibration), *instrument_shares(calibration)))
+    return Table.of(columns, rows, f"Residuals are measured minus simulated, without the sensor's constant error.{said}")
+
+
+def instruments(calibration: Calibration) -> Table:
+    """Return the constant errors that were found for logged boundaries and powers."""
+    rows: list[Line] = [
+        [
+            name.removesuffix(" error"),
+            significant(v.in_unit, v.shown(v.error)),
+            number(v.shown(v.error), 2),
+            "factor" if v.unit == "1" else pretty(v.unit),
+        ]
+        for name, v in calibration.values.items()
+        if v.kind == "shared"
+    ]
+    columns = [Head("logged channel"), Head("constant error", True), Head("± total", True), Head("unit")]
+    return Table.of(columns, rows, "Added to a logged temperature; a factor on a logged power.")
+
+
+def records(calibration: Calibration) -> Table:
+    """Return the statistics of every record and sensor."""
+    numeric = [Head(c, True) for c in ("samples", "RMSE, K", "mean, K", "largest, K", "lag-1")]
+    columns = [Head("record"), Head("sensor"), *numeric, Head("white")]
+    rows: list[Line] = [
+        [
+            *(record, sensor, str(s.samples), number(s.rmse, 3)),
+            *(signed(s.mean, 3), signed(s.largest, 3), signed(s.lag_one, 2), "yes" if s.white else "no"),
+        ]
+        for record, found in calibration.statistics.items()
+        for sensor, s in found.items()
+    ]
+    return Table.of(columns, rows)
+
+
+def locals_(calibration: Calibration) -> Table:
+    """Return what was fitted for one record alone."""
+    rows: list[Line] = []
+    for i in calibration.local:
+        value = i.value - ICE_POINT if i.unit == "degC" else i.value
+        rows.append([i.record, i.name, significant(value, i.error), number(i.error, 2), pretty(i.unit)])
+    return Table.of([Head("record"), Head("value"), Head("found", True), Head("± total", True), Head("unit")], rows)
+
+
+def correlations(calibration: Calibration, most: int = 30) -> Table:
+    """Return the strongest correlations, those marked where two parameters can hardly be separated."""
+    ranked = sorted(calibration.correlations.items(), key=lambda item: -abs(item[1]))
+    looks = [("hardly separable", "warn") if abs(c) > STRONG else ("", "") for _, c in ranked]
+    rows: list[Line] = [[a, b, Cell(f"{c:+.2f}", *look)] for ((a, b), c), look in zip(ranked[:most], looks, strict=False)]
+    more = f"; {len(ranked) - most} weaker ones are not shown" if len(ranked) > most else ""
+    caption = f"Those above 0.1{more}; marked above {STRONG}."
+    return Table.of([Head("first"), Head("second"), Head("correlation", True)], rows, caption)
+
+
+def areas(model: Model) -> Table:
+    """Return the area ledger of a model: exposed + contact + gap = total for every surface."""
+    numeric = [Head(f"{c}, cm²", True) for c in ("total", "exposed", "contact", "gap")]
+    columns = [Head("surface"), *numeric, Head("taken by", wrapped=True)]
+    rows: list[Line] = [
+        [
+            line.surface,
+            *(number(1e4 * a, 4) for a in (line.total, line.exposed, line.contact, line.gap)),
+            ", ".join(f"{joint} {number(1e4 * a, 4)} cm²" for joint, a in line.joints.items()) or DASH,
+        ]
+        for line in ledger(model)
+    ]
+    return Table.of(columns, rows, "Exposed area convects and radiates; exposed + contact + gap = total.")
+
+
+def verdicts(campaign: Campaign, ranked: bool = False) -> Table:
+    """Return every criterion of every verdict: found, limit, met or not, and what the verdict is conditional on.
+
+    Parameters
+    ----------
+    ranked : bool   Whether what takes most of its limit stands first; else in the order of the campaign.
+    """
+    columns = [
+        Head("model"),
+        Head("hold-out record"),
+        Head("sensor"),
+        Head("criterion"),
+        Head("found, K", True),
+        Head("limit, K", True),
+        Head("outside", True, "samples beyond the limit, of all samples"),
+        Head("result"),
+        Head("conditional on", wrapped=True),
+    ]
+    rows: list[Line] = []
+    sizes: list[float] = []
+    for v in campaign.verdicts:
+        if v.passed is None:
+            why = Cell("not judged", v.standing.line(v.model), "warn")
+            rows.append([Cell(v.model, v.title, "main"), Cell(v.record, v.title), DASH, DASH, DASH, DASH, DASH, why, Cell("nothing")])
+            sizes.append(math.inf)
+        for k, c in enumerate(v.checks):
+            named = k == 0 or ranked
+            first = [Cell(v.model, v.title, "main"), Cell(v.record, v.title)] if named else [Cell("", "", "same"), Cell("", "", "same")]
+            sizes.append(c.used)
+            result = Cell("✓ met", "", "good") if c.passed else Cell("✗ not met", "", "bad")
+            condition = Cell(", ".join(v.fitted_locally), "fitted to this record", "warn") if v.conditional else Cell("nothing")
+            if not v.unseen:
+                condition = Cell("no longer independent", "the model failed a verdict on it before it was refitted", "bad")
+            cells = [number(c.found, 3), plain(c.limit, 4), _outside(v, c)]
+            rows.append([*first, c.sensor, c.title, *cells, result, condition])
+    order = sorted(range(len(rows)), key=lambda k: -sizes[k]) if ranked else range(len(rows))
+    return Table.of(columns, [rows[k] for k in order], "What takes most of its limit first." if ranked else "")
+
+
+def _outside(verdict: Verdict, check: Check) -> str:
+    """Return how many samples lie beyond the limit of a single error."""
+    if metric(check.criterion).of is not largest:
+        return DASH
+    residuals = [b.residuals for b in verdict.blocks if b.sensor == check.sensor]
+    beyond = sum(int(np.count_nonzero(np.abs(r) > check.limit)) for r in residuals)
+    return f"{beyond} of {sum(r.size for r in residuals)}"
+
+
+def _uses(campaign: Campaign) -> Iterator[tuple[str, str, str, bool, Record | None]]:
+    """Yield record, checksum, what it was used for, whether it is synthetic, and the record itself where it is kept."""
+    fits = [("fit", c) for c in campaign.stages.values()]
+    judged = [("hold-out record, verdict on", v.prediction) for v in campaign.verdicts if v.prediction is not None]
+    for kind, calibration in [*fits, *judged]:
+        kept = {e.record.name: e.record for e in calibration.experiments}
+        for name, sha in calibration.records.items():
+            record = kept.get(name)
+            yield name, sha, f"{kind} {calibration.stage}", record.origin.synthetic if record else calibration.synthetic, record
+
+
+def made_records(campaign: Campaign) -> tuple[tuple[str, ...], int]:
+    """Return the names of the records that were made and not measured, and how many records there are."""
+    every = {(name, sha): synthetic for name, sha, _, synthetic, _ in _uses(campaign)}
+    return tuple(name for (name, _), synthetic in every.items() if synthetic), len(every)
+
+
+def data(campaign: Campaign) -> Table:
+    """Return every record: what it was used for, file, checksum, whether it was measured, and what was done to its samples."""
+    merged: dict[tuple[str, str], tuple[list[str], bool, Record | None]] = {}
+    for name, sha, use, synthetic, record in _uses(campaign):
+        uses, _, known = merged.setdefault((name, sha), ([], synthetic, record))
+        if use not in uses:
+            uses.append(use)
+        merged[name, sha] = (uses, synthetic, known or record)
+    columns = [
+        Head("record"),
+        Head("used for", wrapped=True),
+        Head("kind"),
+        Head("file"),
+        Head("begins"),
+        Head("duration", True),
+        Head("samples", True),
+        Head("SHA-256 of the samples"),
+        Head("prepared by", wrapped=True),
+    ]
+    rows: list[Line] = []
+    for (name, sha), (uses, synthetic, record) in merged.items():
+        kind = Cell("SYNTHETIC", "made, not measured", "bad") if synthetic else Cell("measured")
+        file, begins, length, samples, steps = DASH, DASH, DASH, DASH, DASH
+        if record is not None:
+            file, begins = record.origin.file, record.origin.start or DASH
+            length, samples = duration(record.duration), str(record.times.size)
+            steps = "; ".join(record.steps) or "nothing"
+        rows.append([Cell(name, "", "main"), ", ".join(uses), kind, file, begins, length, samples, Cell(sha[:12], sha, "code"), steps])
+    return Table.of(columns, rows, "Hover over a checksum to see all of it.")
+
+
+def models(campaign: Campaign) -> Table:
+    """Return what each stage rests on: the model's identity and size, the effort, version and date, and the key of its result."""
+    columns = [
+        Head("stage"),
+        Head("model"),
+        Head("identity", False, "hash of the model's content, independent of its formatting"),
+        Head("nodes", True),
+        Head("conductors", True),
+        Head("evaluations", True),
+        Head("thermid"),
+        Head("date"),
+        Head("result key", False, "hash of all inputs of the result"),
+    ]
+    rows: list[Line] = []
+    for stage, c in campaign.stages.items():
+        flat, provenance = flatten(c.model), c.values.provenance
+        identity, key = str(provenance.get("model", DASH)), campaign.keys.get(stage, "")
+        sizes = [str(len(flat.nodes)), str(len(flat.conductors)), str(c.evaluations)]
+        code = Cell(identity[:12], identity, "code")
+        made_with = [str(provenance.get("version", DASH)), str(provenance.get("date", DASH))]
+        rows.append([Cell(stage, "", "main"), c.model.title, code, *sizes, *made_with, Cell(key[:12] or DASH, key, "code")])
+    return Table.of(columns, rows)
+
+
+def versions() -> Table:
+    """Return what this page was made with."""
+    rows: list[Line] = [[package, _version(package)] for package in ("thermid", "numpy", "scipy")]
+    rows += [["Python", platform.python_version()], ["page made", datetime.now(UTC).strftime("%Y-%m-%d %H:%M UTC")]]
+    return Table.of([Head("what"), Head("version")], rows)
+
+
+def _version(package: str) -> str:
+    try:
+        return version(package)
+    except PackageNotFoundError:
+        return DASH
+
+
+def held(calibration: Calibration) -> Table:
+    """Return every value of the fitted model: who set it, from what source, and which values it hides."""
+    values = ParameterSet(calibration.fitted_model)
+    numbers = values.evaluate({})
+    columns = [
+        Head("parameter"),
+        Head("value", True),
+        Head("unit"),
+        Head("written as", wrapped=True),
+        Head("source"),
+        Head("set by"),
+        Head("basis", wrapped=True),
+        Head("hides", wrapped=True),
+    ]
+    rows: list[Line] = []
+    for path, entry in values.table.items():
+        literal = entry.parameter.expression.literal
+        shown = plain(from_si(float(numbers[path]), literal.unit if literal else ""), 6)
+        text = literal.unit.text if literal else _unit_text(values.dimension(path))
+        hides = "; ".join(f"{value} ({origin})" for origin, value in reversed(entry.shadowed))
+        written = entry.parameter.text if not literal else DASH
+        look = "main" if path in calibration.values.assignments else ""
+        cells = [entry.parameter.source or DASH, entry.origin, entry.parameter.basis or entry.parameter.note or DASH]
+        rows.append([Cell(path, "", look), shown, pretty(text), written, *cells, Cell(hides or DASH, "", "" if hides else "soft")])
+    return Table.of(columns, rows, "The value of every parameter after the fit; bold if this stage fitted it.")
+
+
+def inputs(calibration: Calibration) -> Table:
+    """Return every boundary, load and start of every record with its source, what is assumed first."""
+    columns = [
+        Head("source"),
+        Head("input"),
+        Head("of"),
+        Head("record"),
+        Head("range", True),
+        Head("mean", True),
+        Head("unit"),
+        Head("what", wrapped=True),
+    ]
+    rows: list[Line] = []
+    for r in calibration.inputs.rows:
+        source = Cell(r.source, "not given", "warn") if r.source == "assumed" else Cell(r.source)
+        words = ", ".join(w for w in (r.words, "fitted" if r.fitted and "fitted" not in r.words else "") if w)
+        rows.append([source, r.kind, Cell(r.name, "", "main"), r.record, r.range, r.shown(r.mean), pretty(r.unit), words or DASH])
+    return Table.of(columns, rows, "Inputs of the fit and their sources.")
+
+
+def _unit_text(dimension: Dimension) -> str:
+    """Return the SI unit of a dimension: its usual name, or base units."""
+    for text in NAMES:
+        if unit(text).dimension == dimension:
+            return text
+    return " ".join(f"{b}^{e}" if e != Fraction(1) else b for b, e in zip(("m", "kg", "s", "A", "K"), dimension, strict=True) if e) or "1"
+
+
+MOST, LINES = 8, 5
+"""Fitted values, and remarks of each kind, at the top; the rest stands below."""
+VAGUE = 0.25
+"""Relative half-width of an interval from which a value counts as hardly known."""
+NORMAL = 1.959964
+"""95 % of a normal distribution lie within so many standard deviations."""
+
+
+@dataclass(frozen=True)
+class Remark:
+    """What is said, and the place on the page where more of it stands with what that place is called; empty for none."""
+
+    text: str
+    place: str = ""
+    called: str = ""
+
+
+@dataclass(frozen=True)
+class Glance:
+    """The top of a page.
+
+    Parameters
+    ----------
+    fitted : Table      Values with their 95 % intervals, the uppermost stage first.
+    unknown : tuple     What is not known, each with its place on the page.
+    next : tuple        What to do about it, each with its place on the page.
+    """
+
+    fitted: Table
+    unknown: tuple[Remark, ...]
+    next: tuple[Remark, ...]
+
+
+def glance(campaign: Campaign, places: Mapping[str, str]) -> Glance:
+    """Return what a reader needs before anything else.
+
+    Parameters
+    ----------
+    campaign : Campaign     What was found.
+    places : dict           Stage, or 'verdicts', -> its place on the page.
+    """
+    unknown, todo = ([Remark(text, places.get(of, ""), of) for text, of in dict.fromkeys(f(campaign))] for f in (_unknown, _todo))
+    return Glance(_fitted(campaign), _cut(unknown), _cut(todo))
+
+
+def interval(v: FittedValue) -> tuple[float, float]:
+    """Return the ends of the 95 % interval of a fitted value; of one that was fitted by its logarithm the factor is symmetric. [SI]"""
+    if v.log and v.value > 0 and math.isfinite(v.error):
+        factor = math.exp(NORMAL * v.error / v.value)
+        return v.value / factor, v.value * factor
+    return v.value - NORMAL * v.error, v.value + NORMAL * v.error
+
+
+def _cut(remarks: list[Remark]) -> tuple[Remark, ...]:
+    if len(remarks) <= LINES:
+        return tuple(remarks)
+    return (*remarks[: LINES - 1], Remark(f"And {len(remarks) - LINES + 1} more, listed with their stages."))
+
+
+def _fits(campaign: Campaign) -> list[Calibration]:
+    """Return all fits, the uppermost first."""
+    return list(reversed(campaign.fits))
+
+
+def _values(campaign: Campaign) -> Iterator[tuple[Calibration, FittedValue]]:
+    """Yield every fitted parameter with its fit, the uppermost stage first."""
+    for c in _fits(campaign):
+        for v in c.values.parameters.values():
+            yield c, v
+
+
+def _fitted(campaign: Campaign) -> Table:
+    columns = [
+        Head("value"),
+        Head("stage"),
+        Head("found", True),
+        Head("95 % interval", True),
+        Head("unit"),
+    ]
+    every = list(_values(campaign))
+    rows: list[Line] = []
+    for c, v in every[:MOST]:
+        error = v.shown(v.error)
+        ends = Cell("not determined", "", "bad")
+        if math.isfinite(error):
+            ends = Cell(" .. ".join(significant(v.converted(end), error) for end in interval(v)))
+        rows.append([Cell(v.path, v.origin, "main"), c.stage, Cell(significant(v.in_unit, error), "", "main"), ends, pretty(v.unit)])
+    more = f"The first {MOST} of {len(every)}; all are listed with their stages. " if len(every) > MOST else ""
+    return Table.of(columns, rows, f"{more}Intervals include the constant errors of sensors and powers.", "Fitted values")
+
+
+def _twins(c: Calibration) -> list[tuple[str, str, float]]:
+    """Return the pairs of parameters that the data can hardly separate, with their correlation."""
+    return [(a, b, r) for (a, b), r in c.correlations.items() if abs(r) > STRONG and not {a, b} & {f"sensor {s}" for s in c.sensors}]
+
+
+def _half(v: FittedValue) -> float:
+    """Return the half-width of a 95 % interval over its value. [-]"""
+    low, high = interval(v)
+    return (high - low) / 2 / abs(v.value) if v.value and math.isfinite(v.error) else math.inf
+
+
+def _some(texts: Sequence[str], most: int = 3) -> str:
+    """Return the first of some texts, and how many more there are."""
+    return ", ".join(texts[:most]) + (f" and {len(texts) - most} more" if len(texts) > most else "")
+
+
+def _unknown(campaign: Campaign) -> Iterator[tuple[str, str]]:
+    """Yield what the data do not tell, each with its stage."""
+    if not campaign.verdicts:
+        yield "Its ability to predict: there is no hold-out record.", ""
+    for v in campaign.verdicts:
+        if v.conditional:
+            yield f"{v.record} at {v.model}: the verdict is conditional on values fitted to it, {', '.join(v.fitted_locally)}.", "verdicts"
+    for c in _fits(campaign):
+        for value in c.values.parameters.values():
+            if not math.isfinite(value.error):
+                yield f"{value.path}: the logs do not determine it.", c.stage
+            elif at_bound(value):
+                yield f"{value.path} ended at its {at_bound(value)} bound, so its standard error is not meaningful.", c.stage
+        known = [(_half(value), value.path) for value in c.values.parameters.values()]
+        vague = sorted((pair for pair in known if VAGUE < pair[0] < math.inf), reverse=True)
+        if vague:
+            yield f"Poorly determined (95 %): {_some([f'{path} ± {number(100 * half, 2)} %' for half, path in vague])}.", c.stage
+        twins = [f"{a} with {b}" for a, b, _ in _twins(c)]
+        if twins:
+            yield f"Better determined together than each alone: {_some(twins)}.", c.stage
+    for c in _fits(campaign)[:1]:
+        values = ParameterSet(c.fitted_model).table
+        held = [p for p, e in values.items() if e.parameter.source == "assumed" and p not in c.values.assignments]
+        if held:
+            yield f"{len(held)} values of {c.model.title} are assumed and were not fitted here, such as {held[0]}.", c.stage
+
+
+def _todo(campaign: Campaign) -> Iterator[tuple[str, str]]:
+    """Yield what follows from it, each with its stage."""
+    for c in _fits(campaign):
+        if c.contradicted:
+            yield f"Do not use {c.stage}: {_some(list(c.contradicted.values()))}. {BLAME}", c.stage
+        elif not c.standing.usable and (c.standing.state, c.standing.stage) != ("failed", c.stage):  # what its own verdicts say follows
+            yield f"Do not use {c.stage}: {c.standing.reason(c.stage)}.", c.stage
+    if not campaign.verdicts:
+        yield "Keep one record out of all fits and validate on it: [[verdicts]] in the campaign.", ""
+    elif campaign.passed:
+        yield _envelope(campaign), ""
+    for v in campaign.verdicts:
+        if v.missed and (worst := v.worst) is not None:
+            missing = f"{worst.title} {number(worst.found, 2)} K of {number(worst.limit, 2)} K allowed"
+            yield (
+                (
+                    f"Do not use {v.model} yet: {worst.sensor} in {v.record} exceeds a criterion, {missing}. Check where its residuals "
+                    "begin."
+                ),
+                "verdicts",
+            )
+    for c in _fits(campaign):
+        for m in c.moved.values:
+            if m.verdict == MOVED:
+                yield (
+                    (
+                        f"{m.path} differs significantly from the result of {m.stage}. Check contacts, radiation and powers that the "
+                        "part has only in the assembly."
+                    ),
+                    c.stage,
+                )
+        for value in c.values.parameters.values():
+            if at_bound(value):
+                yield f"{value.path} ended at a bound. Widen its bounds, or check the power, area or position that it depends on.", c.stage
+    wanders = [(c.stage, [sensor for sensor, found in c.sensors.items() if not found.white]) for c in _fits(campaign)]
+    lines = [f"{stage} ({_some(sensors)})" for stage, sensors in wanders if sensors]
+    if lines:
+        yield f"Residuals are autocorrelated at {_some(lines)}, so the model lacks physics there. Run thermid criticise.", ""
+    apart = [c.stage for c in _fits(campaign) if _twins(c) or any(not math.isfinite(v.error) for v in c.values.parameters.values())]
+    if apart:
+        yield (
+            f"{', '.join(reversed(apart))} cannot be separated well. td.design.next_test ranks tests that would separate them.",
+            apart[-1] if len(apart) == 1 else "",
+        )
+
+
+def _envelope(campaign: Campaign) -> str:
+    """Return where the model was seen to hold."""
+    judged = [v.prediction for v in campaign.verdicts if v.prediction is not None]
+    read = [o.measured for fit in judged for e in fit.experiments for o in e.observations if o.measured.size]
+    if not read:
+        return "Use it under the conditions of its verdicts."
+    low, high = (float(f(np.concatenate(read))) - ICE_POINT for f in (np.min, np.max))
+    return f"Use it in the range of its verdicts: sensors between {low:.0f} and {high:.0f} °C. Beyond it the model extrapolates."

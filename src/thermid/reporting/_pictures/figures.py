@@ -1,0 +1,369 @@
+"""Figures of a report: measured against simulated, RMSE by stage, predictions. Drawing is thinned; statistics never are."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
+from html import escape
+
+import numpy as np
+
+from thermid.base.linear_algebra import Array
+from thermid.fit.problem import SensorTrace
+from thermid.physics.constants import ICE_POINT
+from thermid.reporting._blocks.content import Graphic, LegendEntry
+from thermid.reporting._pictures.chart import Area, Panel, Stroke, chart, nice_ticks, number_text
+from thermid.simulation.runs import Solution
+
+INK, SOFT, GRID, MEASURED, SIMULATED, RESIDUAL = "#1a2230", "#556172", "#e3e8ee", "#8e9aa8", "#0072b2", "#c04a00"
+SERIES = ("#0072b2", "#cd6100", "#4c9c69", "#964d6a", "#5c4700", "#7295ab", "#590084", "#1d2632")
+"""From Okabe and Ito's colours (Color Universal Design, 2008), moved until every two differ for colour-blind eyes too (decision 208)."""
+DASHES: tuple[tuple[float, ...], ...] = ((), (6, 2), (2, 1.5), (7, 2, 2, 2), (9, 3), (1, 2.5), (5, 1.5, 1, 1.5, 1, 1.5), (3, 3))
+"""As many as colours, so that no two lines differ by colour alone."""
+MARKS = "●■▲◆▼✚✖★"
+SHAPES = (
+    "M-3.2 0a3.2 3.2 0 1 0 6.4 0a3.2 3.2 0 1 0-6.4 0z",
+    "M-2.9-2.9h5.8v5.8h-5.8z",
+    "M0-3.6l3.5 6.4h-7z",
+    "M0-4l4 4-4 4-4-4z",
+    "M0 3.6l3.5-6.4h-7z",
+    "M-1.2-3.6h2.4v2.4h2.4v2.4h-2.4v2.4h-2.4v-2.4h-2.4v-2.4h2.4z",
+    "M-3.6-2l1.6-1.6 2 2 2-2 1.6 1.6-2 2 2 2-1.6 1.6-2-2-2 2-1.6-1.6 2-2z",
+    "M0-4.2l1.2 3h3.1l-2.5 2 1 3.2-2.8-2-2.8 2 1-3.2-2.5-2h3.1z",
+)
+MOST_TRACES = 12
+LOOKS = {"measured": ("--f-measured", MEASURED), "simulated": ("--f-simulated", SIMULATED), "residual": ("--f-residual", RESIDUAL)}
+
+
+@dataclass(frozen=True, eq=False)
+class RecordDrive:
+    """What drove a record.
+
+    Parameters
+    ----------
+    times : array (times,)      [s]
+    ambient : dict              Boundary -> temperature (times,). [K]
+    power : array (times,)      Sum of all powers; None where the model has no load. [W]
+    """
+
+    times: Array
+    ambient: Mapping[str, Array]
+    power: Array | None
+
+
+@dataclass(frozen=True)
+class Dots:
+    """One line of the overview: a stage or its held-out records.
+
+    Parameters
+    ----------
+    label : str         Name.
+    values : dict       Sensor -> RMSE of each record. [K]
+    held_out : bool     Whether no fit has seen the records.
+    doubt : str         What stands under the name, such as that the fit is not credible; a small RMSE alone would recommend it.
+    """
+
+    label: str
+    values: Mapping[str, Sequence[float]]
+    held_out: bool = False
+    doubt: str = ""
+
+
+def time_unit(duration: float) -> tuple[float, str]:
+    """Return the length [s] and name of the unit in which a duration [s] reads well.
+
+    >>> time_unit(18000.0)
+    (3600.0, 'h')
+    """
+    return (1.0, "s") if duration <= 300 else (60.0, "min") if duration <= 3 * 3600 else (3600.0, "h")
+
+
+def choose(blocks: Sequence[SensorTrace], most: int = MOST_TRACES) -> list[tuple[SensorTrace, str]]:
+    """Return the traces to draw with what marks them: all when there are few, else best, median and worst of each sensor and some between.
+
+    Parameters
+    ----------
+    blocks : sequence of PageBlock  Every trace of a stage.
+    most : int                  At most so many.
+    """
+    size = {id(b): float(np.sqrt(np.mean(b.residuals**2))) for b in blocks}
+    ranked = sorted(blocks, key=lambda b: size[id(b)])
+    marks: dict[int, str] = {}
+    sensors = dict.fromkeys(b.sensor for b in blocks)
+    for sensor in sensors:
+        own = [b for b in ranked if b.sensor == sensor]
+        if len(own) > 2:
+            for k, word in ((0, "best"), (len(own) // 2, "median"), (-1, "worst")):
+                marks.setdefault(id(own[k]), f"{word} of {sensor}")
+    if len(blocks) <= most:
+        return [(b, marks.get(id(b), "")) for b in blocks]
+    order = sorted(marks, key=lambda k: (not marks[k].startswith("worst"), not marks[k].startswith("best")))
+    kept = set(order[:most])
+    rest = [b for b in ranked if id(b) not in kept]
+    step = max(len(rest) / max(most - len(kept), 1), 1.0)
+    kept |= {id(rest[int(step * (k + 0.5))]) for k in range(most - len(kept)) if int(step * (k + 0.5)) < len(rest)}
+    return [(b, marks.get(id(b), "")) for b in blocks if id(b) in kept]
+
+
+POWER_PANEL = 62.0
+"""What the panel of the power adds to the height of a figure. [px]"""
+
+
+def driven(drive: RecordDrive | None, begin: float, end: float) -> tuple[list[Stroke], list[Stroke]]:
+    """Return the lines of at most two ambient temperatures [degC] and of the power [W] over seconds, between two times."""
+    if drive is None:
+        return [], []
+    inside = (drive.times >= begin - 1e-9) & (drive.times <= end + 1e-9)
+    times, green = drive.times[inside], ("--s2", SERIES[2])
+    ambient = [
+        Stroke(f"ambient {name}", times, kelvin[inside] - ICE_POINT, green, 1.3, dash)
+        for (name, kelvin), dash in zip(drive.ambient.items(), ("1.5 2.5", "7 2 2 2"), strict=False)
+    ]
+    return ambient, [] if drive.power is None else [Stroke("power", times, drive.power[inside], ("--s3", SERIES[3]), 1.4)]
+
+
+def compared(
+    times: Array,
+    measured: Array,
+    predicted: Array,
+    key: str,
+    label: str,
+    *,
+    below: str = "residual",
+    wide: float = 0.0,
+    drive: RecordDrive | None = None,
+    limit: float | None = None,
+    size: tuple[float, float] = (440, 280),
+) -> Graphic:
+    """Return readings with the simulation over them, their difference below, and what drove them: the one layout of every such figure.
+
+    Parameters
+    ----------
+    times : array (samples,)                [s]
+    measured, predicted : array (samples,)  [K]
+    key : str                               Prefix of the figure's identifiers, different for every figure of a page.
+    label : str                             What a screen reader says.
+    below : str                             What the lower axis is called.
+    wide : float                            Half-width of the band of the sensor's error around the readings; none without it. [K]
+    drive : RecordDrive                           Ambient temperatures and power over the same record; none drawn without it.
+    limit : float                           Limit of every single difference, over the whole record; none drawn without it. [K]
+    size : (width, height)                  Without the panel of the power. [px]
+    """
+    length, unit = time_unit(float(times[-1] - times[0]))
+    x, y, residual = times / length, measured - ICE_POINT, measured - predicted
+    bands: list[Area] = []
+    low: list[Area] = []
+    ends = np.array([x[0], x[-1]])
+    if wide > 0:
+        bands = [Area("sensor, 95 %", x, y - wide, y + wide, LOOKS["measured"])]
+        low = [Area("sensor, 95 %", ends, np.full(2, -wide), np.full(2, wide), LOOKS["measured"])]
+    lines = [Stroke("measured", x, y, LOOKS["measured"], 3.4), Stroke("simulated", x, predicted - ICE_POINT, LOOKS["simulated"], 1.4)]
+    entries = [LegendEntry("measured", "--f-measured", width=4), LegendEntry("simulated", "--f-simulated", width=2)]
+    differences = [Stroke("measured less simulated", x, residual, LOOKS["residual"], 1.0, less=("measured", "simulated"))]
+    entries.append(LegendEntry("measured less simulated", "--f-residual", width=1.4))
+    ambient, power = driven(drive, float(times[0]), float(times[-1]))
+    lines += [replace(line, x=line.x / length) for line in ambient]
+    entries += [LegendEntry(line.label, line.colour[0], line.dash, width=line.width) for line in (*ambient, *power)]
+    if limit is not None:
+        differences += [Stroke("limit, residual", ends, np.full(2, s * limit), ("--f-ink", INK), 1.3, "6 2.5") for s in (1.0, -1.0)]
+        entries.append(LegendEntry("limit, residual", "--f-ink", "6 2.5", width=1.3))
+    panels = [Panel("temperature", "°C", lines, bands, share=2.4), Panel(below, "K", differences, low, (0.0,))]
+    panels += [Panel("power", "W", [replace(line, x=line.x / length) for line in power], share=0.7, zero=True)] if power else []
+    tall = size[1] + (POWER_PANEL if power else 0.0)
+    markup = chart(panels, key=key, label=label, x_name=("time", unit), size=(size[0], tall))
+    entries += [LegendEntry("sensor, 95 %", "--f-measured", "band")] if wide > 0 else []
+    return Graphic(markup, tuple(entries))
+
+
+def trace(block: SensorTrace, key: str, label: str, drive: RecordDrive | None = None, limit: float | None = None) -> Graphic:
+    """Return measured against simulated readings of one sensor in one record, with the residuals and what drove them below.
+
+    Parameters
+    ----------
+    block : SensorTrace     The readings.
+    key : str               Prefix of the figure's identifiers, different for every figure of a page.
+    label : str             What a screen reader says before what is seen.
+    drive, limit            As in `compared`.
+    """
+    rmse = float(np.sqrt(np.mean(block.residuals**2)))
+    predicted = block.measured - block.residuals
+    return compared(block.times, block.measured, predicted, key, f"{label}, RMSE {rmse:.3g} K", drive=drive, limit=limit)
+
+
+def _spread(count: int) -> Array:
+    """Return offsets within a line (count,) that keep dots of one value apart, the same ones every time."""
+    return np.asarray(((np.arange(count) * 0.618034) % 1.0 - 0.5) * 0.3, dtype=np.float64)
+
+
+def overview(lines: Sequence[Dots]) -> Graphic:
+    """Return the RMSE of every record as a dot, a line per stage, a colour and mark per sensor, with a stroke at each median."""
+    sensors = list(dict.fromkeys(s for line in lines for s in line.values))
+    highest = 1.06 * max((v for line in lines for values in line.values.values() for v in values), default=1.0) or 1.0
+    width, left, right, row = 760.0, 190.0, 14.0, 42.0
+    bottom = 8.0 + row * len(lines)
+    ticks = nice_ticks(0.0, highest, 7)
+
+    def place(value: float) -> float:
+        return left + (width - left - right) * value / highest
+
+    def dot(m: int, x: float, y: float) -> str:
+        fill = f"fill:var(--s{m % len(SERIES)},{SERIES[m % len(SERIES)]})"
+        return f'<path d="{SHAPES[m % len(SHAPES)]}" transform="translate({x:.1f} {y:.1f})" style="{fill};fill-opacity:.75"/>'
+
+    rules = "".join(f"M{place(t):.1f} 8V{bottom:.0f}" for t in ticks)
+    out = [f'<path d="{rules}" style="fill:none;stroke:var(--f-grid,{GRID})"/>']
+    out += [f'<text x="{place(t):.1f}" y="{bottom + 15:.0f}" text-anchor="middle">{number_text(t, ticks[1])}</text>' for t in ticks]
+    said = []
+    for k, line in enumerate(lines):
+        middle = 8.0 + row * (k + 0.5)
+        name = f'<tspan style="fill:var(--f-ink,{INK})">{escape(_cut(line.label))}</tspan>'
+        under = "held out" if line.held_out else escape(line.doubt)
+        look = f' style="fill:var(--bad,{RESIDUAL});font-weight:700"' if line.doubt else ""
+        held = f'<tspan x="{left - 10:g}" dy="13"{look}>{under}</tspan>' if under else ""
+        out.append(f'<text x="{left - 10:g}" y="{middle + (4 if not held else -2):.1f}" text-anchor="end">{name}{held}</text>')
+        for at, (sensor, found) in enumerate(line.values.items()):
+            m, values = sensors.index(sensor), np.asarray(found, dtype=float)
+            shift = 0.0 if len(line.values) == 1 else 0.5 * (at / (len(line.values) - 1) - 0.5)
+            offsets = _spread(values.size) / len(line.values) if values.size > 1 else np.zeros(1)
+            out += [dot(m, place(float(v)), middle + row * (shift + float(o))) for v, o in zip(values, offsets, strict=True)]
+            if values.size > 1:
+                median = f"M{place(float(np.median(values))):.1f} {middle + row * shift - 8:.1f}v16"
+                out.append(f'<path d="{median}" style="fill:none;stroke:var(--f-ink,{INK});stroke-width:1.8"/>')
+        highest_here = max((v for values in line.values.values() for v in values), default=0.0)
+        said.append(
+            f"{line.label}{', hold-out' if line.held_out else ''}{f', {line.doubt}' if line.doubt else ''}: at most {highest_here:.3g} K"
+        )
+    axis = f'<path d="M{left:g} {bottom:.0f}H{width - right:g}" style="stroke:var(--f-soft,{SOFT});stroke-width:.8"/>'
+    end = f'<text x="{(left + width - right) / 2:.0f}" y="{bottom + 32:.0f}" text-anchor="middle">RMSE of a record, K</text>'
+    label = escape(f"RMSE per record and sensor, by stage. {'; '.join(said[:14])}.")
+    markup = (
+        f'<svg class="plot" role="img" aria-label="{label}" viewBox="0 0 {width:g} {bottom + 38:.0f}" '
+        f'style="font-size:12px;fill:var(--f-soft,{SOFT})">{"".join(out)}{axis}{end}</svg>'
+    )
+    entries = [LegendEntry(s, f"--s{m % len(SERIES)}", "", MARKS[m % len(MARKS)]) for m, s in enumerate(sensors)]
+    if any(len(values) > 1 for line in lines for values in line.values.values()):
+        entries.append(LegendEntry("median", "--f-ink", "", "❙"))
+    return Graphic(markup, tuple(entries))
+
+
+def _cut(text: str) -> str:
+    return text if len(text) <= 26 else text[:25] + "…"
+
+
+def prediction(solution: Solution, key: str, label: str) -> Graphic:
+    """Return the temperatures of every node of a solution over time."""
+    length, unit = time_unit(float(solution.times[-1] - solution.times[0]))
+    lines, entries = [], []
+    for k, node in enumerate(solution.nodes):
+        n = k % len(SERIES)
+        dash = " ".join(f"{d:g}" for d in DASHES[(n + k // len(SERIES)) % len(DASHES)])
+        celsius = solution.temperatures[:, k] - ICE_POINT
+        name = f"{node} {celsius[-1]:.1f} °C"
+        lines.append(Stroke(name, solution.times / length, celsius, (f"--s{n}", SERIES[n]), 1.6, dash))
+        entries.append(LegendEntry(name, f"--s{n}", dash))
+    markup = chart([Panel("temperature", "°C", lines)], key=key, label=label, x_name=("time", unit), size=(760, 330))
+    return Graphic(markup, tuple(entries))
+
+
+def coverage(shares: Mapping[str, Mapping[float, float]], key: str, label: str) -> Graphic:
+    """Return the share of readings inside a band over the share that the band promises, a line for each record.
+
+    Below the diagonal bands are too narrow. More records than colours are drawn as their mean, between the lowest and the highest.
+
+    Parameters
+    ----------
+    shares : dict   Record -> nominal share -> share observed. [-]
+    key : str       Prefix of the figure's identifiers.
+    label : str     What a screen reader says.
+    """
+    levels = np.array(sorted(next(iter(shares.values()))))
+    seen = 100.0 * np.array([[own[level] for level in levels.tolist()] for own in shares.values()])
+    x = 100.0 * levels
+    lines, areas = [Stroke("as promised", x, x, ("--f-ink", INK), 1.1, "6 2.5")], []
+    if len(shares) <= len(SERIES):
+        looks = [(f"--s{n}", SERIES[n]) for n in range(len(shares))]
+        dashes = [" ".join(f"{d:g}" for d in DASHES[n]) for n in range(len(shares))]
+        lines += [Stroke(n, x, y, look, 1.8, dash) for n, y, look, dash in zip(shares, seen, looks, dashes, strict=True)]
+    else:
+        areas = [Area("lowest to highest", x, seen.min(axis=0), seen.max(axis=0))]
+        lines.append(Stroke(f"mean of {len(shares)} records", x, seen.mean(axis=0), LOOKS["simulated"], 1.8))
+    panel = Panel("readings inside", "%", lines, areas, (100.0,))
+    markup = chart([panel], key=key, label=label, x_name=("nominal share of the band", "%"), size=(760, 300))
+    entries = [LegendEntry(line.label, line.colour[0], line.dash, width=line.width) for line in lines]
+    return Graphic(markup, (*entries, *(LegendEntry(a.label, "--f-simulated", "band") for a in areas)))
+
+
+STYLES: dict[str, tuple[tuple[str, str], float, str]] = {
+    "measured": (("--f-measured", MEASURED), 3.4, ""),
+    "simulated": (("--f-simulated", SIMULATED), 1.6, "6 2.5"),
+    "bound": (("--f-residual", RESIDUAL), 1.6, "1.5 2.5"),
+    "bound off": (("--f-residual", RESIDUAL), 1.6, "6 2 1.5 2"),
+    "bound start": (("--f-residual", RESIDUAL), 6.0, ""),
+    "other": (("--s2", SERIES[2]), 1.4, "8 2.5 2 2.5"),
+    "truth": (("--f-ink", INK), 1.1, ""),
+}
+"""Colour, width [px] and dashes of every look."""
+
+
+def curve(label: str, look: str, times: Array, values: Array, less: tuple[str, str] | None = None) -> Stroke:
+    """Return one line for `curves`.
+
+    Parameters
+    ----------
+    label : str             What the legend says; lines of one label have one look.
+    look : str              One of `STYLES`.
+    times : array (times,)  [s]
+    values : array (times,) In the unit of the axis.
+    less : (str, str)       Labels of the two curves whose difference it is, in the same unit; None for no difference.
+    """
+    return Stroke(label, times, values, *STYLES[look], less=less)
+
+
+def curves(
+    lines: Sequence[Stroke],
+    key: str,
+    label: str,
+    *,
+    band: Area | None = None,
+    below: Sequence[Stroke] = (),
+    names: tuple[str, str] = ("temperature, °C", ""),
+    top: float | None = None,
+    size: tuple[float, float] = (440, 250),
+    drive: RecordDrive | None = None,
+) -> Graphic:
+    """Return curves over time; a curve that leaves the top is marked with the value at which it ends.
+
+    Parameters
+    ----------
+    lines : sequence of Stroke  What is drawn, over seconds.
+    key : str                   Prefix of the figure's identifiers.
+    label : str                 What a screen reader says.
+    band : Area                 An interval behind the lines.
+    below : sequence            Curves of a second, lower axis, such as differences.
+    names : (upper, lower)      What the axes show.
+    top : float                 Upper end of the axis, where not everything is to be seen.
+    size : (width, height)      Without the panel of the power. [px]
+    drive : RecordDrive               Ambient temperatures and power; none drawn without it.
+    """
+    length, unit = time_unit(max(float(c.x[-1]) for c in lines))
+    areas = [replace(band, x=band.x / length)] if band is not None else []
+    ambient, power = driven(drive, float(lines[0].x[0]), max(float(c.x[-1]) for c in lines))
+    panels = [_axes(names[0], (*lines, *ambient), length, areas, top, 2.2)]
+    if below:
+        panels.append(_axes(names[1], below, length))
+    if power:
+        panels.append(replace(_axes("power, W", power, length, share=0.7), zero=True))
+    markup = chart(panels, key=key, label=label, x_name=("time", unit), size=(size[0], size[1] + (POWER_PANEL if power else 0.0)))
+    legend = {c.label: c for c in (*lines, *ambient, *below, *power)}
+    entries = [LegendEntry(text, c.colour[0], c.dash, width=c.width) for text, c in legend.items()]
+    if band is not None:
+        entries.append(LegendEntry(band.label, "--f-simulated", "band"))
+    return Graphic(markup, tuple(entries))
+
+
+def _axes(
+    name: str, lines: Sequence[Stroke], length: float, areas: Sequence[Area] = (), top: float | None = None, share: float = 1.0
+) -> Panel:
+    what, _, unit = name.partition(", ")
+    drawn = [replace(c, x=c.x / length) for c in lines]
+    return Panel(what, unit, drawn, areas, top=top, share=share)

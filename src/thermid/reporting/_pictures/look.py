@@ -1,0 +1,370 @@
+"""A log looked at before anything is made of it: how it is laid out, its clock, gaps and faults, and what each column seems to be."""
+
+from __future__ import annotations
+
+import json
+import re
+from collections.abc import Sequence
+from dataclasses import dataclass
+from html import escape
+from pathlib import Path
+from typing import Any, Final
+
+import numpy as np
+
+from thermid.base.errors import ThermidError
+from thermid.base.linear_algebra import Array
+from thermid.base.results import Result
+from thermid.base.units import counted, from_si, in_si
+from thermid.measure.amounts import duration_text
+from thermid.measure.readers import Cells, Clock, Column, Times, clock_column, columns_of, decimal_sign, log_cells, read_times
+from thermid.measure.records import KNOWN, even_step, gap_from, usual_step
+from thermid.reporting._pictures.chart import Panel, Stroke, chart
+from thermid.reporting._pictures.figures import DASHES, SERIES, time_unit
+
+_BLOCKS: Final = "▁▂▃▄▅▆▇█"
+_SHOWN: Final = ("temperature", "boundary", "power", "duty")
+_PANELS: Final = (("temperature", "°C", ("temperature", "boundary")), ("power", "W", ("power",)), ("duty", "%", ("duty",)))
+_BARE: Final = re.compile(r"[A-Za-z0-9_-]+\Z")
+
+
+@dataclass(frozen=True, eq=False)
+class Look(Result):
+    """What stands in a log.
+
+    Parameters
+    ----------
+    path : Path              The file.
+    cells : Cells            Its cells and layout.
+    decimal : str            Its decimal sign.
+    clock : Clock or None    Its time column, or None where it cannot be told.
+    times : Times or None    Its times, or None where they cannot be read. [s]
+    columns : tuple          Every column with a guess.
+    problem : str            Why times cannot be read, with what to do; empty where they can.
+    """
+
+    path: Path
+    cells: Cells
+    decimal: str
+    clock: Clock | None
+    times: Times | None
+    columns: tuple[Column, ...]
+    problem: str = ""
+
+    @property
+    def gaps(self) -> list[tuple[float, float]]:
+        """Starts and lengths of intervals far longer than the usual one [s]."""
+        if self.times is None or self.times.values.size < 3:
+            return []
+        values = np.unique(self.times.values)
+        steps = np.diff(values)
+        return [(float(values[k]), float(steps[k])) for k in np.flatnonzero(steps > gap_from(values))]
+
+    def __str__(self) -> str:
+        """Lines for a terminal."""
+        return "\n".join(self.lines())
+
+    def lines(self, width: int = 110) -> list[str]:
+        """Return what is in the log, its columns as a table with a small picture of each, and the lines for a campaign."""
+        out = [self._headline()]
+        if self.problem:
+            out.append(f"  NOT READABLE YET: {self.problem}")
+        out += [f"  {line}" for line in (self._layout(), *self._clock())]
+        out += [f"  note: {note}" for note in (*self.cells.notes, *(self.times.notes if self.times else ()))]
+        out += ["", *self._table(width), "", *self._remarks(), "For a campaign (insert the nodes and loads of your deck):", ""]
+        return [*out, *(f"    {line}".rstrip() for line in self.campaign().splitlines())]
+
+    def _headline(self) -> str:
+        rows = counted(len(self.cells.lines), "row")
+        synthetic = ", SYNTHETIC" if self.cells.synthetic else ""
+        kinds = [f"{sum(c.guess == kind for c in self.columns)} {kind}" for kind in _SHOWN if any(c.guess == kind for c in self.columns)]
+        columns = f"{counted(len(self.columns), 'column')} ({', '.join(kinds) or 'none known'})"
+        return f"{self.path.name}: {self.cells.layout.format}{synthetic}, {rows}, {columns}"
+
+    def _layout(self) -> str:
+        at = self.cells.layout
+        parts = [f"separator {at.separator}"] if at.separator else []
+        parts += [f"encoding {at.encoding}"] if at.encoding else []
+        parts += [
+            f"preamble {counted(at.preamble, 'line')}" if at.preamble else "no preamble",
+            "row of units" if at.units_row else "no row of units",
+        ]
+        return f"layout: {', '.join([*parts, f'decimal sign {self.decimal!r}'])}"
+
+    def _clock(self) -> list[str]:
+        """Return the clock, the sampling and the gaps in words."""
+        if self.clock is None or self.times is None:
+            return []
+        times = self.times.values
+        zone = f", zone {self.times.zone}" if self.times.zone else ", no time zone"
+        start = self.times.start or self.cells.start
+        since = f", from {start}{zone}" if start else ""
+        out = [f"clock: '{self.clock.name}' ({self.times.kind}){since}"]
+        even = "even" if even_step(times) is not None else "uneven"
+        if times.size > 1 and times[-1] > times[0]:
+            step = usual_step(np.unique(times))
+            out.append(f"sampling: every {step:.4g} s ({even}) for {duration_text(float(times[-1] - times[0]))}")
+        if gaps := self.gaps:
+            longest = max(gaps, key=lambda g: g[1])
+            out.append(f"gaps: {len(gaps)}, the longest {duration_text(longest[1])} at {duration_text(longest[0] - float(times[0]))}")
+        return out
+
+    def _table(self, width: int) -> list[str]:
+        """Return one line for each column: name, unit, guess, range, picture."""
+        rows = [("column", "unit", "guess", "from", "to")]
+        for c in self.columns:
+            good = c.values[c.good] if c.values.size else c.values
+            ends = (f"{good.min():.4g}", f"{good.max():.4g}") if good.size else ("", "")
+            rows.append((_short(c.name, 28), f"{_short(c.unit, 12)}{'?' if c.assumed else ''}", c.guess, *ends))
+        widths = [max(len(row[k]) for row in rows) for k in range(5)]
+        room = max(12, min(40, width - sum(widths) - 12))
+        out = []
+        for k, row in enumerate(rows):
+            drawn = "" if k == 0 else _drawn(self.columns[k - 1], room)
+            text = "  ".join([*(row[j].ljust(widths[j]) for j in range(3)), *(row[j].rjust(widths[j]) for j in (3, 4))])
+            out.append(f"  {text}  {drawn}".rstrip())
+        return out
+
+    def _remarks(self) -> list[str]:
+        """Return faults, jumps and what was assumed, column by column."""
+        out = []
+        for c in self.columns:
+            said = [f"{count} x {reason}" for reason, count in c.faults.items()]
+            said += [f"{c.missing} of {c.values.size} missing"] if c.missing else []
+            if c.jumps.size and self.times is not None:
+                at = duration_text(float(self.times.values[c.jumps[0]] - self.times.values[0]))
+                said.append(f"{counted(c.jumps.size, 'jump')}, the first at {at}")
+            said += [f"no unit in the log, {c.unit} assumed"] if c.assumed else []
+            if c.guess == "ignored" or said:
+                out.append(f"  {c.name}: {'; '.join([c.why, *said] if c.guess == 'ignored' else said)}")
+        return ["Remarks:", *out, ""] if out else []
+
+    @property
+    def name(self) -> str:
+        """What the record is called in the lines for a campaign."""
+        return re.sub(r"\W+", "_", self.path.name.partition(".")[0]).strip("_") or "log"
+
+    def campaign(self) -> str:
+        """Return the lines of a campaign for this log (TOML); what is a guess stands behind a comment sign or is marked."""
+        name = self.name
+        out = [f"[records.{name}]", f"file     = {json.dumps(self.path.name, ensure_ascii=False)}"]
+        if self.clock is not None:
+            out.append(f"time     = {json.dumps(self.clock.header, ensure_ascii=False)}")
+        codes = [f'"{v:.10g} [{c.unit}]"' for c in self.columns for v in c.codes]
+        if any(v not in KNOWN or c.unit != "degC" for c in self.columns for v in c.codes):
+            out.append(f"prepare  = [{{ faults = {{ codes = [{', '.join(dict.fromkeys(codes))}] }} }}]")
+        elif any(c.faults for c in self.columns):
+            out.append("prepare  = [{ faults = true }]")
+        out += ["", f"[records.{name}.channels]"]
+        for c in self.columns:
+            if c.guess in _SHOWN:
+                out += self._channel(c)
+        return "\n".join(out) + "\n"
+
+    def _channel(self, c: Column) -> list[str]:
+        twice = sum(other.name == c.name for other in self.columns) > 1
+        key = c.header if twice else c.name
+        key = key if _BARE.match(key) else json.dumps(key, ensure_ascii=False)
+        target = re.sub(r"\W+", "_", c.name).strip("_") or "node"
+        role = {"temperature": "node", "boundary": "boundary"}.get(c.guess, "load")
+        said = f', unit = "{c.unit}"' if c.assumed else ""
+        why = f"  # {c.why}{'; no unit in the log' if c.assumed else ''}"
+        if c.guess == "duty":
+            return [f'# {key} = {{ load = "{target}", full_scale = "... [W]"{said} }}{why}']
+        return [f'{key} = {{ {role} = "{target}"{said} }}{why}']
+
+    def as_object(self) -> dict[str, Any]:
+        """Return the same as JSON holds it; values in the units of the columns, times in seconds."""
+        times = self.times.values if self.times is not None else np.zeros(0)
+        at = self.cells.layout
+        columns = [
+            {"name": c.name, "unit": c.unit, "assumed": c.assumed, "guess": c.guess, "why": c.why}
+            | {"missing": c.missing, "faults": c.faults, "jumps": int(c.jumps.size)}
+            | ({"low": float(c.values[c.good].min()), "high": float(c.values[c.good].max())} if c.values.size and c.good.any() else {})
+            for c in self.columns
+        ]
+        clock = {"column": self.clock.name, "kind": self.times.kind, "zone": self.times.zone} if self.clock and self.times else None
+        layout = {
+            "format": at.format,
+            "encoding": at.encoding,
+            "separator": at.separator,
+            "preamble": at.preamble,
+            "units_row": at.units_row,
+        }
+        sampling = {"step": float(usual_step(np.unique(times))), "length": float(times[-1] - times[0])} if times.size > 1 else None
+        start = None if self.times is None else self.times.start or self.cells.start
+        return {
+            "file": self.path.name,
+            "problem": self.problem,
+            "rows": len(self.cells.lines),
+            **layout,
+            "decimal": self.decimal,
+            "clock": clock,
+            "start": start,
+            "sampling": sampling,
+            "gaps": [{"at": a - float(times[0]), "length": b} for a, b in self.gaps],
+            "columns": columns,
+            "notes": list(self.cells.notes),
+            "campaign": self.campaign(),
+        }
+
+    def svg(self) -> str:
+        """Return a picture of temperatures, powers and duties over time, with a legend.
+
+        Raises
+        ------
+        ThermidError   When times cannot be read or no column is known.
+        """
+        if self.times is None:
+            raise ThermidError(f"nothing to draw: {self.problem}", self.path.name)
+        length, unit_name = time_unit(float(self.times.values[-1] - self.times.values[0]))
+        x = (self.times.values - self.times.values[0]) / length
+        panels: list[Panel] = []
+        legend: list[tuple[str, str, str]] = []
+        for name, shown, guesses in _PANELS:
+            lines = []
+            for c in (c for c in self.columns if c.guess in guesses and c.good.any()):
+                k = len(legend)
+                colour, dash = SERIES[k % len(SERIES)], " ".join(f"{v:g}" for v in DASHES[k // len(SERIES) % len(DASHES)])
+                lines.append(Stroke(c.name, x[c.good], _in(c, shown)[c.good], (f"--s{k % len(SERIES)}", colour), dash=dash))
+                legend.append((c.name, colour, dash))
+            if lines:
+                panels.append(Panel(name, shown, lines, share=2.0 if name == "temperature" else 1.0))
+        if not panels:
+            raise ThermidError(
+                "nothing to draw: no column is recognised as a temperature, power or duty cycle. Give its unit.", self.path.name
+            )
+        return _standing(panels, legend, self.path.name, unit_name)
+
+
+_OF_DAY = re.compile(r"(\d{1,2}):(\d{2})(?::(\d{2}(?:[.,]\d+)?))?(?:\s*([AaPp])\.?[Mm])?")
+DAY = 86400.0
+
+
+def _time_of_day(look: Look) -> float | None:
+    """Return the time of day at which a log begins, by its first stamp; None where it has none. [s]"""
+    text = None if look.times is None else look.times.start or look.cells.start
+    found = _OF_DAY.search(text or "")
+    if found is None:
+        return None
+    hours, half = int(found[1]), (found[4] or "").lower()
+    hours = hours % 12 + 12 * (half == "p") if half else hours
+    return 3600.0 * hours + 60.0 * int(found[2]) + float((found[3] or "0").replace(",", "."))
+
+
+def clocks_of(looks: Sequence[Look]) -> list[dict[str, Any]]:
+    """Return of each further log how it may be joined with the first one, by the times of day of their first stamps.
+
+    `offset` is by how much its first sample is late on the first one, if both clocks are right; None where one has no stamps. [s]
+    """
+    if len(looks) < 2:
+        return []
+    first, out = _time_of_day(looks[0]), []
+    for each in looks[1:]:
+        own = _time_of_day(each)
+        late = None if first is None or own is None else (own - first + 0.5 * DAY) % DAY - 0.5 * DAY
+        out.append({"file": each.path.name, "record": each.name, "offset": late})
+    return out
+
+
+def clock_lines(looks: Sequence[Look]) -> list[str]:
+    """Return how several logs of one test are joined, in words and as lines for a campaign; nothing for one log."""
+    found = clocks_of(looks)
+    if not found:
+        return []
+    known = [f for f in found if f["offset"] is not None]
+    lines = [f"{counted(len(looks), 'clock')} of one test, compared by the time of day of their first stamps"] if known else []
+    lines += [
+        f"  {f['file']} begins {abs(f['offset']):.6g} s {'after' if f['offset'] >= 0 else 'before'} {looks[0].path.name}" for f in known
+    ]
+    lines += [f"  {f['file']} or {looks[0].path.name} has no time stamps: give the offset" for f in found if f["offset"] is None]
+    pairs = ", ".join(f'{{ record = "{f["record"]}", offset = "{0.0 if f["offset"] is None else f["offset"]:.6g} [s]" }}' for f in found)
+    return [
+        *lines,
+        f"Join them in [records.{looks[0].name}]; a pair as offset is a range in which the fit finds it:",
+        "",
+        f"    joined   = [{pairs}]",
+    ]
+
+
+def _standing(panels: Sequence[Panel], legend: Sequence[tuple[str, str, str]], name: str, unit_name: str) -> str:
+    """Return a picture that stands by itself: white, with a title and a legend above the axes."""
+    wide, tall = 760.0, 170.0 + 130.0 * len(panels)
+    markup = chart(panels, key="look", label=f"Log {name}", x_name=("time", unit_name), size=(wide, tall))
+    across = [(52.0 + 176.0 * (k % 4), 44.0 + 18.0 * (k // 4)) for k in range(len(legend))]
+    entries = "".join(
+        f'<path d="M{x:g} {y - 4:g}h22" style="stroke:{colour};stroke-width:2;stroke-dasharray:{dash or "none"}"/>'
+        f'<text x="{x + 28:g}" y="{y:g}">{escape(_short(text, 22))}</text>'
+        for (x, y), (text, colour, dash) in zip(across, legend, strict=True)
+    )
+    top = across[-1][1] + 12.0
+    inner = markup.replace("<svg ", f'<svg x="0" y="{top:g}" width="{wide:g}" height="{tall:g}" ', 1)
+    return (
+        f'<svg xmlns="http://www.w3.org/2000/svg" viewBox="0 0 {wide:g} {top + tall:g}" width="{wide:g}" height="{top + tall:g}" '
+        f'style="font:12px system-ui,sans-serif"><rect width="100%" height="100%" style="fill:#fff"/>'
+        f'<text x="52" y="20" style="font-weight:600">{escape(name)}</text>{entries}{inner}</svg>'
+    )
+
+
+def _in(column: Column, shown: str) -> Array:
+    """Return readings in the unit of a panel."""
+    return from_si(in_si(column.values, column.unit), {"°C": "degC"}.get(shown, shown))
+
+
+def _drawn(column: Column, width: int) -> str:
+    """Return readings as a line of blocks, lowest to highest; a stretch without any is blank."""
+    if column.guess not in _SHOWN or not column.good.any():
+        return ""
+    values = np.where(column.good, column.values, np.nan)
+    low, high = np.nanmin(values), np.nanmax(values)
+    out = ""
+    for part in np.array_split(values, min(width, values.size)):
+        known = part[np.isfinite(part)]
+        level = 0.0 if not known.size or high == low else (float(known.mean()) - low) / (high - low)
+        out += _BLOCKS[min(7, int(level * 8))] if known.size else " "
+    return out
+
+
+def _short(text: str, width: int) -> str:
+    return text if len(text) <= width else f"{text[: width - 6]}..{text[-4:]}"
+
+
+def look(
+    path: str | Path,
+    *,
+    time: str | None = None,
+    separator: str | None = None,
+    decimal: str | None = None,
+    clock: str | None = None,
+    unit: str | None = None,
+) -> Look:
+    """Return what stands in a log: layout, clock, sampling, gaps, faults, and what each column seems to be.
+
+    Nothing is decided by it: what `read_record` would refuse for its times is shown as the problem, with what to do.
+
+    Parameters
+    ----------
+    path : str or Path         A log in any format that `read_record` reads.
+    time : str or None         The time column, where it cannot be told.
+    separator, decimal : str   Separator of the columns and decimal sign, where the file leaves them open.
+    clock : str or None        Form of the stamps for `datetime.strptime`.
+    unit : str or None         Unit of the times, where they are numbers.
+
+    Raises
+    ------
+    MissingDataError   When there is no such file.
+    RecordError        When its columns cannot be told.
+    """
+    place = Path(path)
+    cells = log_cells(place, separator)
+    sign = decimal_sign(cells, decimal)
+    at: Clock | None = None
+    times: Times | None = None
+    problem = ""
+    try:
+        at = clock_column(cells, time)
+        times = read_times(cells, at, sign, clock, unit or at.unit, unit is not None)
+    except ThermidError as error:
+        problem = str(error)
+    columns = columns_of(cells, sign, at.places if at else ())
+    return Look(place, cells, sign, at, times, tuple(columns), problem)

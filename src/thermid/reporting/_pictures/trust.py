@@ -1,0 +1,320 @@
+"""Pictures of how far a fit can be trusted: the profile of a parameter, the valley of two."""
+
+from __future__ import annotations
+
+import math
+import os
+from collections.abc import Iterator
+from contextlib import contextmanager
+from io import BytesIO
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from thermid.base.arguments import takes_objects
+from thermid.base.errors import ThermidError
+from thermid.base.files import PICTURE, check_ending, write_bytes
+from thermid.base.units import from_si, unit
+from thermid.inference.criticism import Criticism, cumulated_periodogram
+from thermid.inference.intervals import Profile, Valley
+from thermid.physics.constants import ICE_POINT
+from thermid.prediction.members import Hold, HoldPoint, clock, driven_by
+from thermid.qualify.profiles import ProfileRun
+from thermid.reporting._blocks.extras import extra
+from thermid.reporting._pictures.figures import DASHES, GRID, INK, RESIDUAL, SERIES, SIMULATED, SOFT, time_unit
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+    from matplotlib.figure import Figure
+
+
+LEVELS = {2.30: "68 %", 5.99: "95 %"}
+"""Growth of the sum of squares that holds two parameters together with a probability: quantiles of chi-square, two degrees of freedom."""
+
+
+@takes_objects
+def picture(thing: Profile | Valley | Criticism | Hold | ProfileRun, to: str | os.PathLike[str]) -> Path:
+    """Write the picture of a profile, a valley, a criticism, a hold or a profile's run, and return its path (png, svg, pdf).
+
+    Parameters
+    ----------
+    thing : Profile, Valley, Criticism, Hold or ProfileRun  What to draw; of a criticism, the trace that is least like noise.
+    to : path                               File to write.
+
+    Raises
+    ------
+    ThermidError        When there is no picture of such a thing.
+    OutputError         When the name of the file does not end in png, svg or pdf.
+    MissingExtraError   When matplotlib is not installed.
+    """
+    drawers: dict[type, Any] = {Profile: _profile, Valley: _valley, Criticism: _criticism, Hold: draw_hold, ProfileRun: draw_run}
+    if type(thing) not in drawers:
+        raise ThermidError(f"a {type(thing).__name__} has no picture. Pictures exist of {', '.join(t.__name__ for t in drawers)}.")
+    target = check_ending(to, PICTURE)
+    with _canvas() as figure:
+        drawers[type(thing)](figure, thing)
+        drawn = BytesIO()
+        figure.savefig(drawn, format=target.suffix.lower()[1:], dpi=144, metadata={"Date": None} if target.suffix == ".svg" else None)
+    return write_bytes(target, drawn.getvalue(), PICTURE)
+
+
+@contextmanager
+def _canvas() -> Iterator[Figure]:
+    """Yield a figure under settings that leave no trace."""
+    with extra():
+        import matplotlib
+        from matplotlib.figure import Figure
+    settings: Any = {
+        "text.parse_math": False,
+        "font.size": 10,
+        "text.color": INK,
+        "axes.edgecolor": SOFT,
+        "axes.labelcolor": INK,
+        "axes.titlesize": 10,
+        "axes.titlecolor": INK,
+        "xtick.color": SOFT,
+        "ytick.color": SOFT,
+        "axes.grid": True,
+        "axes.axisbelow": True,
+        "grid.color": GRID,
+        "axes.spines.top": False,
+        "axes.spines.right": False,
+        "legend.frameon": False,
+        "svg.hashsalt": "thermid",
+    }
+    with matplotlib.rc_context(settings):
+        yield Figure(figsize=(7.2, 4.8), facecolor="white", layout="constrained")
+
+
+def _profile(figure: Figure, found: Profile) -> None:
+    """Draw how much worse the fit gets as a parameter moves, with the interval and what the standard error alone would say."""
+    axis: Axes = figure.subplots()
+    x = from_si(found.values, found.unit)
+    best, low, high = (float(from_si(v, found.unit)) for v in (found.best, found.low, found.high))
+    error = found.error / float(unit(found.unit).factor)
+    axis.axvspan(low, high, color=SIMULATED, alpha=0.12, linewidth=0)
+    parabola = np.linspace(min(x.min(), best - 2 * error), max(x.max(), best + 2 * error), 200)
+    axis.plot(parabola, ((parabola - best) / error) ** 2, color=SOFT, linewidth=1.2, linestyle="--", label="by the standard error alone")
+    axis.plot(x, found.rise, color=SIMULATED, linewidth=1.8, marker="o", markersize=4, label="all others refitted")
+    axis.axhline(found.threshold, color=RESIDUAL, linewidth=1.2)
+    axis.text(x.max(), found.threshold, f"{100 * found.level:.3g} % ", color=RESIDUAL, va="bottom", ha="right")
+    axis.plot([best], [0.0], marker="D", color=RESIDUAL, markersize=7, linestyle="none", label="best fit")
+    top = max(1.8 * found.threshold, 1.05 * float(found.rise.max()))
+    axis.set_ylim(-0.04 * top, min(top, 4.0 * found.threshold))
+    for ok, end, side in zip(found.limited, (low, high), ("no lower limit", "no upper limit"), strict=True):
+        if not ok:
+            axis.text(end, 0.5 * found.threshold, f" {side} ", color=RESIDUAL, ha="left" if side.startswith("no l") else "right")
+    axis.set_xlabel(f"{found.path}, {found.unit}")
+    axis.set_ylabel("increase of the weighted sum of squares")
+    axis.legend(loc="upper center")
+
+
+def _valley(figure: Figure, found: Valley) -> None:
+    """Draw the growth of the sum of squares over two parameters, what 68 and 95 % of trust allow, the valley's floor and the bounds."""
+    from matplotlib.colors import BoundaryNorm
+    from matplotlib.ticker import LogLocator
+
+    axis: Axes = figure.subplots()
+    x, y = from_si(found.first, found.units[0]), from_si(found.second, found.units[1])
+    x, y, rise = _smooth(x, y, found)
+    steps = [0, 1, 2.30, 5.99, 15, 40, 100, 300, 1000, 1e12]
+    filled = axis.contourf(x, y, rise, levels=steps, cmap="Blues_r", norm=BoundaryNorm(steps, 256))
+    for (level, name), style in zip(LEVELS.items(), ("-", ":"), strict=True):
+        axis.contour(x, y, rise, levels=[level], colors=[INK], linewidths=1.5, linestyles=style)
+        axis.plot([], [], color=INK, linewidth=1.5, linestyle=style, label=f"{name} of trust")
+    floor = from_si(found.along[:, 0], found.units[0]), from_si(found.along[:, 1], found.units[1])
+    axis.plot(*floor, color=RESIDUAL, linewidth=1.2, linestyle="--", label="minimum along the trade-off")
+    axis.plot(
+        *(float(from_si(v, u)) for v, u in zip(found.best, found.units, strict=True)),
+        marker="D",
+        color=RESIDUAL,
+        linestyle="none",
+        label="best fit" if found.fitted else "start",
+    )
+    for k, line in enumerate((axis.axvline, axis.axhline)):
+        for bound in found.bounds[k]:
+            place = float(from_si(bound, found.units[k])) if np.isfinite(bound) else np.nan
+            axis_values = (x, y)[k]
+            if axis_values.min() <= place <= axis_values.max():
+                line(place, color=RESIDUAL, linewidth=2.5, label=None)
+    for k, scale in enumerate((axis.set_xscale, axis.set_yscale)):
+        if found.logs[k] and (x, y)[k].max() > 2.5 * (x, y)[k].min():
+            scale("log")
+            side = (axis.xaxis, axis.yaxis)[k]
+            side.set_major_locator(LogLocator(subs=(1.0, 2.0, 5.0)))
+            side.set_major_formatter("{x:.3g}")
+            side.set_minor_formatter("")
+    axis.set_xlim(x.min(), x.max())
+    axis.set_ylim(y.min(), y.max())
+    axis.set_xlabel(f"{found.names[0]}, {found.units[0]}")
+    axis.set_ylabel(f"{found.names[1]}, {found.units[1]}")
+    axis.grid(False)
+    axis.legend(loc="upper right", frameon=True, framealpha=0.85, edgecolor="none")
+    bar = figure.colorbar(filled, ax=axis, ticks=steps[:-1], label="increase of the weighted sum of squares")
+    bar.ax.tick_params(length=0)
+
+
+def _criticism(figure: Figure, found: Criticism) -> None:
+    """Draw the residuals of the worst trace against time, temperature and power, and their cumulated periodogram with its band."""
+    worst = min(found.traces, key=lambda t: (t.quiet, t.white, t.ljung_box, -t.periodogram))
+    size, unit_name = time_unit(float(worst.times[-1] - worst.times[0]))
+    axes = figure.subplots(2, 2)
+    figure.suptitle(f"{found.title}: {worst.sensor} in {worst.record}", fontsize=11)
+    panels = (
+        ("time", worst.times / size, f"time, {unit_name}"),
+        ("temperature", worst.temperature - ICE_POINT, "predicted temperature, °C"),
+        ("power", worst.power, "power, W"),
+    )
+    for axis, (name, x, label) in zip(axes.flat, panels, strict=False):
+        axis.axhline(0.0, color=SOFT, linewidth=0.8)
+        axis.plot(
+            x, worst.residuals, color=RESIDUAL, linewidth=0.8 if name == "time" else 0, marker="." if name != "time" else "", markersize=3
+        )
+        axis.set_xlabel(label)
+        axis.set_ylabel("residual, K")
+        slope, error = worst.slopes.get(name, (0.0, 0.0))
+        if error > 0:
+            along = np.array([x.min(), x.max()])
+            step = slope * size if name == "time" else slope
+            axis.plot(along, worst.residuals.mean() + step * (along - x.mean()), color=SIMULATED, linewidth=1.4)
+            axis.set_title(f"slope {abs(slope) / error:.1f} standard errors", loc="right", fontsize=9)
+        elif np.ptp(x) == 0:
+            axis.set_title("power was constant", loc="right", fontsize=9)
+    share = cumulated_periodogram(worst.residuals)
+    last, axis = float(np.median(np.diff(worst.times))), axes.flat[3]
+    frequency = np.linspace(0.0, 0.5 / last, share.size) * size
+    line = np.linspace(0.0, 1.0, share.size)
+    axis.fill_between(frequency, np.clip(line - worst.band, 0, 1), np.clip(line + worst.band, 0, 1), color=SOFT, alpha=0.18, linewidth=0)
+    axis.plot(frequency, share, color=RESIDUAL, linewidth=1.5)
+    axis.set_title("grey: noise, 95 %", loc="right", fontsize=9)
+    axis.set_xlabel(f"frequency, 1/{unit_name}")
+    axis.set_ylabel("share of variance below")
+
+
+def _smooth(x: Any, y: Any, found: Valley) -> tuple[Any, Any, Any]:
+    """Return the map on a finer grid: a narrow valley lies between the points of a coarse one. Splines of third order keep its parabola."""
+    from scipy.interpolate import RectBivariateSpline
+
+    if not np.isfinite(found.rise).all():
+        return x, y, np.ma.masked_invalid(np.maximum(found.rise, 0.0))
+    across, down = (np.log(v) if log else v for v, log in zip((x, y), found.logs, strict=True))
+    fine = [np.linspace(v[0], v[-1], 240) for v in (across, down)]
+    rise = RectBivariateSpline(down, across, found.rise)(fine[1], fine[0])
+    u, v = (np.exp(line) if log else line for line, log in zip(fine, found.logs, strict=True))
+    return u, v, np.maximum(rise, 0.0)
+
+
+MOST = 6
+"""Limits drawn; those that are passed first."""
+
+
+def draw_hold(figure: Figure, found: Hold) -> None:
+    """Draw the curves of the limits that are passed first, with the hold time of the first, and what drives it."""
+    axis: Axes = figure.subplots()
+    length, name = time_unit(float(found.times[-1]))
+    passed = [p for p in found.points[:MOST] if p.exceedance[-1] > 0.0] or [found.points[0]]
+    if found.watermark:
+        figure.text(
+            0.5, 0.5, found.watermark.upper(), color=SOFT, alpha=0.16, fontsize=20, rotation=24, ha="center", va="center", weight="bold"
+        )
+    for k, p in enumerate(passed):
+        dash = DASHES[k % len(DASHES)]
+        label, colour = f"{p.name}, {p.limit:g} degC", SERIES[k % len(SERIES)]
+        (line,) = axis.plot(*_exceedance(p, found, length), color=colour, linewidth=1.8, label=label, drawstyle="steps-post")
+        if dash:
+            line.set_dashes(dash)
+    top = min(105.0, max(115.0 * max(float(p.exceedance[-1]) for p in passed), 400.0 * (1.0 - found.confidence)))
+    share = 100.0 * (1.0 - found.confidence)
+    axis.axhline(share, color=SOFT, linewidth=1.0, linestyle=":")
+    axis.text(found.times[-1] / length, share, f"{share:g} % ", color=SOFT, va="bottom", ha="right")
+    until, (low, high) = found.together.hold, found.together.between
+    if math.isfinite(until):
+        axis.axvspan(low / length, min(high, found.times[-1]) / length, color=INK, alpha=0.12, linewidth=0)
+        axis.axvline(until / length, color=INK, linewidth=1.2)
+        axis.annotate(f"{clock(until)} ", (until / length, 0.62 * top), ha="right", color=INK, weight="bold")
+    axis.set_xlim(found.times[0] / length, found.times[-1] / length)
+    axis.set_ylim(0.0, top)
+    axis.set_xlabel(f"time, {name}")
+    axis.set_ylabel("probability that the limit was exceeded, %")
+    driven = ", ".join(driven_by(found.together).split(", ")[:3])
+    axis.set_title(found.sentence + (f"\ndriven by {driven}" if driven else ""), loc="left")
+    axis.legend(loc="best")
+
+
+def _exceedance(p: HoldPoint, found: Hold, length: float) -> tuple[np.ndarray, np.ndarray]:
+    """Return the curve through every crossing, up to the end of the scenario. [time unit, %]"""
+    ordered = np.sort(p.crossings[np.isfinite(p.crossings)])
+    times = np.concatenate(([found.times[0]], ordered, [found.times[-1]]))
+    passed = np.concatenate(([0.0], np.arange(1.0, ordered.size + 1.0), [float(ordered.size)]))
+    return times / length, 100.0 * passed / p.crossings.size
+
+
+SHADES = {
+    "way": (GRID, "on the way"),
+    "wait": (RESIDUAL, "waiting for the unit"),
+    "stay": (SIMULATED, "dwell"),
+    "off": (INK, "switched off"),
+}
+
+
+def draw_run(figure: Figure, run: ProfileRun) -> None:
+    """Draw the chamber and the nodes over time, phases as shades with a strip above that names them."""
+    grid = figure.add_gridspec(2, 1, height_ratios=(1, 14), hspace=0.02)
+    strip: Axes = figure.add_subplot(grid[0])
+    axis: Axes = figure.add_subplot(grid[1])
+    length, name = time_unit(run.duration)
+    seen: dict[str, Any] = {}
+    for phase in run.phases:
+        colour, label = SHADES[phase.kind if phase.power else "off"]
+        for at, alpha in ((strip, 0.75), (axis, 0.13)):
+            span = at.axvspan(phase.start / length, phase.end / length, color=colour, alpha=alpha, linewidth=0)
+        seen.setdefault(label, span)
+    _strip(strip, run, length)
+    nodes = [n for n in run.solution.nodes if n not in run.chamber]
+    swings = sorted(nodes, key=lambda n: run[n].lowest - run[n].highest)
+    drawn = ([run.base] if run.base else []) + [n for n in swings if n != run.base]
+    trace = run[run.chamber[0]]
+    axis.plot(trace.times / length, trace.celsius, color=SOFT, linewidth=1.0, label=f"chamber ({run.chamber[0]})")
+    for k, node in enumerate(drawn[:MOST]):
+        trace = run[node]
+        label = f"{node} (base plate)" if node == run.base else node
+        times, kelvin = trace.course
+        (line,) = axis.plot(times / length, kelvin - ICE_POINT, color=SERIES[k % len(SERIES)], linewidth=1.6, label=label)
+        if DASHES[k % len(DASHES)]:
+            line.set_dashes(DASHES[k % len(DASHES)])
+    used = run.profile.used
+    for side in ("hot", "cold"):
+        if side in used:
+            level = float(used[side].value) - ICE_POINT
+            axis.axhline(level, color=INK, linewidth=0.8, linestyle=":")
+            axis.text(run.duration / length, level, f"{side} {level:.4g} degC ", va="bottom", ha="right", fontsize=8, color=INK)
+    axis.set_xlim(0.0, run.duration / length)
+    axis.set_xlabel(f"time, {name}")
+    axis.set_ylabel("temperature, degC")
+    handles, labels = axis.get_legend_handles_labels()
+    axis.legend(handles + list(seen.values()), labels + list(seen), loc="upper center", bbox_to_anchor=(0.5, -0.14), ncols=4, fontsize=8)
+    strip.set_title(_title(run), loc="left")
+    if not run.decides:
+        look: dict[str, Any] = {"color": SOFT, "alpha": 0.16, "fontsize": 24, "rotation": 24, "weight": "bold"}
+        figure.text(0.5, 0.5, "NUMBERS FROM MEMORY", ha="center", va="center", **look)
+
+
+def _title(run: ProfileRun) -> str:
+    """Return what was run, for how long, and how much of it was waiting."""
+    long, waited = run.duration / 3600.0, run.waited / 3600.0
+    return (
+        f"{run.profile.title} on {run.solution.title}\n{long:.1f} h, {waited:.1f} h of it waiting for the unit; weakest number: {run.mark}"
+    )
+
+
+def _strip(strip: Axes, run: ProfileRun, length: float) -> None:
+    """Name the cycles in the strip, where there is room for it."""
+    strip.set_xlim(0.0, run.duration / length)
+    strip.set_axis_off()
+    for cycle in sorted({p.cycle for p in run.phases if p.cycle}):
+        own = [p for p in run.phases if p.cycle == cycle]
+        begin, end = own[0].start, own[-1].end
+        strip.axvline(begin / length, color=INK, linewidth=0.8)
+        if (end - begin) > 0.03 * run.duration:
+            strip.text(0.5 * (begin + end) / length, 0.5, str(cycle), ha="center", va="center", fontsize=8, color=INK)

@@ -1,0 +1,451 @@
+"""`qualification_report`: a plan worked through as one self-contained page, in the order in which a correlation report is read."""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Iterator, Sequence
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from thermid.base.arguments import takes_objects
+from thermid.base.sourced import VERDICTS, weigh
+from thermid.base.units import counted
+from thermid.campaign.verdicts import Correlation, Limits, Overlay, heading, spans
+from thermid.model.tree import flatten
+from thermid.physics.constants import ICE_POINT
+from thermid.qualify.plans import Qualification, Trial
+from thermid.reporting._blocks.content import (
+    DASH,
+    Cell,
+    Facts,
+    Figures,
+    Graphic,
+    Head,
+    Heading,
+    LegendEntry,
+    Line,
+    Notes,
+    PageBlock,
+    Plot,
+    Section,
+    Table,
+    Words,
+    folded,
+    number,
+)
+from thermid.reporting._blocks.extras import check_page, write_page
+from thermid.reporting._pages.tables import versions
+from thermid.reporting._pictures import correlation
+from thermid.reporting._pictures.chart import Area, Stroke
+from thermid.reporting._pictures.figures import compared, curve, curves
+from thermid.reporting._qualification import tables
+from thermid.reporting._qualification.tables import hours, mark
+
+
+@takes_objects
+def qualification_report(q: Qualification, *, to: str | os.PathLike[str]) -> Path:
+    """Write a qualification as one HTML page, or as a PDF where its name ends in .pdf, and return its path.
+
+    The page loads nothing and runs no script but its own.
+
+    Parameters
+    ----------
+    q : Qualification   What `run_plan` found.
+    to : path           The file to write; its folder is made where it is missing.
+
+    Raises
+    ------
+    MissingExtraError   When jinja2 is not installed.
+    NoBrowserError      When a PDF is asked for and no browser is installed that prints it.
+    OutputError         When the file may not be written, or its name promises another format.
+    """
+    check_page(to)
+    content, worst = q.plan.content, q.worst
+    watermark = q.demonstration.upper()
+    outcomes = [t.passed for t in q.trials] + [m.passed for m in q.margins]
+    failed, open_ = outcomes.count(False), outcomes.count(None)
+    summary = f"{counted(len(q.trials), 'test')}, {counted(len(q.margins), 'margin')}" + (f"; {open_} not decided" if open_ else "")
+    summary += f"; {len(q.waived)} waived" if q.waived else ""
+    if worst is not None:
+        margin = f"{worst[3]:.1f} K left" if worst[3] >= 0 else f"{-worst[3]:.1f} K beyond its limit"
+        summary += f"; smallest margin: {worst[0]} in {worst[1]} at {hours(worst[2])}, {margin}"
+    document = content.document.model_dump()
+    names = {"number": "document", "prepared": "prepared by", "checked": "checked by", "approved": "approved by"}
+    facts = Facts(tuple((names.get(k, k), v or DASH) for k, v in document.items()))
+    return _write(
+        to,
+        title=q.plan.title,
+        running=running(q),
+        opening=[t for t in (f"Intended use: {content.use}." if content.use else "", content.note) if t],
+        watermark=watermark,
+        banners=[(watermark, "The results on this page are not evidence about real hardware.")] if watermark else [],
+        passed=q.passed,
+        failed=failed,
+        judged=len(outcomes),
+        summary=summary,
+        outcome=[facts, Words(f"{str(q.lock)[0].upper()}{str(q.lock)[1:]}."), tables.tests(q), *_what_is_open(q), *_courses(q)],
+        sections=sections(q),
+    )
+
+
+def running(q: Qualification) -> str:
+    """Return the running head of printed pages: document number, issue, date, title."""
+    d = q.plan.content.document
+    return " · ".join(t for t in (d.number, f"issue {d.issue}" if d.issue else "", d.date, q.plan.title) if t)
+
+
+@takes_objects
+def correlation_report(c: Correlation, *, to: str | os.PathLike[str], synthetic: bool = False) -> Path:
+    """Write a correlation as one HTML page, or as a PDF where its name ends in .pdf, and return its path: metrics, gates, overlays.
+
+    Parameters
+    ----------
+    c : Correlation     What `correlate` found.
+    to : path           The file to write.
+    synthetic : bool    Whether the readings were made and not measured.
+
+    Raises
+    ------
+    MissingExtraError   When jinja2 is not installed.
+    NoBrowserError      When a PDF is asked for and no browser is installed that prints it.
+    OutputError         When the file may not be written, or its name promises another format.
+    """
+    check_page(to)
+    blocks = [
+        Section.of("deviations", "Deviations", [tables.deviations(c)]),
+        Section.of("gates", "Criteria", [tables.gates(c)]),
+        Section.of("overlays", "Measured over simulated", [all_overlays(c, "o", synthetic)]),
+        Section.of("made", "Made with", [versions()]),
+    ]
+    verdicts = list(c.verdicts.values())
+    watermark = "SYNTHETIC DATA" if synthetic else ""
+    banner = [(watermark, "The readings are synthetic.")] if synthetic else []
+    said = f"{counted(len(c.gates), 'gate')}, {len(c.failed)} not met"
+    return _write(
+        to,
+        title=c.title,
+        opening=[],
+        watermark=watermark,
+        banners=banner,
+        passed=weigh(verdicts),
+        failed=verdicts.count(False),
+        judged=len(verdicts),
+        summary=said,
+        outcome=_all_readings(c),
+        sections=blocks,
+    )
+
+
+def _all_readings(c: Correlation) -> list[PageBlock]:
+    """Return predicted against measured, and the residuals counted, of all overlays."""
+    if not c.overlays:
+        return []
+    shown = correlation.scatter([o.measured for o in c.overlays], [o.simulated for o in c.overlays])
+    residuals = [o.residuals for o in c.overlays]
+    against = Plot(shown, "Simulated against measured; lines at ± 2 K, ± 3 K (dashed) and ± 5 K (dotted).", "", "fig-scatter")
+    counted_ = Plot(correlation.histogram(residuals), f"Residuals: {correlation.spread_words(residuals)}.", "", "fig-histogram")
+    return [Figures((against, counted_))]
+
+
+def _write(
+    to: str | os.PathLike[str], *, watermark: str, outcome: Sequence[PageBlock], passed: bool | None, judged: int, **shown: Any
+) -> Path:
+    """Write a page; without a failure, and with something undecided, its head names that in place of a count of what passed."""
+    head: dict[str, Any] = {"headline": "? Not decided", "judged": 0} if passed is None else {"headline": "", "judged": judged}
+    return write_page("study.html.jinja", to, **head, watermark=watermark, outcome=outcome, **shown)
+
+
+def _what_is_open(q: Qualification) -> list[PageBlock]:
+    """Return what is not decided and why, what was waived, and what must be known of the logs."""
+    waived = tuple(f"{n}: compared with its limits alone" for n in q.waived)
+    remarks = (*_signatures(q), *(f"{t.test.name}: {r}" for t in q.trials for r in t.remarks))
+    sections = (("Not decided", q.open), ("Waived", waived), ("Remarks", remarks))
+    return [Notes(lines, title) for title, lines in sections if lines]
+
+
+def _signatures(q: Qualification) -> list[str]:
+    """Return what is amiss with who signed the document."""
+    d = q.plan.content.document
+    missing = [word for word, name in (("checked", d.checked), ("approved", d.approved)) if not name.strip()]
+    out = [f"the document is not {' and not '.join(missing)}"] if missing else []
+    if d.prepared.strip() and d.prepared.strip() in (d.checked.strip(), d.approved.strip()):
+        out.append(f"{d.prepared.strip()} both prepared and approved the document, so no second person has checked it")
+    return out
+
+
+def _courses(q: Qualification) -> list[PageBlock]:
+    """Return the worst part of every test over time."""
+    plots: list[Plot] = []
+    legend: dict[str, LegendEntry] = {}
+    for k, t in enumerate(q.trials):
+        drawn, worst = course(t, f"course-{k}"), t.worst
+        if drawn is not None and worst is not None:
+            met = weigh([c.passed for c in t.checks if c.point == worst.point])
+            far = f"{worst.room:.1f} K from its limit" if worst.room >= 0 else f"{-worst.room:.1f} K beyond its limit"
+            plots.append(Plot(drawn, f"{t.test.name}: {worst.point}, {worst.state}, {worst.by}, {far}: {VERDICTS[met]}"))
+            legend |= {e.label: e for e in drawn.legend if e.label not in legend}
+    return [Figures(tuple(plots), tuple(legend.values()))] if plots else []
+
+
+SYNTHETIC = "synthetic"
+
+
+def sections(q: Qualification) -> list[Section]:
+    """Return the sections of a correlation report, in their order."""
+    content = q.plan.content
+    logged = [t for t in q.trials if t.correlation is not None]
+    predictions = [
+        folded(t.test.name, [tables.foreseen(q, t)], "with readings" if t.correlation is not None else "no log yet") for t in q.trials
+    ]
+    objectives = [Notes(tuple(content.objectives), "Objectives"), Notes(tuple(content.success), "Success criteria")]
+    return [
+        Section.of("objectives", "Objectives and success criteria", [*objectives, folded("Criteria, with their sources", [_criteria(q)])]),
+        Section.of("configuration", "Article and model configuration", _configuration(q), "Configuration"),
+        Section.of("sensors", "Sensors", [tables.sensors(q)]),
+        Section.of("tests", "Test cases as run", _as_run(q), "Test cases"),
+        Section.of(
+            "power",
+            "Boundaries, power, heater duty, heat leaks",
+            [tables.boundaries(q), *_leaks(q), *tables.duties(q)],
+            "Boundaries and power",
+        ),
+        Section.of("stabilisation", "Stabilisation", _stabilisation(q)),
+        Section.of("predicted", "Pre-test predictions and measurements", predictions, "Predictions and readings"),
+        Section.of("heat", "Heat flows and energy balance", _heat(q), "Heat flows"),
+        Section.of("parameters", "Parameter changes", [tables.changes(q)] if q.known.values else [Words("Nothing was fitted.")]),
+        Section.of("deviations", "Deviations after correlation", _deviations(logged), "Deviations"),
+        Section.of("overlays", "Transient overlays", _transients(logged), "Overlays"),
+        Section.of("excluded", "Excluded sensors", [tables.excluded(q)] if content.exclusions.reasons else [Words("None.")]),
+        Section.of("discrepancies", "Remaining discrepancies", _open(q), "Discrepancies"),
+        Section.of(
+            "margins",
+            "Uncertainty, limits and margins",
+            [
+                tables.margin_table(q),
+                Heading("Contributions to the uncertainty"),
+                tables.counted(q),
+                Heading("Predictions of the service cases"),
+                tables.service(q),
+                folded("All limits in all tests", [tables.checks(q)]),
+            ],
+            "Margins",
+        ),
+        Section.of("validity", "Validity envelope", [*_envelope(q), tables.outside(q)]),
+        Section.of("assumptions", "Assumed values by their effect", _assumed(q), "Assumptions"),
+        Section.of("delivery", "Model delivery", [_delivery(q), versions(), folded("Files", [_files(q)], "each with its hash")]),
+    ]
+
+
+def _criteria(q: Qualification) -> Table:
+    used = dict.fromkeys(n for t in q.plan.tests for n in t.criteria)
+    shown = dict.fromkeys(("mean", "spread", "each", "rmse", *(key for name in used for key in q.plan.criteria[name].limits)))
+    columns = [Head("set"), *(Head(f"{heading(key)}, K", True) for key in shown), Head("for"), Head("mark"), Head("source", wrapped=True)]
+    rows: list[Line] = []
+    for name in used:
+        c = q.plan.criteria[name]
+        sizes = [number(c.limits[key], 3) if key in c.limits else DASH for key in shown]
+        rows.append([Cell(name, "", "main"), *sizes, ", ".join(c.kinds), mark(c.mark), c.source or DASH])
+    return Table.of(columns, rows)
+
+
+def _configuration(q: Qualification) -> list[PageBlock]:
+    configuration = q.plan.content.configuration
+    rows: list[Line] = [[d.what, d.effect or DASH] for d in configuration.differences]
+    flat = flatten(q.known.model)
+    size = (("model", q.known.model.title), ("nodes", str(len(flat.nodes))), ("conductors", str(len(flat.conductors))))
+    table = Table.of([Head("difference", wrapped=True), Head("effect", wrapped=True)], rows)
+    return [
+        Facts((("as tested", configuration.as_tested or DASH), ("as flown", configuration.as_flown or DASH), *size)),
+        table if rows else Words("No differences stated."),
+    ]
+
+
+def _as_run(q: Qualification) -> list[PageBlock]:
+    rows: list[Line] = []
+    for t in q.trials:
+        deviations = "; ".join(t.test.deviations) or ("none stated" if t.correlation is not None else DASH)
+        log = Cell("SYNTHETIC", t.log_sha256, "bad") if t.synthetic else Cell(t.log_sha256[:12] or DASH, t.log_sha256, "code")
+        where = [t.test.host or "alone", t.test.orientation or DASH, t.test.gravity or DASH]
+        rows.append([Cell(t.test.name, "", "main"), t.test.purpose or DASH, t.test.state, t.test.date or DASH, *where, deviations, log])
+    columns = [
+        Head("test"),
+        Head("purpose", wrapped=True),
+        Head("state"),
+        Head("date"),
+        Head("on"),
+        Head("orientation"),
+        Head("gravity"),
+    ]
+    return [Table.of([*columns, Head("as-run deviations", wrapped=True), Head("log")], rows)]
+
+
+def _leaks(q: Qualification) -> list[PageBlock]:
+    rows: list[Line] = []
+    for t in q.trials:
+        deck = q.plan.content.hosts[t.test.host].deck if t.test.host else ""
+        own = {p: c for p, c in t.known.model.conductors.items() if c.test_only}
+        flows = t.foresight.solution.heat_flows
+        means = [f"{path}: {float(flows[path].mean()):+.3f} W on average" for path in own if path in flows]
+        stated = "; ".join(f"{k} ± {v}" for k, v in t.test.spread.items())
+        rows.append([Cell(t.test.name, deck, "main"), stated or DASH, "; ".join([*t.test.heat_leaks, *means]) or "none stated"])
+    return [
+        Table.of(
+            [
+                Head("test"),
+                Head("uncertain inputs", wrapped=True),
+                Head("heat leaks of the test", wrapped=True),
+            ],
+            rows,
+        )
+    ]
+
+
+def _stabilisation(q: Qualification) -> list[PageBlock]:
+    out: list[PageBlock] = []
+    for t in (t for t in q.trials if t.course is not None):
+        assert t.course is not None
+        waited = f"{hours(t.course.duration)}, of it {hours(t.course.waited)} waiting for the unit"
+        unfinished = max((abs(p.unfinished) for p in t.course.phases if p.rule and p.unfinished is not None), default=0.0)
+        out.append(
+            folded(f"{t.test.name}: {waited}", [tables.phases(t)], f"at most {unfinished:.1f} K from steady state when a dwell begins")
+        )
+        out += [Notes(t.course.remarks, f"Remarks on {t.test.name}")] if t.course.remarks else []
+    for t in (t for t in q.trials if t.settled):
+        held = sum(s.stable for s in t.settled)
+        out.append(folded(f"{t.test.name}: as measured", [tables.settled(t)], f"{held} of {len(t.settled)} periods steady by the rule"))
+    return out or [Words("No test of this plan waits for its unit, and no steady period was logged.")]
+
+
+def _heat(q: Qualification) -> list[PageBlock]:
+    out: list[PageBlock] = []
+    for t in q.trials:
+        b = t.foresight.solution.heat_balance()
+        balance = (
+            f"loads {number(b.loads / 1e3, 4)} kJ, to boundaries {number(b.boundaries / 1e3, 4)} kJ, stored {number(b.stored / 1e3, 4)} kJ"
+        )
+        out.append(folded(t.test.name, [Words(f"{balance}; residual: {b.relative:.1e} of it."), tables.flows(t)]))
+    return out
+
+
+def _deviations(logged: Sequence[Trial]) -> list[PageBlock]:
+    out: list[PageBlock] = []
+    for t in logged:
+        c = t.correlation
+        assert c is not None
+        out.append(Heading(t.test.name))
+        out.append(Facts(tuple((name, VERDICTS[passed]) for name, passed in c.verdicts.items())))
+        if c.failed:
+            out.append(tables.gates(c, failed_only=True))
+        if t.diagnosis is not None:
+            out += [Words(str(t.diagnosis).splitlines()[0][0].upper() + str(t.diagnosis).splitlines()[0][1:] + "."), tables.diagnoses(t)]
+        out += [folded("Every sensor", [tables.deviations(c)]), folded("Every gate", [tables.gates(c)], f"{len(c.gates)}")]
+    return out or [Words("There is no log yet.")]
+
+
+def _transients(logged: Sequence[Trial]) -> list[PageBlock]:
+    out: list[PageBlock] = []
+    for k, t in enumerate(logged):
+        assert t.correlation is not None
+        out += [Heading(t.test.name), all_overlays(t.correlation, f"over-{k}", t.synthetic)]
+    return out or [Words("There is no log yet.")]
+
+
+def _open(q: Qualification) -> list[PageBlock]:
+    discrepancies = [*q.plan.content.discrepancies]
+    discrepancies += [
+        f"{t.test.name}: {t.diagnosis.best.text} would explain {100 * t.diagnosis.best.explained:.0f} % ({t.diagnosis.group})"
+        + ("" if t.diagnosis.single else "; no single fault explains most of it")
+        for t in q.trials
+        if t.diagnosis is not None and t.diagnosis.best is not None
+    ]
+    return [Notes(tuple(discrepancies), "Open")] if discrepancies else [Words("None stated and none found.")]
+
+
+def _envelope(q: Qualification) -> list[PageBlock]:
+    v = q.plan.content.validity
+    pairs = [
+        ("temperature", v.temperature),
+        ("pressure", v.pressure),
+        ("power", v.power),
+        ("gravity", v.gravity),
+        ("orientation", v.orientation),
+    ]
+    said = tuple((name, " .. ".join(given) if name != "orientation" else ", ".join(given)) for name, given in pairs if given)
+    return [Facts(said or (("calibrated", "the plan does not state where"),)), *([Words(f"By: {v.basis}.")] if v.basis else [])]
+
+
+def _assumed(q: Qualification) -> list[PageBlock]:
+    if not q.assumptions:
+        return [Words("Nothing is assumed: every value of the decks has another source.")]
+    whole = tables.assumed(q)
+    few = Table(whole.columns, whole.rows[:12], whole.caption)
+    return [few, *([folded("All of them", [whole], f"{len(whole.rows)} values")] if len(whole.rows) > 12 else [])]
+
+
+def _delivery(q: Qualification) -> Table:
+    model = q.known.model
+    flat = flatten(model)
+    sizes = f"{len(flat.nodes)}, {len(flat.conductors)}, {len(flat.loads)}"
+    rows: list[Line] = [["model", model.title], ["identity", Cell(model.identity(), "hash of the model's content", "code")]]
+    rows += [["nodes, conductors, loads", sizes], ["plan", Cell(q.lock.sha256[:16], q.lock.sha256, "code")], ["lock", str(q.lock)]]
+    for v in q.known.values:
+        rows.append([f"values of {v.stage}", f"{len(v.parameters)} fitted, {v.provenance.get('date', DASH)}"])
+    rows.append(["runs", ", ".join(t.test.name for t in q.trials)])
+    return Table.of([Head("what"), Head("is", wrapped=True)], rows)
+
+
+def _files(q: Qualification) -> Table:
+    """Return the files that the plan rests on and the logs that came back, each with the hash of what was read."""
+    rows: list[Line] = [[name, "plan", Cell(sha[:16], sha, "code")] for name, sha in sorted(q.plan.files.items())]
+    rows += [
+        [t.test.log.file, f"log of {t.test.name}", Cell(t.log_sha256[:16], t.log_sha256, "code")]
+        for t in q.trials
+        if t.test.log is not None
+    ]
+    note = "First digits of the SHA-256: for a deck of the plan of its content, for a log of its samples, for any other file of its bytes."
+    return Table.of([Head("file"), Head("of"), Head("hash")], rows, note)
+
+
+def all_overlays(c: Correlation, key: str, synthetic: bool) -> Figures:
+    """Return the readings of every sensor over what is simulated in their place."""
+    drawn = [(o, overlay(o, f"{key}-{k}", f"{o.sensor} in {o.case}")) for k, o in enumerate(c.overlays)]
+    tag = SYNTHETIC if synthetic else ""
+    return Figures(
+        tuple(Plot(d, f"{o.sensor} in {o.case}" + (f", at {o.node}" if o.node else ""), tag) for o, d in drawn), drawn[0][1].legend
+    )
+
+
+def overlay(o: Overlay, key: str, label: str) -> Graphic:
+    """Return readings with the band of their sensor's error (95 %), the simulation over them, and the difference below."""
+    wide = 1.96 * float(np.hypot(o.accuracy, o.noise))
+    return compared(o.times, o.measured, o.simulated, key, label, below="difference", wide=wide)
+
+
+LOOKS = {"operating": "bound", "non-operating": "bound off", "start-up": "bound start"}
+
+
+def course(t: Trial, key: str) -> Graphic | None:
+    """Return the worst part of a test over time with its 95 % interval, and its limits where their state holds; None without a limit.
+
+    The line is what was held against the limits: the run with the best values, or the readings.
+    """
+    worst = t.worst
+    if worst is None:
+        return None
+    band = t.foresight.prediction[worst.node]
+    low, high = band.interval()
+    lines = [curve("simulated", "simulated", band.times, band.simulated - ICE_POINT)]
+    read = [o for o in t.correlation.overlays if o.node == worst.node] if t.correlation is not None and worst.by == "measured" else []
+    lines += [curve("measured", "measured", o.times, o.measured - ICE_POINT) for o in read]
+    lines += [line for one in t.limits if one.point == worst.point for line in _limits(t, one)]
+    return curves(lines, key, f"{worst.point} in {t.test.name}", band=Area("95 % interval", band.times, low, high), size=(440, 240))
+
+
+def _limits(t: Trial, one: Limits) -> Iterator[Stroke]:
+    """Yield the limits of a point as lines over the stretches in which their state holds."""
+    for s in spans(t.foresight.solution, one, "operating" if t.test.operating else "non-operating"):
+        ends = np.array([s.start, s.end])
+        for limit in (x for x in s.limits if np.isfinite(x)):
+            yield curve(f"limit, {s.state}", LOOKS[s.state], ends, np.full(2, limit - ICE_POINT))

@@ -1,0 +1,564 @@
+"""Tables of a qualification report: what was planned and done, and what is judged; with the cells that they share."""
+
+from __future__ import annotations
+
+import fnmatch
+import math
+from collections.abc import Mapping
+
+import numpy as np
+
+from thermid.base.sourced import MARKS
+from thermid.campaign.verdicts import Correlation
+from thermid.physics.constants import ICE_POINT
+from thermid.qualify.plans import Qualification, Trial, sensors_of
+from thermid.reporting._blocks.content import DASH, Cell, Head, Line, PageBlock, Table, folded, number, plain, pretty, signed, significant
+
+
+def tests(q: Qualification) -> Table:
+    """Return the tests: kind, state, course, criteria, limits and correlation."""
+    columns = [
+        Head("test"),
+        Head("limits"),
+        Head("correlation"),
+        Head("smallest margin"),
+        Head("at", True),
+        Head("room, K", True),
+        Head("state"),
+        Head("lasts", True),
+        Head("course", wrapped=True),
+    ]
+    rows: list[Line] = []
+    for t in q.trials:
+        course = Cell(t.foresight.scenario.title)
+        if t.course is not None:
+            course = Cell(t.course.profile.title, t.course.trust, "" if t.course.decides else "warn")
+        worst, why = t.worst, "; ".join(t.open)
+        where = [Cell(DASH), Cell(DASH), Cell(DASH)]
+        if worst is not None:
+            hot = worst.limits[1] - worst.highest <= worst.lowest - worst.limits[0]
+            where = [Cell(f"{worst.point}, {worst.state}"), Cell(hours(worst.highest_time if hot else worst.lowest_time))]
+            where.append(Cell(f"{worst.room:.1f}", "", "bad" if worst.room < 0 else "main"))
+        judged = verdict(t.correlated, why) if t.correlation is not None else _no_log(t)
+        length = hours(float(t.foresight.solution.times[-1]))
+        rows.append(
+            [
+                Cell(t.test.name, t.test.purpose, "main"),
+                verdict(t.within, why),
+                judged,
+                *where,
+                t.test.state,
+                length,
+                course,
+            ]
+        )
+    return Table.of(columns, rows)
+
+
+def _no_log(t: Trial) -> Cell:
+    if t.test.state == "waived":
+        return Cell("waived", t.test.note, "warn")
+    return Cell("not decided: no log", "", "warn") if t.test.criteria else Cell("analysis", "", "soft")
+
+
+def sensors(q: Qualification) -> Table:
+    """Return the sensors: node, place, reason, accuracy, certificate."""
+    columns = [
+        Head("sensor"),
+        Head("model node"),
+        Head("place"),
+        Head("why there", wrapped=True),
+        Head("accuracy"),
+        Head("noise"),
+        Head("certificate", wrapped=True),
+    ]
+    rows: list[Line] = [
+        [
+            Cell(n, "", "main"),
+            s.node,
+            s.location or DASH,
+            s.reason,
+            f"± {s.accuracy}" if s.accuracy else DASH,
+            s.noise or DASH,
+            s.certificate or DASH,
+        ]
+        for n, s in q.plan.content.sensors.items()
+    ]
+    return Table.of(columns, rows, "Accuracy: standard deviation of the constant error.")
+
+
+def boundaries(q: Qualification) -> Table:
+    """Return the lowest and highest temperature of every boundary, as planned and as logged, and what is not known exactly of it."""
+    columns = [
+        Head("test"),
+        Head("boundary"),
+        Head("planned, °C", True),
+        Head("logged, °C", True),
+        Head("column"),
+        Head("stated ±"),
+    ]
+    rows: list[Line] = []
+    for t in q.trials:
+        run, driven = t.foresight.solution, {v: k for k, v in t.test.log.boundaries.items()} if t.test.log is not None else {}
+        known = t.as_logged
+        for k, name in enumerate(t.foresight.scenario.boundaries):
+            trace, column = run[name], driven.get(name, "")
+            logged = " .. ".join(f"{v:.1f}" for v in known[column]) if column in known else ("not logged" if t.test.log else DASH)
+            head = Cell(t.test.name, "", "main") if k == 0 else Cell("", "", "same")
+            planned = f"{trace.lowest:.1f} .. {trace.highest:.1f}"
+            logged_cell = Cell(logged, "", "warn" if logged == "not logged" else "")
+            rows.append([head, name, planned, logged_cell, column or DASH, stated_text(t.test.spread.get(name, DASH))])
+    return Table.of(columns, rows, "Lowest to highest over the test.")
+
+
+def stated_text(spread: str | Mapping[str, str | float]) -> str:
+    """Return a stated spread as it is written."""
+    return spread if isinstance(spread, str) else ", ".join(f"{k} {v}" for k, v in spread.items())
+
+
+def duties(q: Qualification) -> list[PageBlock]:
+    """Return the duty of every heater with its margin, and the power of every load per test."""
+    out: list[PageBlock] = []
+    columns = [
+        Head("test"),
+        Head("heater"),
+        Head("full power, W", True),
+        Head("duty, %", True),
+        Head("at most, %", True),
+    ]
+    rows: list[Line] = [
+        [
+            Cell(t.test.name, "", "main"),
+            h.load,
+            number(h.full, 3),
+            f"{100 * h.duty:.0f}",
+            f"{100 * h.most:.0f}",
+            mark(h.rule.mark),
+            verdict(h.passed),
+        ]
+        for t in q.trials
+        for h in t.heaters
+    ]
+    if rows:
+        out.append(Table.of([*columns, Head("mark"), Head("result")], rows, "At most: the duty cycle that leaves the power margin."))
+    for t in q.trials:
+        times = t.foresight.solution.times
+        lines: list[Line] = []
+        for load, watts in t.foresight.solution.load_powers.items():
+            w = np.broadcast_to(watts, times.shape)
+            said = stated_text(t.test.spread.get(f"scale.{load}", t.test.spread.get(f"{load}.power", DASH)))
+            if w.any():
+                lines.append([load, number(float(np.trapezoid(w, times) / times[-1]), 3), number(float(w.max()), 3), said])
+        if lines:
+            heads = [Head("load"), Head("mean, W", True), Head("largest, W", True), Head("stated ±")]
+            total = sum(float(np.max(w)) for w in t.foresight.solution.load_powers.values())
+            out.append(folded(f"Power in {t.test.name}", [Table.of(heads, lines)], f"{len(lines)} loads, at most {total:.4g} W together"))
+    return out
+
+
+def phases(t: Trial) -> Table:
+    """Return the phases of a course: what was waited for, the slowest part, what the rule left unfinished."""
+    columns = [
+        Head("at", True),
+        Head("for", True),
+        Head("cycle", True),
+        Head("phase", wrapped=True),
+        Head("unit"),
+        Head("chamber, °C", True),
+        Head("rule"),
+        Head("slowest part"),
+        Head("rate, K/h", True),
+        Head("furthest from steady state"),
+        Head("left, K", True),
+    ]
+    rows: list[Line] = []
+    for p in t.course.phases if t.course is not None else ():
+        name = f"{p.name}, wait" if p.kind == "wait" else p.name
+        rate = signed(3600 * p.rate, 2) if p.rule else DASH
+        remaining = signed(p.unfinished, 2) if p.unfinished is not None else DASH
+        span = [hours(p.start), hours(p.duration), str(p.cycle) if p.cycle else DASH]
+        rows.append(
+            [
+                *span,
+                name,
+                "on" if p.power else "off",
+                celsius(p.chamber),
+                p.rule or DASH,
+                p.slowest or DASH,
+                rate,
+                p.furthest or DASH,
+                remaining,
+            ]
+        )
+    return Table.of(columns, rows)
+
+
+def foreseen(q: Qualification, t: Trial) -> Table:
+    """Return the pre-test predictions of a test per sensor, and what was measured where its log has come back."""
+    columns = [
+        Head("sensor"),
+        Head("lowest, °C", True),
+        Head("measured, °C", True),
+        Head("highest, °C", True),
+        Head("measured, °C", True),
+        Head("last, °C", True),
+        Head("measured, °C", True),
+        Head("outside 95 %"),
+    ]
+    overlays = {o.sensor: o for o in t.correlation.overlays} if t.correlation is not None else {}
+    rows: list[Line] = []
+    for sensor, (node, _) in sensors_of(q.plan, t.test).items():
+        band, o = t.foresight.prediction[node], overlays.get(sensor)
+        cells: list[Cell | str] = [Cell(sensor, node, "main")]
+        beyond = []
+        for word, k in (("lowest", int(band.kelvin.argmin())), ("highest", int(band.kelvin.argmax())), ("last", -1)):
+            error = 1.96 * float(band.error[k])
+            cells.append(f"{celsius(float(band.kelvin[k]))} ± {error:.1f}" if error > 0 else f"{celsius(float(band.kelvin[k]))} ± ?")
+            if o is None:
+                cells.append(DASH)
+                continue
+            extreme = float({"lowest": o.measured.min(), "highest": o.measured.max(), "last": o.measured[-1]}[word])
+            wide = math.hypot(error, 1.96 * math.hypot(o.accuracy, o.noise))
+            off = abs(extreme - float(band.kelvin[k])) > wide
+            beyond += [word] if off else []
+            cells.append(Cell(celsius(extreme), f"{extreme - float(band.kelvin[k]):+.2f} K", "warn" if off else ""))
+        rows.append([*cells, Cell(", ".join(beyond), "", "warn") if beyond else ("none" if o is not None else DASH)])
+    return Table.of(
+        columns,
+        rows,
+        "± 95 % of the model's values and of the stated errors of the test, ? without any; outside: including the sensor's error.",
+    )
+
+
+def flows(t: Trial) -> Table:
+    """Return the largest mean heat flows of a test, test-only paths marked."""
+    run = t.foresight.solution
+    length = float(run.times[-1])
+    means = {c: float(np.trapezoid(w, run.times) / length) for c, w in run.heat_flows.items()}
+    ranked = sorted(means.items(), key=lambda item: -abs(item[1]))[:14]
+    rows: list[Line] = [[c, signed(w, 3), signed(float(run.heat_flows[c][-1]), 3)] for c, w in ranked]
+    return Table.of(
+        [Head("path"), Head("mean, W", True), Head("at the end, W", True)],
+        rows,
+        "Positive from its first end to its second.",
+    )
+
+
+def changes(q: Qualification) -> Table:
+    """Return what was fitted: before, after, error, bound, reason."""
+    columns = [
+        Head("parameter"),
+        Head("before", True),
+        Head("after", True),
+        Head("±", True),
+        Head("unit"),
+        Head("bounds", True),
+        Head("reason", wrapped=True),
+    ]
+    reasons, rows = q.plan.content.model.reasons, []
+    for several in q.known.values:
+        for path, v in several.parameters.items():
+            why = next((text for pattern, text in reasons.items() if fnmatch.fnmatchcase(path, pattern)), "")
+            low, high = (plain(v.converted(b), 4) if math.isfinite(b) else "" for b in v.bounds)
+            line: Line = [Cell(path, v.origin, "main"), plain(v.converted(v.start), 5), significant(v.in_unit, v.shown(v.error))]
+            rows.append(
+                [
+                    *line,
+                    number(v.shown(v.error), 2),
+                    pretty(v.unit),
+                    f"{low} .. {high}",
+                    Cell(why) if why else Cell("no reason given", "", "warn"),
+                ]
+            )
+    return Table.of(columns, rows)
+
+
+def deviations(c: Correlation) -> Table:
+    """Return mean, spread and largest deviation per sensor and case."""
+    columns = [
+        Head("sensor"),
+        Head("case", wrapped=True),
+        Head("kind"),
+        Head("readings", True),
+        Head("measured, °C", True),
+        Head("mean, K", True),
+        Head("spread, K", True),
+        Head("largest, K", True),
+        Head("RMSE, K", True),
+        Head("± sensor, K", True),
+        Head("weight", True),
+        Head("left out", wrapped=True),
+    ]
+    rows: list[Line] = [
+        [
+            Cell(d.sensor, "", "main"),
+            *(
+                d.case,
+                d.kind,
+                str(d.samples),
+                celsius(d.measured),
+                signed(d["mean"], 2),
+                f"{d['spread']:.2f}",
+                signed(d["largest"], 2),
+                f"{d['rmse']:.2f}",
+            ),
+            *(
+                number(1.96 * d.accuracy, 2) if d.accuracy else DASH,
+                plain(d.weight, 3),
+                Cell(d.excluded or DASH, "", "warn" if d.excluded else ""),
+            ),
+        ]
+        for d in c.deviations
+    ]
+    return Table.of(columns, rows, "Measured minus simulated; ± sensor: 95 % of its constant error.")
+
+
+def gates(c: Correlation, failed_only: bool = False) -> Table:
+    """Return every gate of every set of criteria, or those that are not met."""
+    columns = [
+        Head("criteria"),
+        Head("case", wrapped=True),
+        Head("kind"),
+        Head("gate"),
+        Head("found, K", True),
+        Head("limit, K", True),
+        Head("mark"),
+        Head("worst sensor"),
+        Head("outside", True),
+        Head("result"),
+    ]
+    rows: list[Line] = [
+        [
+            Cell(g.criteria, "", "main"),
+            *(g.case, g.kind, g.over_sensors, f"{g.found:.2f}", plain(g.limit, 3), mark(g.mark), g.sensor or DASH),
+            *(Cell(f"{len(g.outside)} of {g.counted}", ", ".join(g.outside)), verdict(g.passed)),
+        ]
+        for g in c.gates
+        if not failed_only or g.passed is False
+    ]
+    return Table.of(columns, rows)
+
+
+def diagnoses(t: Trial) -> Table:
+    """Return what would explain a test's deviations, the likeliest first."""
+    columns = [
+        Head("fault"),
+        Head("group"),
+        Head("probability, %", True),
+        Head("explains, %", True),
+        Head("leaves, K", True),
+    ]
+    suspects = t.diagnosis.suspects[:6] if t.diagnosis is not None else ()
+    rows: list[Line] = [
+        [Cell(s.text, "", "main"), s.group, f"{100 * s.probability:.0f}", f"{100 * s.explained:.0f}", f"{s.left:.2f}"] for s in suspects
+    ]
+    return Table.of(columns, rows, "Each fault tried alone; explains: share of the weighted sum of squares.")
+
+
+def excluded(q: Qualification) -> Table:
+    """Return the sensors that do not count, and why."""
+    rows: list[Line] = [[Cell(s, "", "main"), why] for s, why in q.plan.content.exclusions.reasons.items()]
+    cap = f"At most {100 * q.plan.content.exclusions.cap:g} % of the sensors of a test may be excluded."
+    return Table.of([Head("sensor"), Head("why", wrapped=True)], rows, cap)
+
+
+def checks(q: Qualification) -> Table:
+    """Return every reference point in every test and state against its limits, crossings with their times."""
+    columns = [
+        Head("test"),
+        Head("reference point"),
+        Head("state"),
+        Head("by"),
+        Head("lowest, °C", True),
+        Head("highest, °C", True),
+        Head("limits, °C", True),
+        Head("room, K", True),
+        Head("first passed", True),
+        Head("beyond for", True),
+        Head("mark"),
+        Head("result"),
+    ]
+    rows: list[Line] = []
+    for t in q.trials:
+        for k, c in enumerate(t.checks):
+            head = Cell(t.test.name, "", "main") if k == 0 else Cell("", "", "same")
+            first = min((x.time for x in c.crossings), default=math.nan)
+            beyond = sum(x.outside for x in c.crossings)
+            ends = f"{given(c.limits[0])} .. {given(c.limits[1])}"
+            room = Cell(f"{c.room:.1f}" if math.isfinite(c.room) else DASH, "", "bad" if c.room < 0 else "")
+            times = [hours(first), hours(beyond)] if c.crossings else [DASH, DASH]
+            lowest, highest = (Cell(celsius(v), f"at {hours(at)}") for v, at in ((c.lowest, c.lowest_time), (c.highest, c.highest_time)))
+            by = Cell(f"{c.by}, operating limits" if c.stand_in else c.by, c.undecided)
+            rows.append([head, c.point, c.state, by, lowest, highest, ends, room, *times, mark(c.mark), verdict(c.passed)])
+    stands_in = any(c.stand_in for t in q.trials for c in t.checks)
+    less = " Without limits for a unit switched off, the operating limits apply." if stands_in else ""
+    return Table.of(columns, rows, f"Hover over a temperature for its time.{less}")
+
+
+def settled(t: Trial) -> Table:
+    """Return what the readings of a test say about every settled stretch: drift with its error, by the test's rule, the slowest first."""
+    columns = [
+        Head("stretch, h"),
+        Head("sensor"),
+        Head("drift, K/h", True),
+        Head("±, K/h", True),
+        Head("rule"),
+        Head("mark"),
+        Head("left, K", True, "remaining change forecast from the readings"),
+        Head("settled"),
+    ]
+    words = {"stable": True, "not stable": False}
+    rows: list[Line] = []
+    for s in t.settled:
+        ranked = sorted(s.channels.values(), key=lambda c: -abs(c.rate))
+        for k, c in enumerate(ranked):
+            head = Cell(f"{c.start / 3600:.4g} .. {c.end / 3600:.4g}", "", "main" if k == 0 else "same")
+            remaining = signed(s.remaining[c.name].value, 2) if c.name in s.remaining else DASH
+            found = words.get(c.verdict or s.verdict) if s.decides else None
+            rows.append(
+                [
+                    head,
+                    c.name,
+                    signed(3600 * c.rate, 2),
+                    f"{2 * 3600 * c.error:.2f}",
+                    s.rule.name,
+                    mark(s.rule.mark),
+                    remaining,
+                    verdict(found),
+                ]
+            )
+    return Table.of(columns, rows, "Readings of the log; ±: two standard errors.")
+
+
+def margin_table(q: Qualification) -> Table:
+    """Return what is added up from the predicted temperature to the limit, the flat rule beside it, and what the calibration bought."""
+    columns = [
+        Head("reference point"),
+        Head("side"),
+        Head("worst case"),
+        Head("at", True),
+        Head("predicted, °C", True),
+        Head("± model, K", True, "half of the 95 % interval"),
+        Head("acceptance, K", True),
+        Head("qualification, K", True),
+        Head("limit, °C", True),
+        Head("margin, K", True),
+        Head("result"),
+        Head("flat rule, K", True),
+        Head("margin by it, K", True),
+        Head("calibration bought, K", True, "reduction of the 95 % interval"),
+    ]
+    rows: list[Line] = []
+    for m in q.margins:
+        a, b = m.policy.acceptance, m.policy.qualification
+        added = [Cell(f"{f.value:g} [{f.mark}]", f.source, "warn" if not f.decides else "") for f in (a, b)]
+        head: Line = [Cell(m.point, "", "main"), m.side, m.run, hours(m.time), celsius(m.predicted)]
+        shares = "; ".join(f"{c} {100 * s:.0f} %" for c, s in m.shares.items())
+        line: Line = [*head, Cell(f"{m.printed:.1f}", shares), *added, Cell(f"{given(m.limit)} [{m.limit_mark}]")]
+        line += [Cell(signed(m.margin, 1), "", "bad" if m.margin < 0 else "main"), verdict(m.passed, m.undecided)]
+        line += [Cell(f"{m.flat.value:g} [{m.flat.mark}]", m.flat.source), signed(m.flat_left, 1)]
+        rows.append([*line, f"{m.bought:.1f}" if math.isfinite(m.bought) else DASH])
+    policy = q.margins[0].policy.name if q.margins else DASH
+    tested = "correlated by a balance test" if q.plan.content.margins.balance_tested else "no balance test yet"
+    return Table.of(
+        columns, rows, f"Policy: {policy}; {tested}. A number marked 'memory' is shown for information and not used for a verdict."
+    )
+
+
+def counted(q: Qualification) -> Table:
+    """Return what the uncertainty of every margin counts and does not count."""
+    columns = [
+        Head("reference point"),
+        Head("side"),
+        Head("± model, K", True),
+        Head("counts", wrapped=True),
+        Head("and does not count", wrapped=True),
+    ]
+    rows: list[Line] = []
+    for m in q.margins:
+        shares = "; ".join(f"{c} {100 * s:.0f} %" for c, s in m.shares.items() if s >= 0.005)
+        less = Cell("; ".join(m.not_counted), "", "warn") if m.not_counted else Cell(DASH)
+        rows.append([Cell(m.point, "", "main"), m.side, f"{m.printed:.1f}", shares or "nothing", less])
+    return Table.of(columns, rows, "Shares of the variance.")
+
+
+def outside(q: Qualification) -> Table:
+    """Return where each test leaves the conditions of the calibration."""
+    rows: list[Line] = [
+        [
+            Cell(t.test.name, "", "main"),
+            Cell("EXTRAPOLATION: " + "; ".join(t.outside), "", "warn") if t.outside else Cell("inside", "", "good"),
+        ]
+        for t in q.trials
+    ]
+    return Table.of([Head("test"), Head("against the calibration", wrapped=True)], rows)
+
+
+def assumed(q: Qualification) -> Table:
+    """Return the assumed values by what they do in kelvin."""
+    columns = [
+        Head("value"),
+        Head("is"),
+        Head("spread, %", True),
+        Head("moves by, K", True),
+        Head("reference point"),
+        Head("test"),
+        Head("fitted around"),
+        Head("rests on", wrapped=True),
+    ]
+    rows: list[Line] = []
+    for a in q.assumptions:
+        spread = Cell(f"{100 * a.spread:.0f}", "its range over the root of 12" if a.ranged else "no range given: a tenth")
+        around = Cell("yes: moves less", "the fitted values compensate most of a change", "soft") if a.fitted_around else Cell("no")
+        rows.append([Cell(a.path, "", "main"), pretty(a.text), spread, number(a.effect, 2), a.point, a.run, around, a.basis or DASH])
+    return Table.of(columns, rows, "Effect of one standard deviation on the most sensitive reference point, with all else fixed.")
+
+
+def service(q: Qualification) -> Table:
+    """Return what the model as it is now says of every reference point in the cases that margins are taken over, with its 95 % interval."""
+    columns = [
+        Head("case"),
+        Head("reference point"),
+        Head("lowest, °C", True),
+        Head("highest, °C", True),
+        Head("last, °C", True),
+    ]
+    rows: list[Line] = []
+    for t in q.service:
+        for k, one in enumerate(t.limits):
+            band = t.expected.prediction[one.node]
+            cells = []
+            for at in (int(band.kelvin.argmin()), int(band.kelvin.argmax()), -1):
+                shown = f"{celsius(float(band.kelvin[at]))} ± {1.96 * float(band.error[at]):.1f}"
+                cells.append(Cell(shown, f"at {hours(float(band.times[at]))}"))
+            rows.append([Cell(t.test.name, "", "main") if k == 0 else Cell("", "", "same"), one.point, *cells])
+    return Table.of(
+        columns, rows, "The logs of this plan are included; contributions not included in the intervals are listed with the margins."
+    )
+
+
+def verdict(passed: bool | None, why: str = "") -> Cell:
+    """Return a verdict as a cell, why it is not decided behind it."""
+    if passed is None:
+        return Cell("not decided", why, "warn")
+    return Cell("✓ met", "", "good") if passed else Cell("✗ not met", "", "bad")
+
+
+def celsius(kelvin: float, decimals: int = 1) -> str:
+    """Return a temperature in degrees Celsius; a dash where there is none."""
+    return f"{kelvin - ICE_POINT:.{decimals}f}" if math.isfinite(kelvin) else DASH
+
+
+def given(kelvin: float) -> str:
+    """Return a limit in degrees Celsius with the digits that it was given in, so that what is left to it adds up; a dash for none."""
+    return plain(kelvin - ICE_POINT) if math.isfinite(kelvin) else DASH
+
+
+def hours(seconds: float) -> str:
+    """Return a time in hours, in minutes below two."""
+    return f"{seconds / 3600:.2f} h" if seconds >= 7200 else f"{seconds / 60:.1f} min"
+
+
+def mark(name: str) -> Cell:
+    """Return how sure a number is, what that means behind it; what is from memory stands out."""
+    return Cell(name, MARKS[name], "warn" if name == "memory" else "")

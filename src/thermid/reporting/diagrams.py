@@ -1,0 +1,4 @@
+"""Diagrams and maps of a network."""
+
+from thermid.reporting._diagrams.diagram import diagram as diagram, parts_of as parts_of
+from thermid.reporting._diagrams.map import network_map as network_map

@@ -1,7 +1,0 @@
-"""The page of a campaign, of a study, of candidate structures.
-
-In: a `Campaign`, a `Study`, or structures side by side. Out: one self-contained page each (`report`, `study_report`, `structures_report`),
-with the tables, the glance at its top, the origins of all that is in it, and what speaks against it.
-May import: `sourced`, `reporting.blocks`, `reporting.pictures`, `reporting.diagrams`, `fit`, `explain`, `judge`, `inference`, `campaign`
-and the rooms below a fit.
-"""

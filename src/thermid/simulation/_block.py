@@ -1,0 +1,514 @@
+"""Blocks run: cells and faces to flat arrays, a scenario to inputs, a `BlockSolution` out."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Collection, Iterable, Mapping
+from dataclasses import dataclass, field, replace
+from functools import cached_property
+from itertools import pairwise
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from thermid.base.errors import NameNotFoundError, ScenarioError, SolverError, nearest, refuse_unknown
+from thermid.base.linear_algebra import Array
+from thermid.base.memo import Memo
+from thermid.base.results import Result
+from thermid.base.units import TEMPERATURE
+from thermid.model.blocks import FACES, Block, Exchange, exchange_cells, links
+from thermid.model.laws import Constant, Drawn, Signal, common_cycle, literal, multiplied
+from thermid.physics.convection import convection_conductance
+from thermid.physics.radiation import radiation_coefficient
+from thermid.simulation._scenarios.scenario import MEAN, PERIODIC, STEADY, Scenario, Start
+from thermid.simulation._simulator import output_times
+from thermid.simulation._solution import HeatBalance, Solution, Trace
+from thermid.simulation._solver.extremes import Turnings
+from thermid.simulation._solver.large import METHODS, LargeAnswer, Watched, integrate
+from thermid.simulation._solver.large_steady import conductances, settle_large
+from thermid.simulation._solver.problem import Options, break_times
+from thermid.simulation._solver.sparse import NONE, Grid, LoadGroup, RowGroup, SparseNetwork
+from thermid.simulation._solver.wiring import check_start, held_inputs, held_means, levels_of, mean_of, mean_span
+
+if TYPE_CHECKING:
+    import xarray
+
+EXTREMES = {"mean": "mean", "hottest": "highest", "coldest": "lowest"}
+MOST_PERIODS = 30
+"""Periods that are run until a state comes back."""
+CLOSED = 1e-3
+"""How far a state that comes back may miss itself, below what the runs err by. [K]"""
+FINE = 1e-4
+"""Local error of the runs of the search at most. [K]"""
+QUICK = 0.75
+"""What a mode that dies out within a period takes of what is missed: between a half, for slow ones, and one. [-]"""
+REMEMBERED = 6
+"""Earlier steps from which the next one is made."""
+
+
+@dataclass(frozen=True, eq=False)
+class BlockSolution(Solution):
+    """What came out of a block. `nodes` are what was watched, then the boundaries.
+
+    Parameters
+    ----------
+    block : Block
+    field_times : array (fields,)           Times at which all temperatures were stored. [s]
+    fields : array (fields, nx, ny, nz)     [K]
+    final_field : array (nx, ny, nz)        At the end. [K]
+    """
+
+    block: Block = field(repr=False, kw_only=True)
+    field_times: Array = field(repr=False, kw_only=True)
+    fields: Array = field(repr=False, kw_only=True)
+    final_field: Array = field(repr=False, kw_only=True)
+    _watched: Array = field(repr=False, kw_only=True)
+    _network: SparseNetwork = field(repr=False, kw_only=True)
+    _scenario: Scenario = field(repr=False, kw_only=True)
+    _answer: LargeAnswer | None = field(repr=False, kw_only=True)
+    _again: Again | None = field(default=None, repr=False, kw_only=True)
+
+    def __getitem__(self, name: str) -> Trace:
+        """Return the trace of what was watched, or of a boundary."""
+        refuse_unknown([name], self.nodes, self.title, "'{}' was not watched.{near} Name it in 'watch' of the run.", NameNotFoundError)
+        k = self.nodes.index(name)
+        return Trace(name, self.times, self.temperatures[:, k], self._turnings(k), BlockDense(self, k) if self._again else None)
+
+    def _turnings(self, column: int) -> Turnings | None:
+        """Return the turning points of what was watched, or of a boundary; None where the run did not follow it."""
+        watched = self._watched.shape[1]
+        if self._answer is None or column >= watched:
+            return None if self._answer is None else self._network.boundary_turnings(column - watched, float(self._scenario.seconds))
+        return self._answer.turnings[column] if self._answer.turnings is not None else None
+
+    def refined(self, nodes: Iterable[str] = (), most: int | None = None) -> Solution:
+        """Return the run as it is: what was watched is known at the stored times and at its own turning points."""
+        return self
+
+    @cached_property
+    def temperatures(self) -> Array:
+        """Temperatures (times, nodes) of what was watched and of the boundaries. [K]"""
+        outer = [self._network.boundary(k, self.times) for k in range(len(self._network.boundaries))]
+        return np.column_stack([self._watched, *outer])
+
+    @cached_property
+    def warnings(self) -> tuple[str, ...]:
+        """What a reader must know."""
+        return self._remarks
+
+    def field(self, time: float) -> Array:
+        """Return all temperatures (nx, ny, nz) at a time for which they were stored. [K]
+
+        Raises
+        ------
+        NameNotFoundError   When they were not stored for that time.
+        """
+        close = np.flatnonzero(np.isclose(self.field_times, time, rtol=1e-12, atol=1e-9))
+        if not close.size:
+            raise NameNotFoundError(f"no field was stored at {time:g} s. Name the time in 'fields' of the run.", self.title)
+        return np.asarray(self.fields[close[0]])
+
+    @property
+    def load_powers(self) -> Mapping[str, Array]:
+        """Heater -> power (times,). [W]"""
+        out = {}
+        for name, signal in _powers(self.block, self._scenario).items():
+            out[name] = np.full(self.times.shape, signal.value) if isinstance(signal, Constant) else signal.at(self.times)
+        return out
+
+    def heat_balance(self) -> HeatBalance:
+        """Return where the heat of the run went, by the integrator's own weights.
+
+        Raises
+        ------
+        SolverError   For a steady state, which stores no heat.
+        """
+        if self._answer is None:
+            raise SolverError("a steady state has no heat balance over time. Run the block in time for one.", self.title)
+        a, capacities = self._answer, self._network.capacities
+        loads, boundaries, moved = float(a.load_energy.sum()), float(a.boundary_energy.sum()), a.final - a.initial
+        stored = float(capacities @ moved)
+        gross = max(float(np.abs(part).sum()) for part in (a.load_energy, a.boundary_energy, capacities * moved))
+        residual = loads - boundaries - stored
+        return HeatBalance(loads, boundaries, stored, residual, abs(residual) / max(gross, 1e-300))
+
+    @property
+    def heat_flows(self) -> Mapping[str, Array]:
+        """Refused: a block has no conductors with names."""
+        raise SolverError("a block does not store the heat flow of single conductors. Use heat_balance() for the sums.", self.title)
+
+    def heat_flow(self, conductor: str) -> Array:
+        """Refused: a block has no conductors with names."""
+        raise NameNotFoundError(f"a block has no conductor '{conductor}'. Use heat_balance() for the sums.", self.title)
+
+    @property
+    def time_constants(self) -> Array:
+        """Refused: they would need all modes."""
+        raise SolverError(
+            "time constants need all modes of a network. Compute them from a block.model() of some hundred cells.", self.title
+        )
+
+    def sensitivity(self, node: str, name: str) -> Array:
+        """Refused: methods of large networks carry no derivatives."""
+        raise NameNotFoundError(
+            f"the solution holds no sensitivity of '{node}' to '{name}', because large networks have no sensitivities.", self.title
+        )
+
+    def to_xarray(self) -> xarray.Dataset:
+        """Return the temperatures of the nodes over time as a data set; a block stores no flows of single conductors. [degC]
+
+        Raises
+        ------
+        MissingExtraError   When pandas or xarray is not installed.
+        """
+        return Result.to_xarray(self)
+
+
+@dataclass(frozen=True, eq=False)
+class Again:
+    """How a block's run is made again at other times.
+
+    Parameters
+    ----------
+    network : SparseNetwork
+    initial : array (cells,)        [K]
+    end : float                     [s]
+    watched : tuple of Watched      In the order of the solution's columns.
+    options : Options               Of the integrator; the method that was chosen.
+    where : str                     For messages.
+    name : callable                 Place of a cell -> its name.
+    """
+
+    network: SparseNetwork
+    initial: Array
+    end: float
+    watched: tuple[Watched, ...]
+    options: Options
+    where: str
+    name: Callable[[int], str]
+    memo: Memo = field(init=False, default_factory=Memo, compare=False, repr=False)
+
+    def at(self, times: Array) -> Array:
+        """Return what is watched (times, watched) [K] at increasing times (times,) [s]."""
+        fields: Array = self.memo.made(times.tobytes(), lambda: self._made(times), most=4)
+        return fields
+
+    def _made(self, times: Array) -> Array:
+        none = np.zeros(0)
+        return integrate(self.network, self.initial, self.end, times, self.watched, none, self.options, self.where, self.name).watched
+
+
+@dataclass(frozen=True, eq=False)
+class BlockDense:
+    """The course of what was watched of a block, or of a boundary, at any time; see `Dense`.
+
+    Parameters
+    ----------
+    solution : BlockSolution
+    column : int                Among its nodes.
+    """
+
+    solution: BlockSolution
+    column: int
+
+    def kelvin(self, times: Array) -> Array:
+        """Return the temperatures (times,) [K] at increasing times (times,) [s]."""
+        watched, again = self.solution._watched.shape[1], self.solution._again
+        if self.column >= watched or again is None:
+            return self.solution._network.boundary(self.column - watched, times)
+        return again.at(times)[:, self.column]
+
+    @property
+    def switches(self) -> Array:
+        """When inputs jump. [s]"""
+        return break_times(self.solution._network.inputs, float(self.solution._scenario.seconds))
+
+
+def simulate_block(
+    block: Block,
+    scenario: Scenario,
+    *,
+    every: str | float | None = None,
+    times: Any = None,
+    options: Options | None = None,
+    watch: Iterable[str] | None = None,
+    fields: Iterable[float] = (),
+) -> BlockSolution:
+    """Return the temperatures of a block in a scenario; see `simulate`.
+
+    Parameters
+    ----------
+    watch : iterable    What is stored at every output time: ``mean``, ``hottest``, ``coldest``, a face (``+x``: its mean), a heater (its
+                        mean), a cell (``cell[0,0,0]``). By default the first three and the heaters.
+    fields : iterable   Times at which all temperatures are stored. [s]
+    """
+    wanted, opts = output_times(scenario, every, times), options or Options()
+    where = f"{block.title}, {scenario.title}"
+    refuse_unknown([opts.method], METHODS, where, "unknown method '{}' for a block. Use one of {known}.", ScenarioError)
+    network = compile_block(block, scenario)
+    names = tuple(watch) if watch is not None else (*EXTREMES, *block.heaters)
+    watched = [_watched(block, name) for name in names]
+    field_times = np.asarray(list(fields), dtype=float)
+    if field_times.size and ((np.diff(field_times) <= 0).any() or field_times[0] < 0 or field_times[-1] > scenario.seconds):
+        raise ScenarioError("times of fields must increase and lie within the duration.", where)
+    initial, statistics, said = _start(block, scenario, network, opts, where)
+    answer = integrate(network, initial, scenario.seconds, wanted, watched, field_times, opts, where, block.name, opts.extremes)
+    grid = {"fields": answer.fields.reshape(-1, *block.cells), "final_field": answer.final.reshape(block.cells), "field_times": field_times}
+    method = str(answer.statistics["method"]).removesuffix(" + CG")
+    options = replace(opts, method=method, extremes=False)
+    again = Again(network, initial, float(scenario.seconds), tuple(watched), options, where, block.name)
+    statistics = {**answer.statistics, **({"start": statistics} if statistics else {})}
+    return _solution(block, scenario, network, names, wanted, answer.watched, statistics, grid, answer, again, said)
+
+
+def steady_block(block: Block, scenario: Scenario, time: float = 0.0, kind: str = "") -> BlockSolution:
+    """Return the steady temperatures of a block with the inputs of one time held, as a solution of one time; see `steady`.
+
+    With `kind` ``mean`` their means are held; ``periodic`` is the run over a period that comes back.
+    """
+    cycle, changing = _rhythm(block, scenario)
+    if kind and cycle and cycle > scenario.seconds:
+        scenario = scenario.with_(duration=cycle)
+    if kind == PERIODIC:
+        whole = scenario.with_(start=PERIODIC, duration=cycle or scenario.seconds, initial={})
+        return simulate_block(block, whole, watch=(*EXTREMES, *block.heaters, *FACES), fields=(0.0,))
+    network, said = compile_block(block, scenario), held_inputs(changing, time)
+    if kind:
+        network, said = _stilled(network, mean_span(changing, cycle, scenario)), held_means(changing, cycle, scenario)[1]
+    kelvin, statistics = settle_large(network, time, f"{block.title}, {scenario.title}")
+    cells, times = kelvin.reshape(block.cells), np.array([float(time)])
+    names = (*EXTREMES, *block.heaters, *FACES)
+    means = [float(kelvin[_watched(block, n).nodes].mean()) for n in names[len(EXTREMES) :]]
+    watched = np.array([[kelvin.mean(), kelvin.max(), kelvin.min(), *means]])
+    grid = {"fields": cells[None], "final_field": cells, "field_times": times}
+    return _solution(block, scenario, network, names, times, watched, statistics, grid, None, said=said)
+
+
+def steady_levels_of_block(block: Block, scenario: Scenario, most: int) -> tuple[BlockSolution, ...]:
+    """Return the steady state of a block under each combination of levels that its inputs take; see `steady_levels`."""
+    cycle, _ = _rhythm(block, scenario)
+    scenario = scenario.with_(duration=max(scenario.seconds, cycle or 0.0))
+    instants = levels_of(_courses(block, scenario), scenario.seconds, scenario.title, most)
+    return tuple(steady_block(block, scenario, t) for t in instants)
+
+
+def _powers(block: Block, scenario: Scenario) -> dict[str, Signal]:
+    """Return heater -> its power. [W]"""
+    loads, commands = scenario.loads, scenario.commands
+    return {n: multiplied(loads.get(n, h.power), commands.get(n, Constant(1.0))) for n, h in block.heaters.items()}
+
+
+def _courses(block: Block, scenario: Scenario) -> dict[str, Signal]:
+    """Return every input of a block: boundaries and powers."""
+    _check(block, scenario, f"{block.title}, {scenario.title}")
+    return {**{b: scenario.boundaries[b] for b in block.boundaries}, **_powers(block, scenario)}
+
+
+def _rhythm(block: Block, scenario: Scenario) -> tuple[float | None, tuple[str, ...]]:
+    """Return after what time all inputs repeat [s], None where they do not, and which of them change."""
+    changing = {name: s.cycle for name, s in _courses(block, scenario).items() if s.cycle != 0.0}
+    return common_cycle(list(changing.values())), tuple(changing)
+
+
+def _solution(
+    block: Block,
+    scenario: Scenario,
+    network: SparseNetwork,
+    names: tuple[str, ...],
+    times: Array,
+    watched: Array,
+    statistics: Mapping[str, Any],
+    grid: Mapping[str, Array],
+    answer: LargeAnswer | None,
+    again: Again | None = None,
+    said: str = "",
+) -> BlockSolution:
+    none: Any = None  # a block has no wiring of names
+    more: dict[str, Any] = {
+        "_watched": watched,
+        "_network": network,
+        "_scenario": scenario,
+        "_answer": answer,
+        "_again": again,
+        "block": block,
+        **grid,
+    }
+    nodes = (*names, *network.boundaries)
+    lost = "" if network.boundaries else "the block has no path to a boundary, so its temperature changes without limit when it is heated"
+    remarks = tuple(each for each in (lost, said) if each)
+    return BlockSolution(block.title, scenario.title, times, nodes, (), "ok", statistics, remarks, none, **more)
+
+
+def _watched(block: Block, name: str) -> Watched:
+    """Return what is stored under a name."""
+    none, weights = np.zeros(0, dtype=np.int32), np.zeros(0)
+    if name in EXTREMES:
+        return Watched(EXTREMES[name], none, weights)
+    if name in FACES:
+        return Watched("mean", block.face_cells(name), weights)
+    if name in block.heaters:
+        return Watched("mean", block.heater_cells(name), weights)
+    if name.startswith("cell"):
+        return Watched("mean", np.array([block.place(name)], dtype=np.int32), weights)
+    names = [*EXTREMES, *FACES, *block.heaters, block.name(0)]
+    raise NameNotFoundError(f"a block has no '{name}' to watch.{nearest(name, names)}", block.title)
+
+
+def compile_block(block: Block, scenario: Scenario) -> SparseNetwork:
+    """Return a block in a scenario as flat arrays.
+
+    Raises
+    ------
+    ScenarioError   When the scenario does not fit the block.
+    """
+    where = f"{block.title}, {scenario.title}"
+    _check(block, scenario, where)
+    inputs: list[Drawn] = []
+
+    def place(drawn: Drawn) -> int:
+        if isinstance(drawn, Constant):
+            return NONE
+        inputs.append(drawn)
+        return len(inputs) - 1
+
+    boundaries = block.boundaries
+    signals = [scenario.boundaries[b].drawn(scenario.seconds) for b in boundaries]
+    offsets = np.array([s.value if isinstance(s, Constant) else 0.0 for s in signals])
+    places = tuple(place(s) for s in signals)
+    rows = [row for e in block.exchanges for row in _rows(block, e, boundaries)]
+    loads = []
+    for tag, (name, course) in enumerate(_powers(block, scenario).items()):
+        power = course.drawn(scenario.seconds)
+        nodes = block.heater_cells(name)
+        coefficients = np.zeros((4, nodes.size))
+        coefficients[0] = (power.value if isinstance(power, Constant) else 1.0) / nodes.size
+        loads.append(LoadGroup("signal", tag, nodes, coefficients, place(power)))
+    names = tuple(block.heaters)
+    grid = Grid(np.array(block.cells, dtype=np.int32), *links(block))
+    return SparseNetwork(block.capacities(), grid, rows, loads, names, boundaries, places, offsets, tuple(inputs))
+
+
+def _check(block: Block, scenario: Scenario, where: str) -> None:
+    """Refuse what a block cannot follow."""
+    scenario.check_spans()
+    for name in ("gains", "schedule", "prescribed", "environment"):
+        if getattr(scenario, name):
+            raise ScenarioError(f"a block takes no '{name}'. Turn the block into a model with model(), which does.", where)
+    if scenario.as_printed:
+        raise ScenarioError("--as-printed does not apply to a block. Turn it into a model with model().", where)
+    tables: tuple[tuple[str, Mapping[str, Any], Collection[str]], ...] = (
+        ("boundary", scenario.boundaries, block.boundaries),
+        ("heater", scenario.loads, block.heaters),
+        ("heater", scenario.commands, block.heaters),
+    )
+    for kind, table, known in tables:
+        refuse_unknown(table, known, where, f"the block has no {kind} '{{}}'.", ScenarioError)
+    for name in block.boundaries:
+        if name not in scenario.boundaries:
+            raise ScenarioError(f"boundary '{name}' has no temperature. Give it one under boundaries of the scenario.", where)
+
+
+def _rows(block: Block, exchange: Exchange, boundaries: tuple[str, ...]) -> list[RowGroup]:
+    """Return the conductors of an exchange; a cell at an edge has one for all its faces."""
+    places, area, conductance = exchange_cells(block, exchange)
+    second = np.zeros_like(places)
+    to = boundaries.index(exchange.to) if exchange.to in boundaries else NONE
+    if exchange.held:
+        return [RowGroup("linear", to, places, second, conductance)]
+    out = []
+    if exchange.htc:
+        form = "power" if exchange.exponent else "linear"
+        out.append(RowGroup(form, to, places, second, convection_conductance(exchange.htc, area), exchange.exponent))
+    if exchange.emissivity:
+        coefficients = float(radiation_coefficient(exchange.emissivity, 1.0)) * area
+        out.append(RowGroup("radiation", boundaries.index(exchange.radiates_to), places, second, coefficients))
+    return out
+
+
+def _start(block: Block, scenario: Scenario, network: SparseNetwork, options: Options, where: str) -> tuple[Array, Mapping[str, Any], str]:
+    """Return the initial temperatures (cells,) [K], how they were looked for, and what a reader must know of them."""
+    start = scenario.start
+    asked = Start.of(start, where)
+    if asked is not None:
+        if scenario.initial:
+            raise ScenarioError("a steady start gives the temperatures of all cells. Leave 'initial' out.", where)
+        return _settled(block, scenario, network, asked, options, where)
+    if start == "" and len(network.boundaries) != 1:
+        raise ScenarioError("the start is missing. Give a temperature, the name of a boundary, or 'steady'.", where)
+    initial = np.full(block.count, _temperature(start or network.boundaries[0], network, where))
+    for name, value in scenario.initial.items():
+        initial[block.place(name)] = _temperature(value, network, where)
+    return initial, {}, ""
+
+
+def _settled(
+    block: Block, scenario: Scenario, network: SparseNetwork, asked: Start, options: Options, where: str
+) -> tuple[Array, Mapping[str, Any], str]:
+    """Return what `_start` does for a start that is looked for."""
+    cycle, changing = _rhythm(block, scenario)
+    check_start(asked, cycle, changing, scenario)
+    if asked.kind == STEADY:
+        return *settle_large(network, asked.time, where), held_inputs(changing, asked.time)
+    still = _stilled(network, mean_span(changing, cycle, scenario))
+    kelvin, statistics = settle_large(still, 0.0, where)
+    if asked.kind == MEAN:
+        return kelvin, statistics, held_means(changing, cycle, scenario)[1]
+    return *_periodic(network, still, kelvin, cycle or 0.0, options, where, block.name), ""
+
+
+def _temperature(value: Any, network: SparseNetwork, where: str) -> float:
+    if value in network.boundaries:
+        return float(network.boundary(network.boundaries.index(value), np.zeros(1))[0])
+    return literal(value, TEMPERATURE, where) if isinstance(value, str) else float(value)
+
+
+def _stilled(network: SparseNetwork, span: float) -> SparseNetwork:
+    """Return a network with every input at its mean over a span from zero [s]."""
+    return replace(network, inputs=tuple(mean_of(drawn, span) for drawn in network.inputs))
+
+
+def _periodic(
+    network: SparseNetwork, still: SparseNetwork, guess: Array, period: float, options: Options, where: str, name: Callable[[int], str]
+) -> tuple[Array, dict[str, Any]]:
+    """Return the state (nodes,) that comes back after every period of the inputs [K], and how it was found.
+
+    The zero of T(P) - T(0): with the network linearised at the mean of its inputs a mode of rate k misses (1 - exp(-k P)) of its error,
+    whose inverse is close to 3/4 + 1 / (k P), a sparse solution with the conductances; what that leaves is brought down by Anderson's
+    method (J. ACM 12 (1965) 547).
+
+    Parameters
+    ----------
+    still : SparseNetwork       The same with its inputs at their means.
+    guess : array (nodes,)      Its steady temperatures. [K]
+    period : float              [s]
+
+    Raises
+    ------
+    SolverError   When no such state is found.
+    """
+    solve = conductances(still, guess, where)
+    fine = replace(options, large_tolerance=min(options.large_tolerance or FINE, FINE), extremes=False)
+    watched, none = (Watched("mean", np.zeros(1, dtype=np.int32), np.ones(1)),), np.zeros(0)
+
+    def after(state: Array) -> Array:
+        return integrate(network, state, period, np.array([period]), watched, none, fine, where, name).final
+
+    state, states, steps = guess.copy(), [], []  # type: Array, list[Array], list[Array]
+    for run in range(MOST_PERIODS):
+        end = after(state)
+        missed = end - state
+        size = float(np.abs(missed).max())
+        if size < CLOSED:
+            return end, {"method": "Anderson", "periods": run + 1, "missed": size}
+        states.append(state)
+        steps.append(QUICK * missed + solve(network.capacities * missed / period))
+        state = np.maximum(_mixed(states[-REMEMBERED:], steps[-REMEMBERED:]), 0.1)
+    raise SolverError(f"no state was found that comes back after {period:g} s; it missed by {size:.3g} K.", where)
+
+
+def _mixed(states: list[Array], steps: list[Array]) -> Array:
+    """Return the next state: the combination of earlier ones whose steps cancel best, and its step."""
+    if len(states) < 2:
+        return np.asarray(states[-1] + steps[-1])
+    moved, changed = (np.column_stack([b - a for a, b in pairwise(each)]) for each in (states, steps))
+    share = np.linalg.lstsq(changed, steps[-1], rcond=1e-12)[0]
+    return np.asarray(states[-1] + steps[-1] - (moved + changed) @ share)

@@ -1,0 +1,734 @@
+"""`Ensemble`: what many runs of one model say together, and how they are run: numbers of all members at once, traces kept or quantiles.
+
+Arithmetic and checks of the model's code run as they are, on a number that holds one value per member. Where a check holds for some
+members and not for others, the members are taken apart and each share is computed by itself, so every member goes the way that it would
+have gone alone.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from dataclasses import dataclass, field
+from functools import partial
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from thermid.base.dual import Dual, real_power
+from thermid.base.errors import ScenarioError, SolverError, ThermidError, refuse_unknown
+from thermid.base.linear_algebra import Array, Bools, Indices
+from thermid.base.results import PlottedTrace, Result
+from thermid.model.laws import Constant
+from thermid.physics.constants import ICE_POINT
+from thermid.simulation._solution import Trace
+from thermid.simulation._solver.engine import Engine
+from thermid.simulation._solver.extremes import MemberTurnings
+from thermid.simulation._solver.problem import Options, signal_turnings
+from thermid.simulation._solver.wiring import Assembled, Wiring
+
+
+@dataclass(frozen=True, eq=False)
+class Summary:
+    """What is kept of one node when only quantiles were asked for.
+
+    Parameters
+    ----------
+    quantiles : array (shares, times)   [K]
+    mean, sd : array (times,)           [K]
+    highest, lowest : array (members,)  Of each member's samples, NaN where it failed. [K]
+    """
+
+    quantiles: Array
+    mean: Array
+    sd: Array
+    highest: Array
+    lowest: Array
+
+
+@dataclass(frozen=True, eq=False)
+class Ensemble(Result):
+    """The runs of many members.
+
+    Statistics are over the members that reached the end; `failed` says of the others why.
+
+    Parameters
+    ----------
+    title : str             The model's.
+    scenario : str          The scenario's title.
+    times : array (times,)  [s]
+    nodes : tuple of str    Nodes and boundaries that were kept.
+    members : int           How many members there are, failed ones among them.
+    draws : dict            Name -> value of every member (members,). [SI]
+    failed : dict           Member -> why it did not reach the end.
+    shares : tuple          Shares of the quantiles that were kept; empty when every trace was. [-]
+    statistics : dict       Steps (of a group of members, or of one), rejected steps, members run one by one, instruction set.
+    warnings : tuple        What a reader must know.
+    """
+
+    title: str
+    scenario: str
+    times: Array
+    nodes: tuple[str, ...]
+    members: int
+    draws: Mapping[str, Array]
+    failed: Mapping[int, str]
+    shares: tuple[float, ...]
+    statistics: Mapping[str, Any]
+    _find: Callable[[str], str] = field(repr=False)
+    _traces: Callable[[str], Array] = field(repr=False)
+    _summaries: Mapping[str, Summary] = field(repr=False)
+    _turnings: Mapping[str, MemberTurnings] = field(repr=False)
+    warnings: tuple[str, ...] = ()
+
+    def temperatures(self, node: str) -> Array:
+        """Return the temperature (times, members) of a node in every member, NaN where a member failed. [K]
+
+        Raises
+        ------
+        NameNotFoundError   With the nearest name.
+        ScenarioError       When the node was not kept, or only quantiles were.
+        """
+        path = self._kept(node)
+        if self.shares:
+            raise ScenarioError("only quantiles were kept; run the ensemble without 'quantiles' to keep every trace.", self.title)
+        return self._traces(path)
+
+    def trace(self, member: int, node: str) -> Trace:
+        """Return the trace of a node in one member."""
+        if not 0 <= member < self.members:
+            raise ScenarioError(f"member {member} does not exist. Members are numbered from 0 to {self.members - 1}.", self.title)
+        turnings = self.turnings(node)
+        return Trace(
+            self._kept(node), self.times, self.temperatures(node)[:, member], turnings.of(member) if turnings is not None else None
+        )
+
+    def turnings(self, node: str) -> MemberTurnings | None:
+        """Return the turning points of a node between samples in every member; None where members were not followed.
+
+        That is so with ``Options(extremes=False)``, and for a massless node that was eliminated: its weights differ from member to member.
+        """
+        return self._turnings.get(self._kept(node))
+
+    def quantile(self, node: str, share: Any) -> Array:
+        """Return the temperature below which a share of the members lies, (times,) or (shares, times). [K]
+
+        Raises
+        ------
+        ScenarioError   When a share does not lie between 0 and 1, or was not among those kept.
+        """
+        path, wanted = self._kept(node), np.atleast_1d(np.asarray(share, dtype=float))
+        check_shares(wanted, self.title)
+        if self.shares:
+            for s in wanted.tolist():
+                if s not in self.shares:
+                    kept = ", ".join(f"{k:g}" for k in self.shares)
+                    raise ScenarioError(f"the quantile {s:g} was not stored, only {kept}. Add it to 'quantiles'.", self.title)
+            values: Array = self._summaries[path].quantiles[[self.shares.index(s) for s in wanted.tolist()]]
+        else:
+            values = np.quantile(self._whole(path), wanted, axis=1)
+        return values if np.ndim(share) else np.asarray(values[0])
+
+    def mean(self, node: str) -> Array:
+        """Return the mean temperature (times,) over the members. [K]"""
+        path = self._kept(node)
+        return self._summaries[path].mean if self.shares else self._whole(path).mean(axis=1)
+
+    def sd(self, node: str) -> Array:
+        """Return the standard deviation (times,) of the temperature over the members. [K]"""
+        path = self._kept(node)
+        return self._summaries[path].sd if self.shares else spread_of(self._whole(path))
+
+    def highest(self, node: str) -> Array:
+        """Return the highest temperature (members,) of each member, NaN where it failed. [degC]
+
+        Between samples too; of the samples alone where `turnings` is None.
+        """
+        return self._furthest(node, 1.0)
+
+    def lowest(self, node: str) -> Array:
+        """Return the lowest temperature (members,) of each member, NaN where it failed; as `highest`. [degC]"""
+        return self._furthest(node, -1.0)
+
+    def _furthest(self, node: str, sign: float) -> Array:
+        path = self._kept(node)
+        if self.shares:
+            samples = (self._summaries[path].highest if sign > 0 else self._summaries[path].lowest)[:, None]
+        else:
+            samples = self._traces(path).T
+        turnings = self._turnings.get(path) or MemberTurnings.joined([])
+        return turnings.furthest(samples, sign) - ICE_POINT
+
+    def exceedance(self, node: str, limit: float) -> Array:
+        """Return the share (times,) of the members in which a node is above a limit [degC]. [-]
+
+        Members that are above it at any time: ``(ensemble.highest(node) > limit).mean()``.
+        """
+        return np.asarray((self._whole_or_refuse(node) > limit + ICE_POINT).mean(axis=1))
+
+    def _whole_or_refuse(self, node: str) -> Array:
+        self.temperatures(node)
+        return self._whole(self._kept(node))
+
+    def _whole(self, path: str) -> Array:
+        """Return the temperatures (times, members that reached the end). [K]"""
+        traces = self._traces(path)
+        return np.delete(traces, list(self.failed), axis=1) if self.failed else traces
+
+    def _kept(self, node: str) -> str:
+        path = self._find(node)
+        refuse_unknown([path], self.nodes, self.title, f"'{node}' was not stored. Name it in 'nodes'. Stored: {{known}}.", ScenarioError)
+        if len(self.failed) == self.members:
+            raise ScenarioError(f"no member of the ensemble reached the end of the run. Member 0: {self.failed[0]}", self.title)
+        return path
+
+    def __str__(self) -> str:
+        """Return the end of the runs as a short table."""
+        lines = [f"{self.title}, {self.scenario}: {self.members} members, {len(self.failed)} failed"]
+        width = max(len(n) for n in self.nodes)
+        for n in self.nodes if len(self.failed) < self.members else ():
+            lines.append(f"  {n:<{width}}  end {self.mean(n)[-1] - ICE_POINT:9.3f} +/- {self.sd(n)[-1]:.3f} degC")
+        return "\n".join([*lines, *(f"  warning: {w}" for w in self.warnings)])
+
+    def _as_traces(self) -> Sequence[PlottedTrace]:
+        """Return the mean of every node, and where 95 % of the members lie, as far as these quantiles were kept."""
+        out = []
+        for n in self.nodes:
+            wide = not self.shares or {0.025, 0.975} <= set(self.shares)
+            low, high = (self.quantile(n, share) - ICE_POINT for share in (0.025, 0.975)) if wide else (None, None)
+            out.append(PlottedTrace(n, self.times, self.mean(n) - ICE_POINT, low, high))
+        return out
+
+
+def spread_of(values: Array) -> Array:
+    """Return the standard deviation (times,) over members (times, members); zero for one member. [K]"""
+    return values.std(axis=1, ddof=1) if values.shape[1] > 1 else np.zeros(values.shape[0])
+
+
+def check_shares(shares: Array, where: str) -> None:
+    """Refuse quantiles that are none.
+
+    Raises
+    ------
+    ScenarioError   When a share does not lie between 0 and 1.
+    """
+    if shares.ndim != 1 or shares.size == 0 or not ((shares >= 0.0) & (shares <= 1.0)).all():
+        raise ScenarioError("give a quantile between 0 and 1, such as 0.95.", where)
+
+
+CHUNK = 64_000_000
+"""Bytes of traces held at once while quantiles are taken."""
+
+
+class _ApartError(Exception):
+    """A check holds for some members only: those of the mask (members,)."""
+
+    def __init__(self, mask: Bools) -> None:
+        super().__init__("members differ")
+        self.mask = mask
+
+
+def _all_alike(mask: Bools) -> bool:
+    """Return what a check says of all members.
+
+    Raises
+    ------
+    _ApartError   When it says different things of them.
+    """
+    if mask.all():
+        return True
+    if mask.any():
+        raise _ApartError(mask)
+    return False
+
+
+class Many(Dual):
+    """A number with one value per member.
+
+    It passes for a number with derivatives, of which it has none, because that is what the model's code lets through untouched.
+
+    Parameters
+    ----------
+    values : array (members,)   [SI]
+    """
+
+    values: NDArray[Any]
+
+    def __init__(self, values: NDArray[Any]) -> None:
+        object.__setattr__(self, "values", values)
+
+    @property
+    def value(self) -> Any:
+        """Itself: checks look at all members."""
+        return self
+
+    @property
+    def gradient(self) -> Array:
+        """None of them."""
+        return np.zeros(0)
+
+    def __array_ufunc__(self, function: Callable[..., Any], method: str, *inputs: Any, **more: Any) -> Any:
+        """Apply a function of numpy member by member."""
+        return Many(getattr(function, method)(*(_plain(x) for x in inputs), **more))
+
+    def __bool__(self) -> bool:
+        """What a comparison says of all members."""
+        return _all_alike(self.values.astype(bool))
+
+    def __format__(self, how: str) -> str:
+        """The first member, for a message that is made anew for each."""
+        return format(float(self.values[0]), how)
+
+    def __add__(self, other: Any) -> Many:
+        """Sum."""
+        return Many(self.values + _plain(other))
+
+    __radd__ = __add__
+
+    def __neg__(self) -> Many:
+        """Negative."""
+        return Many(-self.values)
+
+    def __pos__(self) -> Many:
+        """Itself."""
+        return self
+
+    def __sub__(self, other: Any) -> Many:
+        """Difference."""
+        return Many(self.values - _plain(other))
+
+    def __rsub__(self, other: Any) -> Many:
+        """Difference, number first."""
+        return Many(_plain(other) - self.values)
+
+    def __mul__(self, other: Any) -> Many:
+        """Product."""
+        return Many(self.values * _plain(other))
+
+    __rmul__ = __mul__
+
+    def __truediv__(self, other: Any) -> Many:
+        """Quotient."""
+        return _quotient(self.values, _plain(other))
+
+    def __rtruediv__(self, other: Any) -> Many:
+        """Quotient, number first."""
+        return _quotient(_plain(other), self.values)
+
+    def __pow__(self, other: Any) -> Many:
+        """Power."""
+        return _power(self.values, _plain(other))
+
+    def __rpow__(self, other: Any) -> Many:
+        """Power, number first."""
+        return _power(_plain(other), self.values)
+
+    def __lt__(self, other: Any) -> Many:
+        """Where it is smaller."""
+        return Many(self.values < _plain(other))
+
+    def __le__(self, other: Any) -> Many:
+        """Where it is smaller or equal."""
+        return Many(self.values <= _plain(other))
+
+    def __gt__(self, other: Any) -> Many:
+        """Where it is larger."""
+        return Many(self.values > _plain(other))
+
+    def __ge__(self, other: Any) -> Many:
+        """Where it is larger or equal."""
+        return Many(self.values >= _plain(other))
+
+    def __eq__(self, other: object) -> Any:
+        """Where it is equal."""
+        return Many(self.values == _plain(other))
+
+    def __ne__(self, other: object) -> Any:
+        """Where it is not equal."""
+        return Many(self.values != _plain(other))
+
+    __hash__ = None  # type: ignore[assignment]
+
+
+def _plain(x: Any) -> Any:
+    return x.values if isinstance(x, Many) else x
+
+
+def _quotient(above: Any, below: Any) -> Many:
+    """Return a quotient; division by zero is an error, as it is for one member."""
+    if _all_alike(np.broadcast_to(np.asarray(below) == 0.0, np.broadcast_shapes(np.shape(above), np.shape(below)))):
+        raise ZeroDivisionError("float division by zero")
+    return Many(above / below)
+
+
+def _power(base: Any, exponent: Any) -> Many:
+    """Return a power, by the function that serves one member, so that not even the last bit differs."""
+    bases, exponents = np.broadcast_arrays(np.asarray(base, dtype=float), np.asarray(exponent, dtype=float))
+    out, wrong = np.empty(bases.shape), np.zeros(bases.shape, dtype=bool)
+    for k, (b, e) in enumerate(zip(bases.tolist(), exponents.tolist(), strict=True)):
+        try:
+            out[k] = real_power(b, e)
+        except ArithmeticError:
+            wrong[k] = True
+    if _all_alike(wrong):
+        raise ArithmeticError("a power of a negative number or of zero has no value")
+    return Many(out)
+
+
+@dataclass(frozen=True, eq=False)
+class MembersNumbers:
+    """What the kernel needs of every member.
+
+    Parameters
+    ----------
+    coefficients : array (coefficients, members)    [SI]
+    initial : array (nodes, members)                NaN where a steady start is asked for. [K]
+    weights : dict                                  Eliminated node -> neighbour -> weight (members,), in order of recovery. [-]
+    offsets : dict                                  Boundary -> constant part of its temperature (members,). [K]
+    refused : dict                                  Member -> why there is no such network; its numbers are NaN.
+    """
+
+    coefficients: Array
+    initial: Array
+    weights: Mapping[str, Mapping[str, Array]]
+    offsets: Mapping[str, Array]
+    refused: Mapping[int, str]
+
+    def one(self, member: int, like: Assembled) -> Assembled:
+        """Return the numbers of one member, without derivatives, as the kernel takes them."""
+        from dataclasses import replace
+
+        offsets = {b: float(v[member]) for b, v in self.offsets.items()}
+        return replace(like, coefficients=self.coefficients[:, member].copy(), initial=self.initial[:, member].copy(), offsets=offsets)
+
+
+@dataclass(eq=False)
+class _Collector:
+    """Takes in the numbers of shares of the members."""
+
+    wiring: Wiring
+    values: Mapping[str, Array]
+    members: int
+    coefficients: Array
+    initial: Array
+    weights: dict[str, dict[str, Array]]
+    offsets: dict[str, Array]
+    refused: dict[int, str]
+
+    def fill(self, share: Indices) -> None:
+        """Assemble a share of the members together, or apart where they differ."""
+        if share.size == 1:
+            for member in share.tolist():
+                self._one(member)
+            return
+        try:
+            with np.errstate(over="ignore", invalid="ignore"):
+                self._store(self.wiring.assembled_at({n: Many(v[share]) for n, v in self.values.items()}), share)
+        except _ApartError as apart:
+            self.fill(share[apart.mask])
+            self.fill(share[~apart.mask])
+        except ThermidError:
+            for member in share.tolist():
+                self._one(member)
+
+    def _one(self, member: int) -> None:
+        try:
+            self._store(self.wiring.assembled_at({n: float(v[member]) for n, v in self.values.items()}), np.array([member]))
+        except ThermidError as error:
+            self.refused[member] = str(error)
+
+    def _store(self, a: Assembled, share: Indices) -> None:
+        for row, number in zip(self.coefficients, a.coefficients, strict=True):
+            row[share] = _plain(number)
+        for row, number in zip(self.initial, a.initial, strict=True):
+            row[share] = _plain(number)
+        for node, star in a.reduced.recover:
+            for neighbour, weight in star.items():
+                self._row(self.weights.setdefault(node, {}), neighbour)[share] = _plain(weight)
+        for boundary, offset in a.offsets.items():
+            self._row(self.offsets, boundary)[share] = _plain(offset)
+
+    def _row(self, table: dict[str, Array], name: str) -> Array:
+        if name not in table:
+            table[name] = np.full(self.members, np.nan)
+        return table[name]
+
+
+def assemble_members(wiring: Wiring, values: Mapping[str, Array], members: int) -> MembersNumbers:
+    """Return the numbers of every member.
+
+    Parameters
+    ----------
+    wiring : Wiring     With the names of `values` freed.
+    values : dict       Free name -> value (members,). [SI]
+    members : int       How many there are.
+    """
+    like = wiring.assemble()
+    shape = (like.coefficients.size, like.initial.size)
+    collector = _Collector(wiring, values, members, np.full((shape[0], members), np.nan), np.full((shape[1], members), np.nan), {}, {}, {})
+    collector.fill(np.arange(members))
+    return MembersNumbers(collector.coefficients, collector.initial, collector.weights, collector.offsets, collector.refused)
+
+
+@dataclass(frozen=True, eq=False)
+class _Recovery:
+    """From the nodes that the kernel stored to any node or boundary."""
+
+    engine: Engine
+    numbers: MembersNumbers
+    kept: tuple[str, ...]
+
+    def temperature(self, stored: Array, times: Array, name: str) -> Array:
+        """Return the temperature (times, members) of a node, from what was stored (groups, times, kept, lanes). [K]"""
+        wiring = self.engine.wiring
+        if name in self.kept:
+            members = self.numbers.coefficients.shape[1]
+            return np.moveaxis(stored[:, :, self.kept.index(name), :], 0, 1).reshape(times.size, -1)[:, :members]
+        if name in wiring.network.boundaries:
+            signal = wiring.signals[f"boundary {name}"]
+            varying = np.zeros(times.shape) if isinstance(signal, Constant) else signal.at(times)
+            return varying[:, None] + self.numbers.offsets[name][None, :]
+        parts = (w[None, :] * self.temperature(stored, times, n) for n, w in self.numbers.weights[name].items())
+        return np.asarray(sum(parts))
+
+
+def run_members(
+    engine: Engine,
+    draws: Mapping[str, Any],
+    times: Array,
+    options: Options,
+    nodes: Sequence[str] | None,
+    quantiles: Any,
+    threads: int,
+    simd: str,
+    warnings: tuple[str, ...],
+) -> Ensemble:
+    """Return the runs of all members.
+
+    Raises
+    ------
+    ScenarioError   When names do not have equally many values, or there are no threads.
+    """
+    wiring, network = engine.wiring, engine.wiring.network
+    titles = (network.title, wiring.scenario.title)
+    where = ", ".join(titles)
+    values, members = _columns(draws, where)
+    if threads < 1:
+        raise ScenarioError("an ensemble needs at least one thread.", where)
+    shares = () if quantiles is None else tuple(float(q) for q in quantiles)
+    if quantiles is not None:
+        check_shares(np.array(shares), where)
+    wanted = tuple(dict.fromkeys(network.find(n) for n in nodes)) if nodes is not None else (*network.nodes, *network.boundaries)
+    if engine.runner is not None:
+        return _one_by_one(engine, values, members, times, wanted, shares, warnings)
+    numbers = _started(engine, assemble_members(wiring, values, members))
+    kept = _needed(engine, wanted, numbers)
+    recovery = _Recovery(engine, numbers, kept)
+    run = partial(_run, engine, numbers, times, kept, options, simd)
+    if not shares:
+        kernel = run({})
+        stored = kernel.advance(times.size, threads)
+        failed = _failed(engine, kernel, numbers, options)
+        traces: Callable[[str], Array] = partial(_masked, recovery, stored, times, tuple(failed))
+        statistics = _statistics(kernel)
+        turnings = _turnings(engine, kernel, numbers, wanted, kept, failed, options)
+        return Ensemble(*titles, times, wanted, members, values, failed, shares, statistics, network.find, traces, {}, turnings, warnings)
+    failed = {}
+    while True:
+        # statistics must not hold the early part of a run that fails later: such members are found in one pass and left out of the next
+        kernel = run(failed)
+        summaries = _summarised(_chunks(kernel, times, len(kept), members, threads), recovery, wanted, shares, failed, members)
+        found = _failed(engine, kernel, numbers, options) | failed
+        if len(found) in (len(failed), members):
+            statistics, turnings = _statistics(kernel), _turnings(engine, kernel, numbers, wanted, kept, found, options)
+            return Ensemble(
+                *titles, times, wanted, members, values, found, shares, statistics, network.find, _no_traces, summaries, turnings, warnings
+            )
+        failed = found
+
+
+def _one_by_one(
+    engine: Engine,
+    values: Mapping[str, Array],
+    members: int,
+    times: Array,
+    wanted: tuple[str, ...],
+    shares: Sequence[float],
+    warnings: tuple[str, ...],
+) -> Ensemble:
+    """Return the runs of all members of a model that is not run by the kernel.
+
+    Raises
+    ------
+    ScenarioError   When quantiles alone are asked for, or a member gives other names than those that are free.
+    """
+    wiring = engine.wiring
+    titles = (wiring.network.title, wiring.scenario.title)
+    if shares or set(values) != set(wiring.free):
+        raise ScenarioError("runs of an FMU are kept whole, and one by one. Leave quantiles out.", ", ".join(titles))
+    kept = np.full((members, times.size, len(wanted)), np.nan)
+    failed: dict[int, str] = {}
+    end = max(wiring.scenario.seconds, float(times[-1]))
+    for m in range(members):
+        a = wiring.assemble(np.array([values[n][m] for n in wiring.free]), False)
+        try:
+            answer = engine.integrate(a, times, wanted, end, Options())
+        except ThermidError as error:
+            failed[m] = str(error)
+            continue
+        kept[m] = answer.temperatures
+    place = {n: k for k, n in enumerate(wanted)}
+
+    def traces(node: str) -> Array:
+        return np.asarray(kept[:, :, place[node]].T)
+
+    statistics = {"steps": 0, "rejected": 0, "one_by_one": members, "simd": "none"}
+    return Ensemble(*titles, times, wanted, members, values, failed, (), statistics, wiring.network.find, traces, {}, {}, warnings)
+
+
+def _columns(draws: Mapping[str, Any], where: str) -> tuple[dict[str, Array], int]:
+    """Return the values of each name as arrays, and how many members there are."""
+    values = {name: np.array(v, dtype=float) for name, v in draws.items()}
+    sizes = {v.shape for v in values.values()}
+    if len(sizes) != 1 or any(len(s) != 1 or s[0] == 0 for s in sizes):
+        shapes = ", ".join(f"'{n}' {v.shape}" for n, v in values.items()) or "nothing is drawn"
+        raise ScenarioError(f"every name needs one value per member, in a list: {shapes}.", where)
+    for v in values.values():
+        v.flags.writeable = False
+    return values, sizes.pop()[0]
+
+
+def _started(engine: Engine, numbers: MembersNumbers) -> MembersNumbers:
+    """Return the numbers with a steady start where it was asked for."""
+    waiting = [m for m in np.flatnonzero(np.isnan(numbers.initial).any(axis=0)).tolist() if m not in numbers.refused]
+    if not waiting:
+        return numbers
+    initial, refused, like = numbers.initial.copy(), dict(numbers.refused), engine.wiring.assemble()
+    for member in waiting:
+        try:
+            initial[:, member] = engine.started(numbers.one(member, like)).initial
+        except SolverError as error:
+            refused[member] = str(error)
+    return MembersNumbers(numbers.coefficients, initial, numbers.weights, numbers.offsets, refused)
+
+
+def _needed(engine: Engine, wanted: Sequence[str], numbers: MembersNumbers) -> tuple[str, ...]:
+    """Return the nodes that the kernel must store so that the wanted ones can be had."""
+    queue, out = list(wanted), {}  # type: tuple[list[str], dict[str, None]]
+    while queue:
+        node = queue.pop(0)
+        if node in numbers.weights:
+            queue += numbers.weights[node]
+        elif node in engine.nodes:
+            out[node] = None
+    return tuple(out)
+
+
+def _run(
+    engine: Engine, numbers: MembersNumbers, times: Array, kept: Sequence[str], options: Options, simd: str, left_out: Mapping[int, str]
+) -> Any:
+    """Return the kernel's ensemble; members that are left out, and those without numbers, are given none."""
+    coefficients = numbers.coefficients
+    if left_out:
+        coefficients = coefficients.copy()
+        coefficients[:, list(left_out)] = np.nan
+    return engine.members(coefficients, numbers.initial, times, kept, engine.wiring.scenario.seconds, options, simd)
+
+
+def _failed(engine: Engine, kernel: Any, numbers: MembersNumbers, options: Options) -> dict[int, str]:
+    """Return member -> why it did not reach the end."""
+    status, node, time = kernel.status, kernel.node, kernel.time
+    out = dict(numbers.refused)
+    like = engine.wiring.assemble() if engine.refuses else None
+    for m in np.flatnonzero(status).tolist():
+        last = kernel.ended(m)
+        ended = _Ended(int(status[m]), int(node[m]), float(time[m]), last)
+        own = numbers.one(m, like) if like is not None and last.size and m not in out else None
+        out.setdefault(m, engine.message(ended, options, engine.wiring.scenario.seconds, own))
+    return dict(sorted(out.items()))
+
+
+def _turnings(
+    engine: Engine,
+    kernel: Any,
+    numbers: MembersNumbers,
+    wanted: Sequence[str],
+    kept: Sequence[str],
+    failed: Mapping[int, str],
+    options: Options,
+) -> dict[str, MemberTurnings]:
+    """Return node or boundary -> turning points of the members that reached the end; eliminated nodes are left out."""
+    if not options.extremes:
+        return {}
+    member, column, times, kelvin = kernel.turnings  # in order of columns, members and times
+    if failed:
+        alive = ~np.isin(member, np.array(list(failed), dtype=np.int64))
+        member, column, times, kelvin = member[alive], column[alive], times[alive], kelvin[alive]
+    ends = np.searchsorted(column, np.arange(len(kept) + 1))
+    member = member.astype(np.int64)
+    out = {n: MemberTurnings(member[i:j], times[i:j], kelvin[i:j]) for n, i, j in zip(kept, ends[:-1], ends[1:], strict=True)}
+    wiring = engine.wiring
+    for name in wanted:
+        if name in numbers.offsets:
+            turns = signal_turnings(wiring.signals[f"boundary {name}"], wiring.scenario.seconds, 0.0)
+            out[name] = MemberTurnings.alike(turns, numbers.offsets[name])
+    return {n: out[n] for n in wanted if n in out}
+
+
+@dataclass(frozen=True)
+class _Ended:
+    status: int
+    node: int
+    time: float
+    final_temperatures: Array
+
+
+def _statistics(kernel: Any) -> dict[str, Any]:
+    return {"steps": kernel.steps, "rejected": kernel.rejected, "one_by_one": int(kernel.alone.sum()), "simd": kernel.simd}
+
+
+def _masked(recovery: _Recovery, stored: Array, times: Array, failed: tuple[int, ...], name: str) -> Array:
+    out = recovery.temperature(stored, times, name)
+    if failed:
+        out[:, list(failed)] = np.nan
+    return out
+
+
+def _no_traces(name: str) -> Array:
+    raise ScenarioError(f"no trace of '{name}' was stored. Name it in 'nodes'.")
+
+
+def _chunks(kernel: Any, times: Array, kept: int, members: int, threads: int) -> Iterator[tuple[Array, Array]]:
+    """Yield times and stored temperatures of parts of the time."""
+    rows = max(1, CHUNK // (8 * members * max(kept, 1)))
+    for first in range(0, times.size, rows):
+        yield times[first : first + rows], kernel.advance(rows, threads)
+
+
+def _summarised(
+    chunks: Iterator[tuple[Array, Array]],
+    recovery: _Recovery,
+    wanted: Sequence[str],
+    shares: tuple[float, ...],
+    failed: Mapping[int, str],
+    members: int,
+) -> dict[str, Summary]:
+    """Return node -> quantiles, mean and spread at every time, and the highest and lowest sample of every member."""
+    parts: dict[str, list[tuple[Array, Array, Array]]] = {n: [] for n in wanted}
+    highest, lowest = ({n: np.full(members, end) for n in wanted} for end in (-np.inf, np.inf))
+    good = np.setdiff1d(np.arange(members), [*failed, *recovery.numbers.refused])
+    for times, stored in chunks:
+        for n in wanted:
+            values = recovery.temperature(stored, times, n)[:, good]
+            if good.size:
+                parts[n].append((np.quantile(values, shares, axis=1), values.mean(axis=1), spread_of(values)))
+                highest[n][good] = np.maximum(highest[n][good], values.max(axis=0))
+                lowest[n][good] = np.minimum(lowest[n][good], values.min(axis=0))
+    out = {}
+    for n in wanted:
+        for ends in (highest[n], lowest[n]):
+            ends[np.isinf(ends)] = np.nan
+        if parts[n]:
+            q, mean, sd = (np.concatenate(x, axis=-1) for x in zip(*parts[n], strict=True))
+            out[n] = Summary(q, mean, sd, highest[n], lowest[n])
+    return out

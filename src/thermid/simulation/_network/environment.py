@@ -1,0 +1,89 @@
+"""The state of one gas: pressure, gravity, wind and kind of what fills a room, a volume that is vented, or a sealed one."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass, replace
+from numbers import Real
+from typing import Any
+
+from thermid.base.errors import ScenarioError
+from thermid.model.laws import Constant, Signal, literal, signal
+from thermid.physics.constants import ATMOSPHERE, STANDARD_GRAVITY
+from thermid.physics.gas import GASES, gas_named
+
+ONE_ATMOSPHERE = Constant(ATMOSPHERE)
+CALM = Constant(0.0)
+HIGHEST = 10.0 * ATMOSPHERE
+"""Pressure up to which the gas laws, of dilute gases, are used. [Pa]"""
+
+
+@dataclass(frozen=True)
+class Environment:
+    """The state of one gas.
+
+    Parameters
+    ----------
+    pressure : Signal       A text with unit, a table or a signal. [Pa]
+    humidity : float        Relative, 0 to 1; no law uses it and it is kept for the record; `moisture` is given its own. [-]
+    gravity : float, str    A number or a text with unit, as the wind and the time constant. [m/s^2]
+    gas : str               air, N2, He, Ar, CO2 or H2.
+    wind : Signal           Speed along surfaces with a correlation; given as the pressure is. [m/s]
+    sealed : bool           Whether the volume keeps its gas when the surroundings lose theirs.
+    vented : str            Gas node that this volume is vented to; its own pressure is then that at the start.
+    time_constant : float   Of the venting. [s]
+    """
+
+    pressure: Any = ONE_ATMOSPHERE
+    humidity: float = 0.5
+    gravity: float = STANDARD_GRAVITY
+    gas: str = "air"
+    wind: Any = CALM
+    sealed: bool = False
+    vented: str = ""
+    time_constant: float = 0.0
+
+    def __post_init__(self) -> None:
+        """Turn a text into a signal, and refuse states that do not exist."""
+        object.__setattr__(self, "pressure", signal(self.pressure, "Pa", "environment, pressure"))
+        wind = Constant(float(self.wind)) if isinstance(self.wind, int | float) else signal(self.wind, "m/s", "environment, wind")
+        object.__setattr__(self, "wind", wind)
+        for name, slot in (("humidity", "1"), ("gravity", "m/s^2"), ("time_constant", "s")):
+            value: Any = getattr(self, name)
+            if isinstance(value, str) or not isinstance(value, Real):
+                object.__setattr__(self, name, literal(value, slot, f"environment, {name}"))
+        for name in ("gas", "vented"):
+            if not isinstance(getattr(self, name), str):
+                raise ScenarioError(f"it takes a name, not {getattr(self, name)!r}.", f"environment, {name}")
+        if not 0.0 <= self.humidity <= 1.0:
+            raise ScenarioError(f"the relative humidity is {self.humidity:g}. Give 0 to 1.")
+        if self.lowest() < 0.0:
+            raise ScenarioError("the pressure is below zero. Give 0 or more.")
+        if not self.pressure.bounds[1] <= HIGHEST:
+            raise ScenarioError(
+                f"a pressure of {self.pressure.bounds[1]:.4g} Pa lies beyond {HIGHEST:.4g} Pa, the limit of the gas properties used."
+            )
+        if not (self.gravity >= 0.0 and self.wind.bounds[0] >= 0.0):
+            raise ScenarioError("gravity and wind must not be negative. Give their magnitudes.")
+        if self.gas not in GASES:
+            gas_named(self.gas, "environment")
+        if self.sealed and self.vented:
+            raise ScenarioError("a volume is either sealed or vented. Leave one of them out.")
+        if bool(self.vented) != (self.time_constant > 0.0):
+            raise ScenarioError("give a vented volume the gas node that it is vented to, and a time constant above zero.")
+
+    def mapped(self, law: Callable[[Signal], Signal]) -> Environment:
+        """Return the gas with what a law makes of its signals."""
+        return replace(self, pressure=law(self.pressure), wind=law(self.wind))
+
+    def lowest(self) -> float:
+        """Return the lowest pressure that occurs. [Pa]"""
+        return float(self.pressure.bounds[0])
+
+    def natural(self, pressure: Any) -> Any:
+        """Return how strong natural convection is beside that on the ground, (p/p0)^(1/2) (g/g0)^(1/4) [-]."""
+        return (pressure / ATMOSPHERE) ** 0.5 * (self.gravity / STANDARD_GRAVITY) ** 0.25
+
+
+GROUND = Environment()
+"""The room of a laboratory, which holds where nothing is said."""

@@ -1,0 +1,234 @@
+"""What falls on outer surfaces, sun, planet, sky and stream, and the loads that they take from it."""
+
+from __future__ import annotations
+
+from abc import ABC, abstractmethod
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, replace
+from functools import partial
+from typing import Any
+
+from thermid.base.errors import DeckError, NameNotFoundError, ScenarioError, errors_at, refuse_unknown
+from thermid.base.linear_algebra import Array
+from thermid.base.units import TEMPERATURE
+from thermid.model.elements import Facing
+from thermid.model.laws import Constant, Mixed, Signal, added, signal
+from thermid.model.tree import Flat, FlatLoad, FlatSurface
+from thermid.physics.constants import STEFAN_BOLTZMANN
+
+Given = Mapping[str, Signal]
+
+HOTTEST = 5e4
+"""Radiation beyond this is a mistake of units: the sun has 1361. [W/m^2]"""
+SOLAR = ("direct", "diffuse", "albedo", "total")
+
+
+@dataclass(frozen=True)
+class Irradiation:
+    """What falls on one surface, per area of it; texts with units, tables or signals.
+
+    Parameters
+    ----------
+    direct, diffuse, albedo : Signal    Solar radiation on its plane from the sun, the sky and by reflection. [W/m^2]
+    total : Signal                      All of it, where the parts are not known. [W/m^2]
+    infrared : Signal                   Long-wave radiation beside that of the surroundings that it radiates to. [W/m^2]
+    sky : Signal                        Temperature of a sky that takes the place of part of those surroundings. [K]
+    sky_view : float                    The share that is sky. [-]
+    stream : Signal                     Heat that a stream of molecules brings, as it is absorbed. [W/m^2]
+    """
+
+    direct: Any = None
+    diffuse: Any = None
+    albedo: Any = None
+    total: Any = None
+    infrared: Any = None
+    sky: Any = None
+    sky_view: Any = None
+    stream: Any = None
+
+    def __post_init__(self) -> None:
+        """Turn texts into signals, and refuse radiation that does not exist."""
+        for name in (*SOLAR, "infrared", "stream", "sky"):
+            given = getattr(self, name)
+            if given is None:
+                continue
+            made = signal(given, TEMPERATURE if name == "sky" else "W/m^2", f"irradiation, {name}")
+            object.__setattr__(self, name, made)
+            low, high = made.bounds
+            if name != "infrared" and low < 0.0:
+                what = "a temperature below absolute zero" if name == "sky" else f"{name} radiation of {low:.4g} W/m^2"
+                raise ScenarioError(f"{what} is not possible.", "irradiation")
+            if high > HOTTEST:
+                raise ScenarioError(
+                    f"{name} reaches {high:.4g}; the sun has 1361 W/m^2 above the atmosphere. Check the unit.", "irradiation"
+                )
+        if self.total is not None and (self.direct is not None or self.diffuse is not None):
+            raise ScenarioError("total is the sum of direct and diffuse. Give either the sum or the parts.", "irradiation")
+        if (self.sky is None) != (self.sky_view is None):
+            raise ScenarioError("give the temperature of the sky and sky_view, the view factor to it.", "irradiation")
+        if self.sky_view is not None and not 0.0 <= self.sky_view <= 1.0:
+            raise ScenarioError(f"sky_view is {self.sky_view:g}. Give 0 to 1.", "irradiation")
+
+    def signals(self) -> dict[str, Signal]:
+        """Return what changes, or may change, by name."""
+        return {name: given for name in (*SOLAR, "infrared", "sky", "stream") if (given := getattr(self, name)) is not None}
+
+    def mapped(self, law: Callable[[Signal], Signal]) -> Irradiation:
+        """Return the radiation with what a law makes of its signals."""
+        return replace(self, **{name: law(given) for name, given in self.signals().items()})
+
+    def sun(self, facing: Facing | None) -> Signal | None:
+        """Return the solar radiation on the surface, or None. [W/m^2]"""
+        parts = [getattr(self, name) for name in SOLAR if getattr(self, name) is not None]
+        return added(*parts) if parts else None
+
+    def longwave(self, facing: Facing | None, around: Signal | None) -> Signal | None:
+        """Return the long-wave radiation beside that of the surroundings, or None. [W/m^2]"""
+        parts: list[Signal] = [self.infrared] if self.infrared is not None else []
+        if self.sky is not None:
+            if around is None:
+                raise ScenarioError(
+                    "a sky replaces surroundings with a given temperature. Here the surroundings are a node of the "
+                    "model; leave the sky out."
+                )
+            parts.append(Mixed(Less(float(self.sky_view or 0.0)), (self.sky, around)))
+        return added(*parts) if parts else None
+
+
+class Sky(ABC):
+    """Sun and sky over a place: falls on every surface outdoors as the surface faces it; `air` is the boundary that is the open air."""
+
+    air: str
+
+    @property
+    @abstractmethod
+    def radiates(self) -> bool:
+        """Whether its long-wave radiation is counted."""
+
+    @abstractmethod
+    def signals(self) -> dict[str, Signal]:
+        """Return what changes, or may change, by name."""
+
+    @abstractmethod
+    def mapped(self, law: Callable[[Signal], Signal]) -> Sky:
+        """Return the sky with what a law makes of its signals."""
+
+    @abstractmethod
+    def shifted(self, seconds: float) -> Sky:
+        """Return the sky of a run that begins later. [s]"""
+
+    @abstractmethod
+    def sun(self, facing: Facing | None) -> Signal | None:
+        """Return the solar radiation on a surface, or None. [W/m^2]"""
+
+    @abstractmethod
+    def longwave(self, facing: Facing | None, around: Signal | None) -> Signal | None:
+        """Return the long-wave radiation beside that of the surroundings, or None. [W/m^2]"""
+
+
+@dataclass(frozen=True)
+class Less:
+    """What a sky of its own temperature sends less than the surroundings whose place it takes; `share` of the view is sky. [-]"""
+
+    share: float
+
+    def __call__(self, sky: Array, around: Array) -> Array:
+        """Return share sigma (T_sky^4 - T_around^4) (times,). [W/m^2]"""
+        return self.share * STEFAN_BOLTZMANN * (sky**4 - around**4)
+
+
+def absorbers(flat: Flat, irradiation: Mapping[str, Irradiation | Sky]) -> tuple[FlatLoad, ...]:
+    """Return the loads that surfaces take from what falls on them; `*` stands for every surface outdoors.
+
+    Raises
+    ------
+    NameNotFoundError   When there is no such surface.
+    DeckError           When a surface under the sun has no absorptance, or under a sky no emissivity or facing.
+    """
+    canonical = flat.names.model.canonical
+    sources: dict[str, Irradiation | Sky] = {}
+    if "*" in irradiation:
+        sky = irradiation["*"]
+        if not isinstance(sky, Sky):
+            raise ScenarioError(
+                "radiation on '*' must be an open sky. For a single plane give the name of its surface instead of '*'.", "irradiation"
+            )
+        sources = dict.fromkeys(_outdoors(flat, sky), sky)
+    for raw, one in irradiation.items():
+        if raw != "*":
+            path = canonical(raw)
+            refuse_unknown([path], flat.faces, "irradiation", f"no surface '{raw}'.", NameNotFoundError)
+            sources[path] = one
+    return tuple(load for path, one in sources.items() for load in _loads(path, flat.faces[path], one))
+
+
+def _outdoors(flat: Flat, sky: Sky) -> list[str]:
+    """Return the surfaces that look somewhere or stand in the open air."""
+    air = flat.names.find(sky.air, "sun")
+    out = [path for path, face in flat.faces.items() if face.facing is not None or face.to == air]
+    if not out:
+        raise ScenarioError(
+            f"no surface is outdoors: none has facing, and none exchanges heat with '{sky.air}'. Give facing = {{ tilt = 90 }} to one.",
+            "sun",
+        )
+    for path in out:
+        if flat.faces[path].facing is None:
+            message = f"'{path}' is outdoors but has no orientation. Give facing = {{ tilt = 90 }}, and azimuth for a plane."
+            raise DeckError(message, flat.faces[path].where)
+    return out
+
+
+def _loads(path: str, face: FlatSurface, source: Irradiation | Sky) -> list[FlatLoad]:
+    """Return the loads of one surface: solar by absorptance, long-wave by emissivity, a stream as it is."""
+    if isinstance(source, Sky):
+        outdoors, stream, solar, wave = True, None, True, source.radiates
+    else:
+        outdoors, stream = False, source.stream
+        solar, wave = any(getattr(source, name) is not None for name in SOLAR), source.infrared is not None or source.sky is not None
+    if solar and "absorptance" not in face.fields:
+        raise DeckError(f"'{path}' is in the sun but has no absorptance. Give one, or 0 if no sun can reach it.", face.where)
+    out = _sunlit(path, face, partial(_sun, source, face.facing)) if solar else []
+    if wave and not (outdoors and face.sees != face.to):
+        if "emissivity" not in face.fields:
+            message = f"'{path}' receives long-wave radiation but has no emissivity. Give an emissivity or a finish, or leave the sky out."
+            raise DeckError(message, face.where)
+        if not face.sees:
+            raise DeckError(
+                f"'{path}' is a face of an enclosure, which computes its long-wave radiation already. Give a sky to outer surfaces only.",
+                face.where,
+            )
+        out.append(_load(path, face, "longwave", "emissivity", partial(_longwave, source, face, path)))
+    if stream is not None:
+        out.append(_load(path, face, "stream", "", partial(_stream, stream)))
+    return out
+
+
+def _sunlit(path: str, face: FlatSurface, flux: Any) -> list[FlatLoad]:
+    """Return what the sun on one surface heats: itself; in an enclosure also those on which falls what is reflected there."""
+    load = _load(path, face, "sun", "absorptance", flux)
+    if face.enclosed is None:
+        return [load]
+    fields, out = face.enclosed.fields(), []
+    for name, node, share in face.enclosed.targets():
+        label = load.path if share.to == share.first else f"{load.path}.{name}"
+        out.append(replace(load, path=label, node=node, sensor=node, fields=fields, takes=(), recipe=share))
+    return out
+
+
+def _load(path: str, face: FlatSurface, kind: str, share: str, flux: Any) -> FlatLoad:
+    fields = {name: face.fields[name] for name in (share, "area") if name}
+    by = face.controls if share == "emissivity" else ()
+    return FlatLoad(f"{path}.{kind}", face.node, face.node, fields, None, face.where, face.takes, flux, by)
+
+
+def _sun(source: Irradiation | Sky, facing: Facing | None, boundaries: Given) -> Signal:
+    return source.sun(facing) or Constant(0.0)
+
+
+def _stream(flux: Signal, boundaries: Given) -> Signal:
+    return flux
+
+
+def _longwave(source: Irradiation | Sky, face: FlatSurface, path: str, boundaries: Given) -> Signal:
+    with errors_at(f"irradiation.{path}"):
+        return source.longwave(face.facing, boundaries.get(face.sees)) or Constant(0.0)

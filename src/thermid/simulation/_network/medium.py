@@ -1,0 +1,701 @@
+"""What each gas does to a conductor, from one atmosphere to vacuum, constant or changing in time, and what it asks of a model.
+
+Pressure, gravity, wind and kind belong to a named gas node: the ambient, a volume that is vented with a time constant, a sealed one.
+First pressures and winds in time, then rows of gas at any pressure, then the state of every gas, then what a run must say of it.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Mapping
+from dataclasses import dataclass, field, replace
+from functools import lru_cache, partial
+from typing import Any
+
+import numpy as np
+
+from thermid.base.dual import Number, value_of
+from thermid.base.errors import ScenarioError, quoted
+from thermid.base.linear_algebra import Array
+from thermid.base.memo import Memo
+from thermid.model.elements import ACCOMMODATION, Law, MadeIn, degrees
+from thermid.model.laws import Constant, Curve, Mixed, Signal, Sine, TableSignal
+from thermid.model.tree import Flat, FlatConductor, bare, gas_nodes, still, surrounding
+from thermid.physics.constants import ATMOSPHERE, STANDARD_GRAVITY
+from thermid.physics.convection import duct_nusselt, fin_efficiency
+from thermid.physics.correlations import forced_plate_nusselt, signed_gap, signed_nusselt
+from thermid.physics.gas import MolecularGas, free_molecular_htc, gas_named
+from thermid.physics.plates import THINNEST
+from thermid.physics.radiation import radiation_coefficient
+from thermid.simulation._network.environment import GROUND, Environment
+from thermid.simulation._network.irradiation import Irradiation, Sky
+from thermid.simulation._network.rows import ANCHOR, ConductorRow
+
+PARTS = 40
+"""Samples put into each stretch of a pressure, equally spaced in its root. [-]"""
+
+
+MARKS = ATMOSPHERE * (np.arange(1, 870) / 400.0) ** 3
+"""Pressures at which one that changes is sampled, closer where it is low: the same ones wherever a run begins. [Pa]"""
+
+
+def sampled(pressure: Signal, end: float) -> TableSignal:
+    """Return a pressure up to `end` [s] as a table whose root is straight between samples to within a thousandth of its change."""
+    drawn = pressure.drawn(end)
+    if isinstance(drawn, TableSignal) and drawn.held:
+        return drawn
+    at = drawn.knots(0.0, end)
+    level = np.maximum(drawn.at(at), 0.0)
+    if isinstance(drawn, Sine):
+        return TableSignal(at, level)
+    times, values = [at[:1]], [level[:1]]
+    for (t0, t1), (p0, p1) in zip(_pairs(at), _pairs(level), strict=True):
+        low, high = np.searchsorted(MARKS, [min(p0, p1), max(p0, p1)], side="right")
+        part = MARKS[low:high] if p1 > p0 else MARKS[low:high][::-1]
+        part = part[(part != p0) & (part != p1)]
+        times += [t0 + (t1 - t0) * (part - p0) / (p1 - p0), np.array([t1])] if part.size else [np.array([t1])]
+        values += [part, np.array([p1])] if part.size else [np.array([p1])]
+    return TableSignal(np.concatenate(times), np.concatenate(values))
+
+
+VACUUM_LIMIT = 1e-2
+"""Pressure below which gas carries no heat worth counting between walls of equipment. [Pa]"""
+ROOM = 293.15
+"""Temperature of the density by which a volume flow through a duct is a mass. [K]"""
+LEVELS = 12
+"""Streams between which a wind that changes is interpolated, denser where it is light: within 2 % of a blend at its own speed. [-]"""
+
+
+def stream(wind: Signal, pressure: Signal, end: float) -> TableSignal:
+    """Return a wind up to `end` [s], as fast as one at one atmosphere with its Reynolds number. [m/s]"""
+    thin = Mixed(Thinned(), (wind, pressure))
+    if thin.held:
+        steps = thin.drawn(end)
+        return steps if isinstance(steps, TableSignal) else TableSignal(np.zeros(1), steps.at(np.zeros(1)), hold=True)
+    parts = [course.drawn(end) for course in (wind, pressure)]
+    knots = np.unique(np.concatenate([course.knots(0.0, end) for course in parts]))
+    each = 1 if any(isinstance(course, Sine) for course in parts) else PARTS if knots.size < 2000 else 4
+    times = np.unique(np.concatenate([np.linspace(a, b, each + 1) for a, b in _pairs(knots)])) if knots.size > 1 else knots
+    return TableSignal(times, thin.at(times))
+
+
+@dataclass(frozen=True)
+class Thinned:
+    """A wind as fast as one at one atmosphere with its Reynolds number."""
+
+    def __call__(self, wind: Array, pressure: Array) -> Array:
+        """Return the speed (times,) from wind [m/s] and pressure [Pa]. [m/s]"""
+        return np.maximum(wind * pressure / ATMOSPHERE, 0.0)
+
+
+def levels_of(course: TableSignal) -> Array:
+    """Return speeds from nothing to the fastest (levels,). [m/s]"""
+    root = np.sqrt(course.bounds[1]) * np.linspace(0.0, 1.0, LEVELS) ** 1.5
+    return np.asarray(root**2)
+
+
+def shares(course: TableSignal, levels: Array) -> list[TableSignal]:
+    """Return how much of each level a wind has in time; a laminar stream goes with the root of its speed. [-]"""
+    root = np.sqrt(levels)
+    return [course.mapped(partial(_share, root, hat)) for hat in np.eye(levels.size)]
+
+
+def _share(root: Array, hat: Array, speed: Array) -> Array:
+    return np.interp(np.sqrt(speed), root, hat)
+
+
+def _pairs(x: np.ndarray[tuple[int, ...], np.dtype[np.float64]]) -> list[tuple[float, float]]:
+    return list(zip(x[:-1].tolist(), x[1:].tolist(), strict=True))
+
+
+def vented(inside: Signal, outside: Signal, time_constant: float, where: str) -> Signal:
+    """Return the pressure of a volume that follows another: tau dp/dt = p_outside - p.
+
+    Parameters
+    ----------
+    inside, outside : Signal    At the start, constant; and of the surroundings. [Pa]
+    time_constant : float       [s]
+
+    Raises
+    ------
+    ScenarioError   When the pressure at the start is no constant, or that outside swings without end.
+    """
+    if not isinstance(inside, Constant):
+        raise ScenarioError("the pressure of a vented volume is its initial pressure. Give a constant.", where)
+    if isinstance(outside, Sine):
+        raise ScenarioError("a volume cannot be vented to a periodic pressure. Give a table.", where)
+    tau = time_constant
+    last = max(outside.extent, 1.0)
+    # a stretch of constant slope has the exact solution below; fine steps keep straight lines between samples right to a thousandth
+    tail = last + tau * np.concatenate((np.linspace(0.05, 3.0, 60), np.linspace(3.1, 25.0, 220)))
+    own = outside.knots(0.0, last)
+    knots = np.union1d(own[own >= 0.0], [0.0, last])
+    fine = [np.linspace(a, b, max(2, min(400, int(np.ceil((b - a) / (0.05 * tau))) + 1))) for a, b in _pairs(knots)]
+    times = np.unique(np.concatenate([*fine, knots, tail]))
+    p, values = inside.value, [inside.value]
+    for a, b in _pairs(times):
+        start = float(outside.at(np.array([a]))[0])
+        end = start if outside.held else float(outside.at(np.array([b]))[0])
+        slope, h = (end - start) / (b - a), b - a
+        settled = start - slope * tau  # of the particular solution at a
+        p = settled + slope * h + (p - settled) * np.exp(-h / tau)
+        values.append(float(p))
+    return TableSignal(times, np.maximum(np.array(values), 0.0), after="hold")
+
+
+POINTS = np.linspace(200.0, 450.0, 26)
+"""Temperatures of the tables of properties, which are smooth; the fits were made over them. [K]"""
+
+
+@dataclass(frozen=True)
+class GasState:
+    """A gas as the rows of a conductor see it: numbers where it is constant, inputs where it changes.
+
+    Parameters
+    ----------
+    gas : MolecularGas
+    pressure : float        [Pa]; 1 where it follows an input.
+    natural : float         Strength of natural convection, (p/p0)^(1/2) (g/g0)^(1/4); 1 where it follows an input. [-]
+    wind : float            [m/s]
+    key : str               Name of the gas in the inputs; empty where all is constant.
+    levels : tuple          Streams at one atmosphere between which a wind that changes in time is interpolated. [m/s]
+    gust : str              Name of the inputs that say how much of each level there is.
+    """
+
+    gas: MolecularGas
+    pressure: float
+    natural: float
+    wind: float = 0.0
+    key: str = ""
+    levels: tuple[float, ...] = ()
+    gust: str = ""
+
+    def named(self, what: str) -> str:
+        """Return the name of an input of this gas; empty where it is constant."""
+        return f"{what} {self.key}" if self.key else ""
+
+
+@lru_cache(maxsize=64)
+def conductivity_curve(gas: MolecularGas) -> Curve:
+    """Return the conductivity of a gas over that at 300 K, with slopes. [-]"""
+    return _over_temperature(lambda t: gas.k(t) / gas.k(ANCHOR))
+
+
+@lru_cache(maxsize=64)
+def _root_curve(gas: MolecularGas, windy: bool) -> Curve:
+    """Return the fourth root of g beta / (nu alpha) over that at 300 K; in wind, times the conductivity."""
+
+    def buoyancy(t: Any) -> Any:
+        at = gas.at(t)
+        root = (at.expansion_at(t) / (at.kinematic_viscosity * at.thermal_diffusivity())) ** 0.25
+        return root * (gas.k(t) if windy else 1.0)
+
+    return _over_temperature(lambda t: buoyancy(t) / buoyancy(ANCHOR))
+
+
+@lru_cache(maxsize=8)
+def _one() -> Curve:
+    return _over_temperature(lambda t: np.ones(np.shape(t)))
+
+
+def _over_temperature(function: Any) -> Curve:
+    step = 1e-3
+    slopes = (function(POINTS + step) - function(POINTS - step)) / (2.0 * step)
+    return Curve("temperature", POINTS, np.asarray(function(POINTS), dtype=float), np.asarray(slopes, dtype=float))
+
+
+def _plain(number: Number) -> float:
+    """Return a number without derivatives; of many members the first, since a table is made once for all of them."""
+    value: Any = value_of(number)
+    return float(value.values[0] if hasattr(value, "values") else value)
+
+
+def _rest(c: FlatConductor, continuum: Number, molecular: Number, state: GasState, signal: str = "") -> ConductorRow:
+    """Return the row of gas at rest: conductance of the continuum [W/K], and that of free molecules for each pascal [W/(K Pa)]."""
+    ratio = molecular / continuum * state.pressure
+    return ConductorRow(c.path, c.ends, Law("gas", (continuum, ratio)), conductivity_curve(state.gas), signal, state.named("pressure"))
+
+
+def gap(c: FlatConductor, law: Law, state: GasState) -> tuple[ConductorRow, ...]:
+    """Return the rows of a gap between parallel plates: Sherman's interpolation from continuum to free molecules, and what convects.
+
+    The gas convects where the gap says how it lies: then Ra follows pressure and gravity, and Nu - 1 stands on gas at rest.
+    """
+    area, distance, share, factor = law.coefficients
+    gas = gas_named(c.words["gas"], c.where) if "gas" in c.words else state.gas
+    inside = GasState(gas, state.pressure, state.natural, key=state.key)
+    molecular = area * (share / (2.0 - share)) * free_molecular_htc(gas, ANCHOR, 1.0)
+    still = _rest(c, area * gas.k(ANCHOR) / distance, molecular, inside)
+    if "tilt" not in c.words:
+        return (still,)
+    fluid = gas.at(ANCHOR)
+    x, y = signed_gap(degrees(c.words["tilt"]), float(c.words["aspect"]), float(fluid.prandtl))
+    curve = Curve("difference", x, y, None, (conductivity_curve(gas), _root_curve(gas, False)), interpolation="smooth")
+    buoyancy = STANDARD_GRAVITY * float(fluid.expansion_at(ANCHOR) / (fluid.kinematic_viscosity * fluid.thermal_diffusivity()))
+    root = buoyancy**0.25 * distance**0.75 * inside.natural
+    moving = Law("natural", (factor * area * gas.k(ANCHOR) / distance, root))
+    return still, ConductorRow(c.path, c.ends, moving, curve, "", inside.named("natural"))
+
+
+def correlated(c: FlatConductor, law: Law, state: GasState) -> tuple[ConductorRow, ...]:
+    """Return the rows of a surface with a correlation: gas at rest, and what natural convection and wind add to it."""
+    area, length = law.coefficients
+    gas, fluid = state.gas, state.gas.at(ANCHOR)
+    name, orientation = c.words.get("htc.correlation", ""), c.words.get("htc.orientation", "vertical")
+    prandtl = float(fluid.prandtl)
+    scale = gas.k(ANCHOR) / length * area
+    buoyancy = STANDARD_GRAVITY * float(fluid.expansion_at(ANCHOR) / (fluid.kinematic_viscosity * fluid.thermal_diffusivity()))
+    root = buoyancy**0.25 * length**0.75 * state.natural
+    moving = []
+    for k, speed in enumerate(state.levels or (state.wind * (state.pressure / ATMOSPHERE),)):
+        # a stream at another pressure has the Reynolds number of one as much slower
+        forced = float(forced_plate_nusselt(speed * _plain(length) / float(fluid.kinematic_viscosity), prandtl)) if speed > 0.0 else 0.0
+        x, y, least = signed_nusselt(name, orientation, prandtl, forced, c.where)
+        film = (_one() if forced else conductivity_curve(gas), _root_curve(gas, forced > 0.0))
+        curve = Curve("difference", x, y, None, film, interpolation="smooth")
+        signal = f"{state.gust} {k}" if state.gust else ""
+        moving.append(ConductorRow(c.path, c.ends, Law("natural", (scale, root)), curve, signal, state.named("natural")))
+    still = _rest(c, scale * least, ACCOMMODATION * free_molecular_htc(gas, ANCHOR, 1.0) * area, state)
+    return still, *moving
+
+
+def ducted(c: FlatConductor, law: Law, state: GasState) -> ConductorRow:
+    """Return the row of a stream in ducts, from the properties of its gas at 300 K; none without gas.
+
+    Raises
+    ------
+    ScenarioError   When the pressure of the gas changes in time.
+    """
+    base, fins, slope, diameter, length, flux, developed, by_volume = law.coefficients
+    if state.key:
+        raise ScenarioError(
+            f"the pressure of the gas in '{c.path}' changes, but the law of a duct is valid at constant pressure only. Give a "
+            "constant pressure.",
+            c.where,
+        )
+    if state.pressure <= VACUUM_LIMIT or value_of(flux) == 0.0:
+        return ConductorRow(c.path, c.ends, Law("linear", (0.0 * base,)))
+    gas, fluid = state.gas, state.gas.at(ANCHOR)
+    if value_of(by_volume):
+        flux = flux * (state.pressure / (gas.constant * ROOM))
+    reynolds = flux * diameter / float(gas.mu(ANCHOR))
+    nusselt = duct_nusselt(reynolds, float(fluid.prandtl), diameter / length, developed)
+    htc = nusselt * float(gas.k(ANCHOR)) / diameter
+    area = base + (fins * fin_efficiency(slope * htc**0.5) if value_of(fins) else 0.0)
+    return ConductorRow(c.path, c.ends, Law("linear", (htc * area,)))
+
+
+def thinned(c: FlatConductor, law: Law, area: Number, state: GasState) -> tuple[ConductorRow, ...]:
+    """Return the rows of a coefficient that was fitted on the ground, at another pressure or gravity.
+
+    With s = (p/p0)^(1/2) (g/g0)^(1/4), as laminar convection goes, the conductance is s times what was fitted and (1 - s) times that of gas
+    at rest, which is rarefied as the pressure falls.
+    """
+    first = law.coefficients[0]
+    fitted = ConductorRow(c.path, c.ends, law.scaled(state.natural), c.curve, state.named("natural"))
+    if value_of(area) == 0.0:
+        return (fitted,)
+    gas = state.gas
+    least = THINNEST * gas.k(ANCHOR) * area**0.5
+    if law.form == "linear" and value_of(least) > value_of(first):
+        least = first
+    if value_of(least) == 0.0:
+        return (fitted,)
+    still = _rest(c, least, ACCOMMODATION * free_molecular_htc(gas, ANCHOR, 1.0) * area, state, state.named("rest"))
+    return fitted, replace(still, law=still.law.scaled(1.0 if state.key else 1.0 - state.natural))
+
+
+AIR_RANGE = (0.85 * ATMOSPHERE, 1.1 * ATMOSPHERE)
+"""Pressures at which a coefficient fitted on the ground is used as it is. [Pa]"""
+
+
+@dataclass(frozen=True)
+class Media:
+    """What surrounds a model: the state of every gas node, and what falls on outer surfaces.
+
+    Parameters
+    ----------
+    environments : dict     Gas node -> Environment; ``*`` stands for every gas not named; one atmosphere where none is given.
+    as_printed : bool       Whether convection is set to zero as the source document does, radiation inside it included: a bound.
+    irradiation : dict      Surface -> what falls on it; ``*`` for every surface outdoors.
+    seconds : float         How long the run lasts that the signals of gases are drawn for. [s]
+    memo : Memo             States of gases, and winds in time.
+    """
+
+    environments: Mapping[str, Environment] = field(default_factory=dict)
+    as_printed: bool = False
+    irradiation: Mapping[str, Irradiation | Sky] = field(default_factory=dict)
+    seconds: float = 0.0
+    memo: Memo = field(init=False, default_factory=Memo, compare=False, repr=False)
+
+    def signals(self) -> dict[str, Signal]:
+        """Return what rows of gases that change in time are multiplied by."""
+        out: dict[str, Signal] = {}
+        for gas, environment in self.environments.items():
+            p = self._pressure(gas, environment)
+            if environment.wind.bounds[1] > 0.0 and not (isinstance(p, Constant) and isinstance(environment.wind, Constant)):
+                out |= {f"wind {gas} {k}": w for k, w in enumerate(shares(*self._stream(gas, p, environment)))}
+            if isinstance(p, Constant):
+                continue
+            if isinstance(p, TableSignal) and self._jumps(p):
+                out[f"gas {gas}"] = p.mapped(_present)
+                out[f"no gas {gas}"] = p.mapped(lambda level: 1.0 - _present(level))
+            natural = sampled(p, self.seconds).mapped(environment.natural)
+            out[f"pressure {gas}"] = p
+            out[f"natural {gas}"] = natural
+            out[f"rest {gas}"] = natural.mapped(lambda share: 1.0 - share)
+        return out
+
+    def _pressure(self, gas: str, environment: Environment) -> Signal:
+        """Return the pressure of a gas node, that of a vented volume worked out."""
+        pressure: Signal = environment.pressure.drawn(self.seconds)
+        if not environment.vented:
+            return pressure
+        if environment.vented == gas or self._environment(environment.vented).vented:
+            raise ScenarioError(f"'{gas}' is vented to '{environment.vented}', which has no pressure of its own.", "environment")
+        outside = self._environment(environment.vented).pressure.drawn(self.seconds)
+        return vented(pressure, outside, environment.time_constant, f"environment.{gas}")
+
+    def pressure(self, gas: str) -> Signal:
+        """Return the pressure of a gas node in time; gases that share one share the signal. [Pa]"""
+        key = self._key(gas)
+        return self.memo.made(("pressure", key), lambda: self._pressure(key, self._environment(key)))
+
+    def gas(self, gas: str) -> str:
+        """Return which gas a gas node is."""
+        return self._environment(gas).gas
+
+    def _key(self, gas: str) -> str:
+        return gas if gas in self.environments else "*"
+
+    def _environment(self, gas: str) -> Environment:
+        return self.environments.get(self._key(gas), GROUND)
+
+    def _jumps(self, p: Signal) -> bool:
+        """Return whether a pressure only jumps between that of the ground and vacuum."""
+        if not (isinstance(p, TableSignal) and p.held):
+            return False
+        levels = p.levels
+        air = (levels >= AIR_RANGE[0]) & (levels <= AIR_RANGE[1])
+        return bool((air | (levels <= VACUUM_LIMIT)).all())
+
+    def _state(self, gas: str) -> str:
+        """Return air, vacuum, jumping or thin for a gas node; asked for every conductor of every evaluation, worked out once."""
+        key = self._key(gas)
+        return self.memo.made(("state", key), lambda: self._state_of(key))
+
+    def _state_of(self, gas: str) -> str:
+        environment = self._environment(gas)
+        p = self._pressure(gas, environment)
+        lowest, highest = p.bounds
+        if highest <= VACUUM_LIMIT:
+            return "vacuum"
+        if abs(environment.gravity - STANDARD_GRAVITY) > 0.01 * STANDARD_GRAVITY:
+            return "thin"
+        if lowest >= AIR_RANGE[0] and highest <= AIR_RANGE[1]:
+            return "air"
+        return "jumping" if self._jumps(p) else "thin"
+
+    def _gas(self, gas: str, where: str) -> GasState:
+        """Return a gas as rows see it."""
+        key, environment = self._key(gas), self._environment(gas)
+        p = self._pressure(key, environment)
+        kind = gas_named(environment.gas, where)
+        steady, wind = isinstance(p, Constant), environment.wind
+        base = (
+            GasState(kind, p.value, float(environment.natural(p.value))) if isinstance(p, Constant) else GasState(kind, 1.0, 1.0, key=key)
+        )
+        if wind.bounds[1] == 0.0:
+            return base
+        if steady and isinstance(wind, Constant):
+            return replace(base, wind=wind.value)
+        return replace(base, levels=tuple(self._stream(key, p, environment)[1].tolist()), gust=f"wind {key}")
+
+    def _stream(self, key: str, pressure: Signal, environment: Environment) -> tuple[TableSignal, Array]:
+        """Return the wind of a gas in time, thinned as its gas is, and the levels between which it is interpolated. [m/s]"""
+
+        def made() -> tuple[TableSignal, Array]:
+            course = stream(environment.wind, pressure, self.seconds)
+            return course, levels_of(course)
+
+        return self.memo.made(("stream", key), made)
+
+    def empty(self, gas: str) -> bool:
+        """Return whether there is no gas at a gas node at any time."""
+        return self._state(gas) == "vacuum"
+
+    def made_in(self, gas: str) -> MadeIn:
+        """Return the state of a gas that stays, for a model that is reduced in it."""
+        environment = self._environment(gas)
+        wind = environment.wind.bounds[1]
+        return MadeIn(self.lowest(gas), environment.gravity, environment.gas, wind)
+
+    def as_made(self, gas: str, made: MadeIn) -> bool:
+        """Return whether a gas, ``*`` for every one, is at all times in the state in which a model was reduced."""
+        if gas == "*":
+            return all(self.as_made(each, made) for each in self.environments if each != "*") and self._as_made("*", made)
+        return self._as_made(self._key(gas), made)
+
+    def _as_made(self, key: str, made: MadeIn) -> bool:
+        environment = self._environment(key)
+        lowest, highest = self._pressure(key, environment).bounds
+        if made.pressure <= VACUUM_LIMIT:
+            return highest <= VACUUM_LIMIT
+        low, high = AIR_RANGE if AIR_RANGE[0] <= made.pressure <= AIR_RANGE[1] else (0.99 * made.pressure, 1.01 * made.pressure)
+        alike = abs(environment.gravity - made.gravity) <= 0.01 * STANDARD_GRAVITY and environment.gas == made.gas
+        winds = np.array(environment.wind.bounds)
+        return alike and bool(lowest >= low and highest <= high and (np.abs(winds - made.wind) <= 0.01 * made.wind).all())
+
+    def lowest(self, gas: str) -> float:
+        """Return the lowest pressure that a gas node has. [Pa]"""
+        key = self._key(gas)
+        return self._pressure(key, self._environment(key)).bounds[0]
+
+    def changed(self, gas: str) -> bool:
+        """Return whether a gas is at any time another than air on the ground."""
+        return self._state(gas) != "air" or self._environment(gas).gas != "air"
+
+    def buoyancy(self, c: FlatConductor, temperature: Array, times: Array) -> Array:
+        """Return g beta / (nu alpha) (times,) of what fills a gap; times difference and cube of length, Ra. [1/(K m^3)]"""
+        environment = self._environment(c.gas)
+        gas = gas_named(c.words.get("gas", environment.gas), c.where)
+        pressure = self._pressure(self._key(c.gas), environment).at(times)
+        at = gas.at(temperature, np.maximum(pressure, 1e-30))
+        return np.asarray(environment.gravity * at.expansion_at(temperature) / (at.kinematic_viscosity * at.thermal_diffusivity()))
+
+    def remarks(self, conductors: Iterable[FlatConductor]) -> tuple[str, ...]:
+        """Return a sentence for each wind that does not reach a fixed coefficient."""
+        every, out = list(conductors), []  # type: list[FlatConductor], list[str]
+        for gas in dict.fromkeys(c.gas for c in every):
+            if self._environment(gas).wind.bounds[1] > 0.0:
+                fixed = [c.path for c in every if c.gas == gas and c.kind in ("convection", "effective") and "htc.length" not in c.fields]
+                out += [
+                    f"the wind in '{gas}' has no effect on {', '.join(repr(p) for p in fixed)}: its coefficient is a fixed value. "
+                    f"Give htc = {{ length = ... }} to compute it from a correlation that includes wind"
+                ] * bool(fixed)
+        return tuple(out)
+
+    def rows(self, c: FlatConductor, law: Law, fields: Mapping[str, Number], emissivity: Number | None) -> tuple[ConductorRow, ...]:
+        """Return the rows that a conductor is, in the state of its gas.
+
+        Raises
+        ------
+        ScenarioError   When an effective coefficient meets another pressure without an emissivity to keep, or another gas.
+        """
+
+        def row(law: Law, signal: str = "") -> tuple[ConductorRow]:
+            return (ConductorRow(c.path, c.ends, law, c.curve, signal),)
+
+        if law.medium in ("solid", "radiation"):
+            return row(law)
+        state = self._state(c.gas)
+        if law.medium == "left":
+            return self._left(c, law, state)
+        if law.medium == "fin":
+            return self._fin(c, law, state)
+        if law.medium in ("rest", "correlation", "duct"):
+            at = self._gas(c.gas, c.where)
+            if law.medium == "duct":
+                return (ducted(c, law, at),)
+            if at.pressure == 0.0:
+                return row(Law("linear", (0.0 * law.coefficients[0],)))
+            return gap(c, law, at) if law.medium == "rest" else correlated(c, law, at)
+        if state == "air" and self._environment(c.gas).gas == "air":
+            return row(law)
+        gone = row(law.scaled(0.0))
+        if state == "vacuum" and (law.medium == "gas" or self.as_printed):
+            return gone
+        if self.as_printed and state == "jumping":
+            return row(law, f"gas {self._key(c.gas)}")
+        if state == "vacuum":
+            return gone if c.sees else row(Law("radiation", self._kept(c, fields, emissivity)))
+        return self._changed(c, law, fields, emissivity, state)
+
+    def _changed(
+        self, c: FlatConductor, law: Law, fields: Mapping[str, Number], emissivity: Number | None, state: str
+    ) -> tuple[ConductorRow, ...]:
+        """Return the rows of a coefficient that was fitted in air on the ground, where the gas is another or changes."""
+        environment = self._environment(c.gas)
+        if environment.gas != "air":
+            raise ScenarioError(
+                f"the coefficient of '{c.path}' applies to air and is not valid in {environment.gas}. Give a correlation, or a gap.",
+                c.where,
+            )
+        radiation: tuple[ConductorRow, ...] = ()
+        kept = self._kept(c, fields, emissivity) if law.medium == "mixed" and not (self.as_printed or c.sees) else ()
+        if state == "jumping":
+            key = self._key(c.gas)
+            present = ConductorRow(c.path, c.ends, law, c.curve, f"gas {key}")
+            return (present, ConductorRow(c.path, c.ends, Law("radiation", kept), None, f"no gas {key}")) if kept else (present,)
+        at = self._gas(c.gas, c.where)
+        if kept:
+            share = 1.0 if at.key else 1.0 - at.natural
+            radiation = (ConductorRow(c.path, c.ends, Law("radiation", (share * kept[0],)), None, at.named("rest")),)
+        return *thinned(c, law, fields["area"], at), *radiation
+
+    def _left(self, c: FlatConductor, law: Law, state: str) -> tuple[ConductorRow, ...]:
+        """Return the row of the radiation that an effective coefficient leaves to what its surface sees, for the gas that is gone."""
+        share, signal = {"air": (0.0, ""), "vacuum": (1.0, ""), "jumping": (1.0, f"no gas {self._key(c.gas)}")}.get(state, (0.0, "thin"))
+        if signal == "thin":
+            at = self._gas(c.gas, c.where)
+            share, signal = (1.0 if at.key else 1.0 - at.natural), at.named("rest")
+        return (ConductorRow(c.path, c.ends, law.scaled(0.0 if self.as_printed else share), None, signal),)
+
+    def _fin(self, c: FlatConductor, law: Law, state: str) -> tuple[ConductorRow, ...]:
+        """Return the rows of a lead's conductance: that in air, and that without, each for its share of the gas."""
+        air, bare, *radiating = law.coefficients
+
+        def row(conductance: Number, signal: str = "") -> ConductorRow:
+            return ConductorRow(c.path, c.ends, Law("linear", (conductance,)), None, signal)
+
+        if "to" not in c.words:
+            return (row(bare),)
+        if state == "air" and self._environment(c.gas).gas == "air":
+            return (row(air),)
+        if not (radiating or self.as_printed):
+            raise self._unknown_share(c)
+        remaining = bare if self.as_printed else radiating[0]
+        if state == "vacuum":
+            return (row(remaining),)
+        if self._environment(c.gas).gas != "air":
+            raise ScenarioError(
+                f"the coefficient of '{c.path}' applies to air and is not valid in {self._environment(c.gas).gas}. Give a "
+                f"correlation: htc = {{ length = ... }}.",
+                c.where,
+            )
+        if state == "jumping":
+            key = self._key(c.gas)
+            return row(air, f"gas {key}"), row(remaining, f"no gas {key}")
+        at = self._gas(c.gas, c.where)
+        share = (1.0, 1.0) if at.key else (at.natural, 1.0 - at.natural)
+        return row(share[0] * air, at.named("natural")), row(share[1] * remaining, at.named("rest"))
+
+    @staticmethod
+    def _unknown_share(c: FlatConductor) -> ScenarioError:
+        return ScenarioError(
+            f"the coefficient of '{c.path}' is effective: it includes radiation, which remains in vacuum. Give the surface's "
+            "emissivity or finish. Or use --as-printed: it sets the whole coefficient to zero, and the temperatures are then an "
+            "upper bound.",
+            c.where,
+        )
+
+    def _kept(self, c: FlatConductor, fields: Mapping[str, Number], emissivity: Number | None) -> tuple[Number, ...]:
+        """Return the radiation that an effective coefficient leaves without gas."""
+        if emissivity is None:
+            raise self._unknown_share(c)
+        return (radiation_coefficient(emissivity, fields["area"]),)
+
+
+def _present(pressure: Array) -> Array:
+    """Return 1 where there is gas at a pressure [Pa] and 0 where there is none (times,). [-]"""
+    return np.asarray(pressure > VACUUM_LIMIT, dtype=float)
+
+
+THIN = 0.01 * ATMOSPHERE
+"""Pressure at which natural convection is a tenth of that on the ground, (p/p0)^(1/2): radiation is most of what a surface gives. [Pa]"""
+TRACE = 1e-9
+"""Conductance that stays with gas that is gone, so that its node has a temperature, that of what is around it. [W/K]"""
+SOLID = ("conduction", "contact", "table", "heat_pipe")
+"""Kinds of conductors that gas has no part in."""
+
+
+def refuse_unsaid(media: Media, flat: Flat) -> None:
+    """Refuse surfaces that say nothing of what is left to them in the gas of a run, or without, and reduced models in another gas.
+
+    Raises
+    ------
+    ScenarioError   When a surface or lead has a convection alone and its gas is gone at any time; when a surface has radiation alone in a
+                    gas; when a reduced model is not in the gas that it was made in.
+    """
+    thin = {} if media.as_printed else {path: gas for path, gas in bare(flat).items() if media.lowest(gas) <= VACUUM_LIMIT}
+    if thin:
+        has, them = ("have", "them") if len(thin) > 1 else ("has", "it")
+        raise ScenarioError(
+            f"{quoted(list(thin))} {has} htc but no emissivity. Without gas in {_gases(thin)} no heat would leave {them}. Give an "
+            "emissivity or a finish, or emissivity = 0 if that is intended.",
+            _where(flat, next(iter(thin))),
+        )
+    filled = {path: gas for path, gas in still(flat).items() if not media.empty(gas)}
+    if filled:
+        has, they = ("have", "they") if len(filled) > 1 else ("has", "it")
+        raise ScenarioError(
+            f"{quoted(list(filled))} {has} an emissivity and no htc: in the gas of {_gases(filled)} {they} would have no convection. "
+            f"Give htc as a value or from a correlation, htc = {{ length = ... }}, or htc = 0 if that is intended. For vacuum give "
+            "environment, pressure = '0 [Pa]' (--vacuum).",
+            _where(flat, next(iter(filled))),
+        )
+    for title, gas, state, where in flat.made_in:
+        if not media.as_made(gas, state):
+            of = "its gas" if gas == "*" else f"'{gas}'"
+            raise ScenarioError(
+                f"'{title}' was reduced with {of} in one state, {state}, and its conductances are valid there only. Reduce the full "
+                "model again in the state of this run.",
+                where,
+            )
+
+
+def _gases(gases: Mapping[str, str]) -> str:
+    return quoted(list(dict.fromkeys(gases.values())))
+
+
+def _where(flat: Flat, path: str) -> str:
+    """Return the place of a surface or of a lead."""
+    face = flat.faces.get(path)
+    return face.where if face else next(c.where for c in flat.conductors if c.path.startswith(path))
+
+
+def traced(media: Media, flat: Flat) -> frozenset[str]:
+    """Return the conductors that keep `TRACE`: to inner gas that is gone at any time and that no load heats."""
+    heated = {load.node for load in flat.loads}
+    gone = {gas for gas in gas_nodes(flat) - heated if media.lowest(gas) <= VACUUM_LIMIT}
+    return frozenset(c.path for c in flat.conductors if c.kind in ("convection", "effective") and c.gas in gone)
+
+
+def gas_remarks(media: Media, flat: Flat, values: Mapping[str, Any]) -> tuple[str, ...]:
+    """Return what stops and what stays in each gas that is gone at any time, and what is not counted where gas is thin or walls are apart.
+
+    Parameters
+    ----------
+    values : dict   Parameter path -> value. [SI]
+    """
+    out = []
+    gone = {c.gas for c in flat.conductors if c.gas and media.lowest(c.gas) <= VACUUM_LIMIT and not media.as_printed}
+    stops = [path for path, c in _through_gas(flat).items() if c.gas in gone and not _radiates(flat, path, c, values)]
+    if stops:
+        out.append(f"without gas no heat flows through {quoted(stops)}")
+    around = gone & surrounding(flat)
+    stays = [c.path for c in flat.conductors if c.kind in SOLID and around & set(c.ends)]
+    if stays:
+        end, stay = ("end", "stay") if len(stays) > 1 else ("ends", "stays")
+        ends = dict.fromkeys(e for c in flat.conductors if c.path in stays for e in c.ends if e in around)
+        out.append(
+            f"{quoted(stays)} {end} in {quoted(list(ends))} and {stay} without its gas. If this path leads through the gas, give it "
+            "kind convection or gas"
+        )
+    thin = [path for path, gas in bare(flat).items() if VACUUM_LIMIT < media.lowest(gas) < THIN]
+    if thin and not media.as_printed:
+        has = "have" if len(thin) > 1 else "has"
+        out.append(
+            f"{quoted(thin)} {has} no emissivity, so its radiation is not modelled; in gas as thin as this it is most of the "
+            "heat. Give an emissivity"
+        )
+    whole = [c.path for c in flat.conductors if c.kind == "effective" and c.sees and not media.empty(c.gas)]
+    if whole:
+        out.append(
+            f"the radiation in the effective coefficient of {quoted(whole)} goes to the gas node, not to the surfaces it sees; "
+            "`thermid split` separates the two"
+        )
+    return tuple(out)
+
+
+def _through_gas(flat: Flat) -> dict[str, FlatConductor]:
+    """Return what carries heat through gas alone, or through gas and by radiation: surfaces, gaps, leads by their paths in a deck."""
+    paths = {c.path: c for c in flat.conductors if c.kind in ("convection", "effective", "gas")}
+    leads = (c for c in flat.conductors if c.kind == "lead" and {"htc", "effective_htc"} & set(c.fields))
+    return paths | {c.path.removesuffix(".first").removesuffix(".second"): c for c in leads}
+
+
+def _radiates(flat: Flat, path: str, c: FlatConductor, values: Mapping[str, Any]) -> bool:
+    """Return whether something of a surface or lead is left without gas."""
+    face = flat.faces.get(path)
+    emissivity = face.fields.get("emissivity", "") if face else c.fields.get("emissivity", "")
+    return bool(emissivity) and bool(values[emissivity] != 0.0)

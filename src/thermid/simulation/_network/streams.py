@@ -1,0 +1,288 @@
+"""Streams of gas in a network: their mass by the pressure and temperature of their sources, and vacuum that stops them.
+
+A stream of gas is fixed in mass (`mass_flow`) or in volume (`volume_flow`). A volume is that which enters the line where it begins: from
+there on every stream of the line carries that mass, whatever temperature it takes. Where lines meet, masses add.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass, field
+from functools import cached_property
+from typing import Any, Final
+
+import numpy as np
+
+from thermid.base.dual import Number
+from thermid.base.errors import ScenarioError, quoted
+from thermid.base.memo import Memo
+from thermid.model.elements import Law
+from thermid.model.laws import Constant, Drawn, Mixed, Signal
+from thermid.model.tree import Flat, FlatConductor, by_volume, flow_of, fluid_of, streams_of, unfed
+from thermid.physics.constants import ATMOSPHERE, ICE_POINT
+from thermid.physics.gas import GASES
+from thermid.simulation._network.medium import AIR_RANGE, VACUUM_LIMIT, Media
+from thermid.simulation._network.rows import ConductorRow
+
+STANDARD: Final = 293.15
+"""Temperature of the density of a gas whose source has no temperature of its own, and of its specific heat. [K]"""
+
+
+@dataclass(frozen=True, eq=False)
+class Streams:
+    """The streams of gas of a network, and how their mass follows pressures and the temperatures of their sources.
+
+    Parameters
+    ----------
+    conductors : tuple      Streams of a gas.
+    shares : dict           Stream -> source -> share of its flow that comes from there, both by path; a source is the stream that begins
+                            a line at a boundary, or a stream of a loop that begins nowhere. [-]
+    lines : dict            Stream -> nodes of the streams that are joined with it.
+    unfed : dict            What is said of streams of no fluid that leave a gas node which none enters, by path.
+    media : Media
+    memo : Memo             Courses that were worked out.
+    """
+
+    conductors: tuple[FlatConductor, ...]
+    shares: Mapping[str, Mapping[str, float]]
+    lines: Mapping[str, tuple[str, ...]]
+    unfed: Mapping[str, str]
+    media: Media
+    memo: Memo = field(init=False, default_factory=Memo, compare=False, repr=False)
+
+    @classmethod
+    def of(cls, flat: Flat, values: Mapping[str, Any], media: Media) -> Streams:
+        """Return the streams of gas of a network.
+
+        Raises
+        ------
+        ScenarioError   When a stream that names no fluid has another pressure than that of the ground at an end.
+        """
+        _check_named(flat, media)
+        gas, inner = tuple(c for c in streams_of(flat.conductors) if fluid_of(c) in GASES), {n.path for n in flat.nodes}
+        return cls(gas, _shares(gas, values, inner), _lines(gas, inner), unfed(flat), media)
+
+    def __contains__(self, path: str) -> bool:
+        """Whether a conductor is a stream of gas."""
+        return path in self.shares
+
+    def sources(self, path: str) -> dict[str, float]:
+        """Return node -> share of a stream's flow that comes from it. [-]"""
+        out: dict[str, float] = {}
+        for source, share in self.shares[path].items():
+            node = self._named[source].ends[0]
+            out[node] = out.get(node, 0.0) + share
+        return out
+
+    def course(self, path: str, temperatures: Mapping[str, Signal]) -> Drawn:
+        """Return the mass flow of a stream over that with its gas at one atmosphere and 20 degC, in time; zero where a gas is gone. [-]
+
+        Parameters
+        ----------
+        path : str              Of the stream.
+        temperatures : dict     Boundary -> temperature; a source that is not among them has 20 degC. [K]
+        """
+        sources = self.sources(path) if by_volume(self._named[path]) else {}
+        line = self.lines[path]
+        pressures, place = self.memo.made(line, lambda: self._pressures(line))
+        warm = {n: temperatures[n] for n in sources if n in temperatures}
+        place_of = {n: len(pressures) + k for k, n in enumerate(warm)}
+
+        def flow(*given: Any) -> Any:
+            present = np.all([p > VACUUM_LIMIT for p in given[: len(pressures)]], axis=0)
+            if not sources:
+                return 1.0 * present
+            dense = [given[place[n]] / ATMOSPHERE * (STANDARD / given[place_of[n]] if n in place_of else 1.0) for n in sources]
+            return sum(share * each for share, each in zip(sources.values(), dense, strict=True)) * present
+
+        return Mixed(flow, (*pressures, *warm.values())).drawn(self.media.seconds)
+
+    def _pressures(self, line: tuple[str, ...]) -> tuple[list[Signal], dict[str, int]]:
+        """Return the pressures of a line, one for all gases that share it, and node -> its place among them."""
+        pressures = {n: self.media.pressure(n) for n in line}
+        distinct = {id(s): s for s in pressures.values()}
+        return list(distinct.values()), {n: list(distinct).index(id(s)) for n, s in pressures.items()}
+
+    def still(self, path: str) -> Drawn:
+        """Return the course of a stream whose sources have 20 degC: what a network without a scenario's temperatures has. [-]"""
+        return self.memo.made(path, lambda: self.course(path, {}))
+
+    def row(self, c: FlatConductor, law: Law) -> ConductorRow:
+        """Return the row of a stream of gas: its heat capacity rate at the density of its gas."""
+        rate, course = law.scaled(self._standard(c)), self.still(c.path)
+        if isinstance(course, Constant):
+            return ConductorRow(c.path, c.ends, rate.scaled(course.value))
+        return ConductorRow(c.path, c.ends, rate, None, signal_of(c.path))
+
+    @staticmethod
+    def _standard(c: FlatConductor) -> float:
+        """Return what a flow as written lacks with its gas at one atmosphere and 20 degC: density and specific heat, multiplied."""
+        gas = GASES[fluid_of(c)]
+        density = ATMOSPHERE / (gas.constant * STANDARD) if by_volume(c) else 1.0
+        return density * (1.0 if "specific_heat" in c.fields else float(gas.cp(STANDARD)))
+
+    def written(self, path: str, rate: float, specific_heat: float) -> tuple[str, float]:
+        """Return the field of a stream and its flow [m^3/s or kg/s] at which it has a heat capacity rate [W/K]; none where it stands still.
+
+        Parameters
+        ----------
+        path : str              Of the stream.
+        rate : float            As its row has it. [W/K]
+        specific_heat : float   Written beside the flow. [J/(kg K)]
+        """
+        c, course = self._named[path], self.still(path)
+        gas, factor = GASES[fluid_of(c)], course.value if isinstance(course, Constant) else 1.0
+        density = ATMOSPHERE / (gas.constant * STANDARD) if by_volume(c) else 1.0
+        return ("volume_flow" if by_volume(c) else "mass_flow"), rate / (factor * density * specific_heat) if factor else 0.0
+
+    def signals(self) -> dict[str, Signal]:
+        """Return what rows of streams are multiplied by where the pressure of a gas changes in time."""
+        return {signal_of(c.path): s for c in self.conductors if not isinstance(s := self.still(c.path), Constant)}
+
+    def shifted(self, path: str, boundaries: Mapping[str, Signal], offsets: Mapping[str, Number]) -> Number:
+        """Return the factor on a stream's mass of sources that are warmer than their signals, by what is free. [-]
+
+        Parameters
+        ----------
+        boundaries : dict   Boundary -> its signal. [K]
+        offsets : dict      Boundary -> temperature where the signal is constant, else what is added to it. [K]
+        """
+        sources = {n: share for n, share in self.sources(path).items() if n in offsets}
+        if not sources or not by_volume(self._named[path]):
+            return 1.0
+        before: Number = 1.0 - sum(sources.values())
+        after: Number = before
+        for n, share in sources.items():
+            boundary = boundaries[n]
+            mean = boundary.mean_over(0.0, self.media.seconds)
+            now = offsets[n] if isinstance(boundary, Constant) else offsets[n] + mean
+            before, after = before + share / mean * STANDARD, after + share * STANDARD / now
+        return after / before
+
+    def remarks(self, end: float) -> Iterator[str]:
+        """Yield what a reader of a run must know of its streams; `end` of it [s]."""
+        yield from self.unfed.values()
+        stopped: dict[tuple[str, float], list[FlatConductor]] = {}
+        for c in self.conductors:
+            gone = self._gone(c.path, end)
+            if gone is not None:
+                stopped.setdefault((fluid_of(c), gone), []).append(c)
+        for (fluid, begin), group in stopped.items():
+            which, many = quoted([c.path for c in group]), len(group) > 1
+            empty = [n for n in dict.fromkeys(n for c in group for n in self.lines[c.path]) if self._emptied(n, end)]
+            when = f" from {begin:g} s" if begin > 0.0 else ""
+            yield f"{which} {'are' if many else 'is'} {fluid} and {'stop' if many else 'stops'} without gas in {quoted(empty)}{when}"
+        loops = [c.path for c in self.conductors if by_volume(c) and set(self.sources(c.path)) <= self._inner]
+        if loops:
+            density = "their density is that" if len(loops) > 1 else "its density is that"
+            yield f"{quoted(loops)} {'come' if len(loops) > 1 else 'comes'} from no boundary: {density} at {STANDARD - ICE_POINT:g} degC"
+        for c in self.conductors:
+            other = {n: self.media.gas(n) for n in c.ends if self.media.gas(n) != fluid_of(c)}
+            if other:
+                kind = next(iter(other.values()))
+                yield (
+                    f"'{c.path}' is {fluid_of(c)}, and the gas of {quoted(list(other))} is {kind} for convection there. Give both the "
+                    "same gas, in the environment or as the fluid"
+                )
+
+    @cached_property
+    def _named(self) -> dict[str, FlatConductor]:
+        return {c.path: c for c in self.conductors}
+
+    @property
+    def _inner(self) -> set[str]:
+        """Nodes that a stream of gas enters."""
+        return {c.ends[1] for c in self.conductors}
+
+    def _gone(self, path: str, end: float) -> float | None:
+        """Return the first instant of a run at which a stream stands still for want of gas; None where it never does. [s]"""
+        course = self.still(path)
+        if isinstance(course, Constant):
+            return 0.0 if course.value == 0.0 else None
+        times = course.knots(0.0, end)
+        none = (course.at(times) == 0.0) & (times < end)
+        return float(max(times[none.argmax()], 0.0)) if none.any() else None
+
+    def _emptied(self, node: str, end: float) -> bool:
+        pressure = self.media.pressure(node)
+        return bool((pressure.at(np.append(pressure.knots(0.0, end), end)) <= VACUUM_LIMIT).any())
+
+
+def signal_of(path: str) -> str:
+    """Return the name of the input that a stream's row is multiplied by."""
+    return f"stream {path}"
+
+
+def _shares(streams: Sequence[FlatConductor], values: Mapping[str, Any], inner: set[str]) -> dict[str, dict[str, float]]:
+    """Return stream -> source -> share of its flow, from the mixing in every node: what a node passes on is the mixture that enters it.
+
+    With the flow m of each stream and the shares x of each node, x_n sum(m into n) = sum(m x of the first end), a source counting itself.
+    """
+    entered = [n for n in dict.fromkeys(c.ends[1] for c in streams) if n in inner]
+    first = _fed(streams, entered)
+    index = {n: k for k, n in enumerate(entered) if n in first}
+    origins = [c.path for c in streams if c.ends[0] not in index]
+    flows = {c.path: float(flow_of(c, values)) for c in streams}
+    least = 1e-12 * max(flows.values(), default=0.0) or 1.0
+    matrix, right = np.zeros((len(entered), len(entered))), np.zeros((len(entered), len(origins)))
+    for c in streams:
+        flow = max(flows[c.path], least)
+        if c.ends[1] not in index:
+            continue
+        k = index[c.ends[1]]
+        matrix[k, k] += flow
+        if c.ends[0] in index:
+            matrix[k, index[c.ends[0]]] -= flow
+        else:
+            right[k, origins.index(c.path)] += flow
+    rows = list(index.values())
+    mixed = dict(zip(index, np.linalg.solve(matrix[np.ix_(rows, rows)], right[rows]), strict=True)) if rows else {}
+    out = {}
+    for c in streams:
+        x = mixed.get(c.ends[0])
+        out[c.path] = {c.path: 1.0} if x is None else {s: float(v) for s, v in zip(origins, x, strict=True) if v > 0.0}
+    return out
+
+
+def _fed(streams: Sequence[FlatConductor], entered: Sequence[str]) -> set[str]:
+    """Return the nodes that a stream from a boundary reaches."""
+    after: dict[str, list[str]] = {}
+    for c in streams:
+        after.setdefault(c.ends[0], []).append(c.ends[1])
+    inner = set(entered)
+    out: set[str] = set()
+    todo = [n for start, ends in after.items() if start not in inner for n in ends]
+    while todo:
+        node = todo.pop()
+        if node in inner and node not in out:
+            out.add(node)
+            todo += after.get(node, ())
+    return out
+
+
+def _lines(streams: Sequence[FlatConductor], inner: set[str]) -> dict[str, tuple[str, ...]]:
+    """Return stream -> nodes of all streams that are joined with it by inner nodes that gas passes through."""
+    passed = {c.ends[0] for c in streams} & {c.ends[1] for c in streams} & inner
+    line: dict[str, list[str]] = {}
+    for c in streams:
+        joined = list(dict.fromkeys(id(line[n]) for n in c.ends if n in passed and n in line))
+        lines = {id(each): each for each in line.values()}
+        nodes = list(dict.fromkeys([*(n for key in joined for n in lines[key]), *c.ends]))
+        line |= dict.fromkeys((n for n in nodes if n in passed), nodes)
+    return {c.path: tuple(next((line[n] for n in c.ends if n in passed), c.ends)) for c in streams}
+
+
+def _check_named(flat: Flat, media: Media) -> None:
+    """Refuse a stream that names no fluid where the pressure at an end is another than that of the ground."""
+    for c in streams_of(flat.conductors):
+        off = [n for n in c.ends if not _on_ground(media.pressure(n))]
+        if off and not fluid_of(c):
+            raise ScenarioError(
+                f"'{c.path}' has no fluid, and the pressure in {quoted(off)} is not atmospheric. The flow of a gas depends on "
+                'pressure, that of a liquid does not. Write fluid = "air" (or another gas; its density then follows), or fluid = "liquid".',
+                c.where,
+            )
+
+
+def _on_ground(pressure: Signal) -> bool:
+    return pressure.bounds[0] >= AIR_RANGE[0] and pressure.bounds[1] <= AIR_RANGE[1]

@@ -1,0 +1,232 @@
+"""`Scenario`: what is done to the hardware - boundary temperatures, loads, schedules, the state of each gas, the start."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Collection, Iterator, Mapping
+from dataclasses import dataclass, field, replace
+from numbers import Real
+from typing import Any
+
+from thermid.base.errors import ScenarioError, refuse_unknown
+from thermid.base.units import TEMPERATURE
+from thermid.model.laws import Constant, Signal, TableSignal, check_span, literal, own_signal, signal
+from thermid.model.tree import Flat
+from thermid.simulation._network.environment import Environment
+from thermid.simulation._network.irradiation import Irradiation, Sky
+from thermid.simulation._network.medium import Media
+
+SLOTS = {"boundaries": TEMPERATURE, "loads": "W", "commands": "1", "prescribed": TEMPERATURE, "schedule": ""}
+"""Tables of signals, and what each holds; only the model knows the unit of a scheduled parameter."""
+STEADY = "steady"
+"""`start = "steady"`: the run starts where the inputs at its beginning would have settled; an instant or `MEAN` may follow a comma."""
+MEAN = "mean"
+"""`start = "steady, mean"`: where the means of the inputs would have settled."""
+PERIODIC = "periodic"
+"""`start = "periodic"`: the run starts where it comes back to after every period of its inputs."""
+
+
+@dataclass(frozen=True)
+class Start:
+    """A start that is looked for.
+
+    Parameters
+    ----------
+    kind : str      ``steady``, ``mean`` or ``periodic``.
+    time : float    Whose inputs are held, of a steady one. [s]
+    """
+
+    kind: str
+    time: float = 0.0
+
+    @classmethod
+    def of(cls, written: str | float, where: str) -> Start | None:
+        """Return what a start says, or None where it is a temperature or a boundary.
+
+        Raises
+        ------
+        ScenarioError   When a time is none, or lies before the run.
+        """
+        if not isinstance(written, str):
+            return None
+        head, _, rest = (part.strip() for part in written.partition(","))
+        if written.strip() == PERIODIC:
+            return cls(PERIODIC)
+        if head != STEADY:
+            return None
+        if rest in ("", MEAN):
+            return cls(rest or STEADY)
+        time = literal(rest, "s", where)
+        if time < 0.0:
+            raise ScenarioError("the time of a steady start must be zero or later.", where)
+        return cls(STEADY, time)
+
+
+@dataclass(frozen=True)
+class Scenario:
+    """What is done to a model.
+
+    Values may be written as texts with units, tables or signals (see `thermid.model._laws.signal.signal`); they are kept as signals.
+
+    Parameters
+    ----------
+    title : str             What it is.
+    boundaries : dict       Boundary -> temperature. [K]
+    loads : dict            Load -> power, in place of the deck's. [W]
+    commands : dict         Load -> command, which multiplies the deck's power; 1 is full power. [-]
+    gains : dict            Load -> parameter that takes the place of the deck's power where a command drives the load.
+    schedule : dict         Parameter path -> signal in the parameter's unit.
+    prescribed : dict       Node -> temperature that drives it. [K]
+    environment : dict      Gas node -> `Environment`; ``*`` for every gas not named.
+    irradiation : dict      Surface -> `Irradiation` on it; ``*`` -> the `Sky` over every surface outdoors.
+    start : str or float    A temperature, the name of a boundary (its temperature at the beginning), ``steady`` (settled under the inputs
+                            of time zero), ``steady, 2 [h]`` (of another time), ``steady, mean`` (under their means) or ``periodic`` (the
+                            state that comes back after every period of the inputs).
+    initial : dict          Node -> temperature or boundary name, where it differs from `start`.
+    duration : float        [s]
+    as_printed : bool       Vacuum as the source document prints it: every coefficient zero, radiation inside it included.
+    """
+
+    title: str = "scenario"
+    boundaries: Mapping[str, Any] = field(default_factory=dict)
+    loads: Mapping[str, Any] = field(default_factory=dict)
+    commands: Mapping[str, Any] = field(default_factory=dict)
+    gains: Mapping[str, str] = field(default_factory=dict)
+    schedule: Mapping[str, Any] = field(default_factory=dict)
+    prescribed: Mapping[str, Any] = field(default_factory=dict)
+    environment: Mapping[str, Environment] = field(default_factory=dict)
+    irradiation: Mapping[str, Irradiation | Sky] = field(default_factory=dict)
+    start: str | float = ""
+    initial: Mapping[str, Any] = field(default_factory=dict)
+    duration: str | float = 0.0
+    as_printed: bool = False
+
+    def __post_init__(self) -> None:
+        """Turn texts into signals, so that a mistake shows here and not in a run."""
+        for name in (*SLOTS, "gains", "environment", "irradiation", "initial"):
+            if not isinstance(getattr(self, name), Mapping):
+                raise ScenarioError(f"it takes a dictionary from names to values, not {getattr(self, name)!r}.", f"{self.title}, {name}")
+        for place, given in (("start", self.start), *((f"initial.{k}", v) for k, v in self.initial.items())):
+            if isinstance(given, bool) or not isinstance(given, str | Real):
+                raise ScenarioError(f"it takes a temperature or a name, not {given!r}.", f"{self.title}, {place}")
+        for name, slot in SLOTS.items():
+            if not slot:
+                by_itself = {k: own_signal(v, f"{self.title}, {name}.{k}") for k, v in getattr(self, name).items()}
+                object.__setattr__(self, name, by_itself)
+                continue
+            table = {k: signal(v, slot, f"{self.title}, {name}.{k}") for k, v in getattr(self, name).items()}
+            object.__setattr__(self, name, table)
+            for key, given in table.items() if slot == TEMPERATURE else ():
+                lowest = given.bounds[0]
+                if lowest < 0.0:
+                    raise ScenarioError(f"{lowest - 273.15:g} degC lies below 0 K.", f"{self.title}, {name}.{key}")
+        for gas, around in self.environment.items():
+            if not isinstance(around, Environment):
+                raise ScenarioError(
+                    f"it takes an environment, not {around!r}. Make one: td.simulation.Environment(...).",
+                    f"{self.title}, environment.{gas}",
+                )
+        seconds = float(self.duration) if isinstance(self.duration, Real) else literal(self.duration, "s", f"{self.title}, duration")
+        if not math.isfinite(seconds):
+            raise ScenarioError(
+                f"a duration of {seconds:g} s has no end. Give a finite duration, or request a steady state.",
+                f"{self.title}, duration",
+            )
+        if seconds < 0:
+            raise ScenarioError("the duration is below zero. Give a positive one.", f"{self.title}, duration")
+        object.__setattr__(self, "duration", seconds)
+
+    @property
+    def seconds(self) -> float:
+        """The duration. [s]"""
+        return float(self.duration)
+
+    def media(self) -> Media:
+        """Return the state of every gas, and what falls on outer surfaces."""
+        gases = {gas: e.mapped(lambda s: s.drawn(self.seconds)) for gas, e in self.environment.items()}
+        return Media(gases, self.as_printed, self.irradiation, self.seconds)
+
+    def signals(self) -> Iterator[tuple[str, Signal]]:
+        """Yield every signal with the place where the scenario has it; those of a schedule that are still text are left out."""
+        for table in SLOTS:
+            yield from ((f"{table}.{k}", v) for k, v in getattr(self, table).items() if isinstance(v, Signal))
+        for gas, e in self.environment.items():
+            yield f"environment.{gas}.pressure", e.pressure
+            yield f"environment.{gas}.wind", e.wind
+        for surface, falling in self.irradiation.items():
+            yield from ((f"irradiation.{surface}.{k}", v) for k, v in falling.signals().items())
+
+    def mapped(self, law: Callable[[Signal], Signal], but: Collection[str] = ()) -> Scenario:
+        """Return the scenario with what a law makes of each signal, but for some: of whole tables (``commands``) or single names."""
+
+        def each(name: str) -> dict[str, Any]:
+            given = getattr(self, name)
+            return {k: law(v) if isinstance(v, Signal) and not {name, k} & set(but) else v for k, v in given.items()}
+
+        tables: dict[str, Any] = {name: each(name) for name in SLOTS}
+        tables["environment"] = {gas: e if gas in but else e.mapped(law) for gas, e in self.environment.items()}
+        tables["irradiation"] = {face: falling if face in but else falling.mapped(law) for face, falling in self.irradiation.items()}
+        return replace(self, **tables)
+
+    def begun(self, seconds: float, but: Collection[str] = ()) -> Scenario:
+        """Return the scenario of a run that begins later: all that changes in time as it is from then on, but for some, as `mapped`. [s]
+
+        Sun and sky are worked out anew where their path is known. Tables are shifted and not cut, so nothing of them is lost.
+        """
+        if seconds == 0.0:
+            return self
+        moved = self.mapped(lambda s: s.shifted(seconds), but)
+        skies = {k: v.shifted(seconds) for k, v in self.irradiation.items() if isinstance(v, Sky) and k not in but}
+        return replace(moved, irradiation={**moved.irradiation, **skies})
+
+    def driven(self, flat: Flat) -> set[str]:
+        """Return the parameters that have a course of their own, and the numbers behind them: nothing else may move these."""
+        paths = {flat.names.model.canonical(p) for p in (*self.schedule, *self.gains.values())}
+        return {p for n in paths if n in flat.parameters.table for p in (n, flat.parameters.literal_behind(n))}
+
+    def check_spans(self) -> None:
+        """Refuse signals that end before the run, or begin after it: nothing says what holds there.
+
+        Raises
+        ------
+        ScenarioError   With what can be said of the time beyond.
+        """
+        for place, course in self.signals():
+            check_span(course, self.seconds, f"{self.title}, {place}")
+
+    def vacuum(self, as_printed: bool = False) -> Scenario:
+        """Return the same scenario without gas; sealed volumes keep theirs, vented ones lose it with their time constant.
+
+        Parameters
+        ----------
+        as_printed : bool   Set effective coefficients to zero as the source document does; an upper bound, since radiation goes too.
+        """
+        gone = {gas: e if e.sealed or e.vented else replace(e, pressure=Constant(0.0)) for gas, e in self.environment.items()}
+        gone.setdefault("*", Environment(Constant(0.0)))
+        label = "vacuum as printed (upper bound)" if as_printed else "vacuum"
+        return replace(self, title=f"{self.title}, {label}", environment=gone, as_printed=as_printed)
+
+    def with_(self, **changes: Any) -> Scenario:
+        """Return the scenario with fields changed; tables are merged, other fields replaced.
+
+        Raises
+        ------
+        ScenarioError   When there is no such field.
+        """
+        fields = self.__dataclass_fields__
+        refuse_unknown(changes, fields, self.title, "a scenario has no '{}'.", ScenarioError)
+        merged: dict[str, Any] = {k: {**getattr(self, k), **v} if isinstance(v, Mapping) else v for k, v in changes.items()}
+        return replace(self, **merged)
+
+
+def sampled_logs(scenario: Scenario) -> tuple[str, ...]:
+    """Return a sentence for the columns of logs whose samples nobody said to be averages or instants; none where there are none."""
+    assumed = [
+        place for place, course in scenario.signals() if isinstance(course, TableSignal) and course.log is not None and not course.samples
+    ]
+    if not assumed:
+        return ()
+    return (
+        f"samples of logs are taken as instants ({', '.join(assumed)}). State samples = 'instant', or samples = 'average' if the "
+        "logger gives means over the interval up to the stamp",
+    )

@@ -1,0 +1,355 @@
+"""`Simulator`: a model and a scenario made ready for many runs at other values."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
+from difflib import get_close_matches
+from functools import cached_property
+from typing import Any
+
+import numpy as np
+
+from thermid.base.arguments import takes_objects
+from thermid.base.dual import value_of
+from thermid.base.errors import NameNotFoundError, ScenarioError, cap, raising, refuse_unknown
+from thermid.base.linear_algebra import Array
+from thermid.base.units import TEMPERATURE
+from thermid.model.laws import Constant, literal
+from thermid.model.tree import Model, streams_of
+from thermid.simulation._ensemble import Ensemble, run_members
+from thermid.simulation._network.environment import Environment
+from thermid.simulation._network.medium import gas_remarks
+from thermid.simulation._network.network import Network, compile_network, unreached
+from thermid.simulation._scenarios.scenario import STEADY, Scenario, sampled_logs
+from thermid.simulation._solution import Run, Solution
+from thermid.simulation._solver.engine import Engine, settle
+from thermid.simulation._solver.problem import Options, Traces
+from thermid.simulation._solver.wiring import Wiring
+from thermid.values.spreads import read_spread
+from thermid.values.store import Distribution
+
+DEFAULT_SAMPLES = 301
+
+
+def network_for(model: Model, scenario: Scenario) -> Network:
+    """Return the model compiled for a scenario: its gases, and the nodes it drives."""
+    return compile_network(model, media=scenario.media(), prescribed=tuple(scenario.prescribed))
+
+
+def output_times(scenario: Scenario, every: str | float | None, times: Any) -> Array:
+    """Return the times at which a solution is stored. [s]
+
+    Raises
+    ------
+    ScenarioError   When the scenario has no duration, or times lie outside it or do not increase.
+    """
+    if scenario.seconds <= 0:
+        raise ScenarioError('a run needs a duration above zero: duration = "5 [h]", or --for "5 [h]".', f"{scenario.title}, duration")
+    if times is not None:
+        wanted = np.asarray(times, dtype=float)
+        if (
+            wanted.ndim != 1
+            or wanted.size == 0
+            or (np.diff(wanted) <= 0).any()
+            or wanted[0] < 0
+            or wanted[-1] > scenario.seconds * (1 + 1e-12)
+        ):
+            raise ScenarioError("output times must increase and lie within the duration.", scenario.title)
+        return wanted
+    if every is None:
+        return np.linspace(0.0, scenario.seconds, DEFAULT_SAMPLES)
+    step = literal(every, "s", f"{scenario.title}, every") if isinstance(every, str) else float(every)
+    if not step > 0:
+        raise ScenarioError("the interval of output must be above zero.", scenario.title)
+    if scenario.seconds / step > cap("outputs"):
+        raise ScenarioError(
+            f"an interval of {step:g} s would store {scenario.seconds / step:.3g} samples, of at most {cap('outputs'):,.0f}. "
+            f"Give a longer one.{raising('outputs')}",
+            scenario.title,
+        )
+    # a whole number of intervals may miss the duration, or pass it, by rounding
+    grid: Array = step * np.arange(int(scenario.seconds / step * (1.0 + 1e-12)) + 1, dtype=float)
+    if grid.size > 1 and np.isclose(grid[-1], scenario.seconds, rtol=1e-9, atol=0.0):
+        grid[-1] = scenario.seconds
+        return grid
+    return np.append(grid, scenario.seconds)
+
+
+@takes_objects
+def prepare(
+    model: Model,
+    scenario: Scenario,
+    free: Sequence[str] = (),
+    *,
+    every: str | float | None = None,
+    times: Any = None,
+    options: Options | None = None,
+) -> Simulator:
+    """Return a model and a scenario made ready for many runs at other values.
+
+    Parameters
+    ----------
+    model, scenario, every, times, options    As in `simulate`.
+    free : sequence of str      What may change from run to run: parameters, boundaries (a constant added to their signal),
+                                ``initial.<node>``, and ``scale.<load>`` (a factor on its power).
+
+    Raises
+    ------
+    ScenarioError       As in `simulate`.
+    NameNotFoundError   When a free name does not exist.
+    DeckError           When a free parameter is derived from others.
+    """
+    wanted = output_times(scenario, every, times)
+    network = network_for(model, scenario)
+    names = tuple(_free_name(network, n) for n in free)
+    if wanted.size * len(network.nodes) > cap("stored"):
+        raise ScenarioError(
+            f"{wanted.size:,} times of {len(network.nodes)} nodes are {wanted.size * len(network.nodes):.3g} temperatures to store, of at "
+            f"most {cap('stored'):.3g}. Give a longer interval.{raising('stored')}",
+            scenario.title,
+        )
+    wiring = Wiring(network, scenario, names)
+    return Simulator(model.title, wiring, Engine(wiring), wanted, options or Options())
+
+
+def _free_name(network: Network, raw: str) -> str:
+    """Return the canonical form of a name that may change."""
+    head, _, rest = raw.partition(".")
+    canonical = network.flat.names.model.canonical
+    if head in ("initial", "scale") and rest:
+        return f"{head}.{canonical(rest)}"
+    name = canonical(raw)
+    if name in network.boundaries:
+        return name
+    if any(load.path == name for load in network.flat.loads):
+        raise NameNotFoundError(
+            f"'{raw}' is a load: 'scale.{raw}' is a factor on its power, '{raw}.power' the power of the deck.",
+            network.flat.names.model.title,
+        )
+    if raw not in network.flat.parameters.table and network.boundaries:
+        close = get_close_matches(raw, network.boundaries, 1, 0.8)
+        if close:
+            raise NameNotFoundError(f"no parameter or boundary '{raw}'. Did you mean '{close[0]}'?", network.flat.names.model.title)
+    return network.flat.parameters.freeable(raw, canonical)
+
+
+@dataclass(frozen=True, eq=False)
+class Simulator:
+    """A model and a scenario made ready for many runs.
+
+    Parameters
+    ----------
+    title : str             The model's.
+    times : array (times,)  Times at which solutions are stored. [s]
+    options : Options       Tolerances and limits of the integrator.
+    """
+
+    title: str
+    _wiring: Wiring = field(repr=False)
+    _engine: Engine = field(repr=False)
+    times: Array = field(repr=False)
+    options: Options
+
+    @property
+    def wiring(self) -> Wiring:
+        """The network and scenario, wired to the kernel's coefficients."""
+        return self._wiring
+
+    @property
+    def engine(self) -> Engine:
+        """What runs it."""
+        return self._engine
+
+    @property
+    def free(self) -> tuple[str, ...]:
+        """What may change from run to run."""
+        return self._wiring.free
+
+    @cached_property
+    def nominal(self) -> Mapping[str, float]:
+        """Free name -> the value it has where none is given. [SI]"""
+        base = self._wiring.network.numbers().values
+        out = {}
+        for name in self.free:
+            head, _, node = name.partition(".")
+            if name in base:
+                out[name] = value_of(base[name])
+            elif head == "scale":
+                out[name] = 1.0
+            else:
+                out[name] = self._wiring.nominal(node if head == "initial" else name, start=head == "initial")
+        return out
+
+    @cached_property
+    def _remarks(self) -> tuple[str, ...]:
+        return _warnings(self._wiring, self._wiring.scenario)
+
+    def run(self, values: Mapping[str, float] | None = None, *, sensitivities: bool = False) -> Solution:
+        """Return the solution at some values of the free names.
+
+        Parameters
+        ----------
+        values : dict           Free name -> value; `nominal` where none is given. [SI]
+        sensitivities : bool    Whether to store derivatives with respect to the free names too; see `Solution.sensitivity`.
+
+        Raises
+        ------
+        NameNotFoundError   When a value is given for a name that is not free.
+        SolverError         As in `simulate`.
+        """
+        x = self.vector(values or {}) if self.free else None
+        assembled = self._engine.started(self._wiring.assemble(x, sensitivities), sensitivities)
+        nodes = assembled.reduced.nodes
+        wanted = sensitivities and bool(self.free)
+        options, end = self.options, self._wiring.scenario.seconds
+        answer = self._engine.integrate(assembled, self.times, nodes, end, options, wanted, options.extremes)
+        run = Run(self._wiring, self._engine, assembled, answer, self.times, options)
+        free = self.free if wanted else ()
+        return Solution(
+            self.title, self._wiring.scenario.title, self.times, run.all_nodes(), free, "ok", answer.statistics, self._remarks, run
+        )
+
+    @takes_objects
+    def ensemble(
+        self, draws: Mapping[str, Any], *, nodes: Sequence[str] | None = None, quantiles: Any = None, threads: int = 1, simd: str = "auto"
+    ) -> Ensemble:
+        """Return the runs of many members at once.
+
+        Parameters
+        ----------
+        draws : dict            Free name -> value of every member (members,); `nominal` where none is given. [SI]
+        nodes, quantiles, threads, simd    As in `ensemble`.
+
+        Raises
+        ------
+        NameNotFoundError   When values are given for a name that is not free.
+        ScenarioError       When the names do not have equally many values.
+        """
+        values = self._by_free_name(draws)
+        if len(values) < len(draws):
+            raise ScenarioError("one parameter is drawn twice, by its path and by an alias. Remove one of them.", self.title)
+        return run_members(self._engine, values, self.times, self.options, nodes, quantiles, threads, simd, self._remarks)
+
+    def settled(self, values: Mapping[str, float] | None = None) -> tuple[dict[str, float], dict[str, Array]]:
+        """Return node -> temperature with the inputs of the end held for good [K], and its derivatives (free,) [K per SI unit].
+
+        Raises
+        ------
+        SolverError   When nothing settles.
+        """
+        wiring, end = self._wiring, self._wiring.scenario.seconds
+        a = self._engine.started(wiring.assemble(self.vector(values or {}), True), True) if self.free else wiring.assemble()
+        temperatures, moves = settle(self._engine, a, end, bool(self.free))
+        traces = Traces(wiring, a, np.array([end]), self._engine.nodes, temperatures[None, :], moves[None, :, :])
+        names = (*wiring.network.nodes, *wiring.network.boundaries)
+        return {n: float(traces.temperature(n)[0]) for n in names}, {n: traces.slope(n)[0] for n in names}
+
+    def canonical(self, name: str) -> str:
+        """Return the canonical form of a name that may change: of a parameter, a boundary, ``initial.<node>`` or ``scale.<load>``."""
+        return _free_name(self._wiring.network, name)
+
+    def slots(self, name: str) -> tuple[str, str]:
+        """Return the units that a value of a free name, and a difference of two, are written in."""
+        wiring = self._wiring
+        if name in wiring.parameters:
+            literal_ = wiring.network.flat.parameters.table[name].parameter.expression.literal
+            text = literal_.unit.text if literal_ is not None else "1"
+            return (TEMPERATURE, "K") if literal_ is not None and literal_.unit.absolute else (text, text)
+        if name.startswith("scale."):
+            return "1", "1"
+        constant = name.startswith("initial.") or isinstance(wiring.signals[f"boundary {name}"], Constant)
+        return (TEMPERATURE if constant else "K"), "K"
+
+    def bounds(self, name: str) -> tuple[float, float]:
+        """Return the bounds that a deck sets for a free name, infinite where it sets none. [SI]"""
+        if name not in self._wiring.parameters:
+            return -np.inf, np.inf
+        parameter = self._wiring.network.flat.parameters.table[name].parameter
+        return -np.inf if parameter.minimum is None else parameter.minimum, np.inf if parameter.maximum is None else parameter.maximum
+
+    def law(self, name: str, given: Any) -> Distribution:
+        """Return the law of the value of a free name that a written spread means; see `read_spread`. [SI]"""
+        path = self.canonical(name)
+        where = f"{self.title}, spread of '{path}'"
+        return read_spread(given, self.slots(path)[0], self.nominal[path], where, bounds=self.bounds(path))
+
+    def vector(self, values: Mapping[str, float]) -> Array:
+        """Return the values (free,) in the order of `free`. [SI]"""
+        point = self._by_free_name(values)
+        return np.array([point.get(name, self.nominal[name]) for name in self.free])
+
+    def _by_free_name(self, values: Mapping[str, Any]) -> dict[str, Any]:
+        """Return values by the names under which they are free."""
+        named = {_free_name(self._wiring.network, name): value for name, value in values.items()}
+        refuse_unknown(
+            named, self.free, self.title, "'{}' is not free in this simulator. Name it in free= of td.prepare.", NameNotFoundError
+        )
+        return named
+
+
+@takes_objects
+def ensemble(
+    model: Model,
+    scenario: Scenario,
+    draws: Mapping[str, Any],
+    *,
+    every: str | float | None = None,
+    times: Any = None,
+    nodes: Any = None,
+    quantiles: Any = None,
+    threads: int = 1,
+    options: Options | None = None,
+    simd: str = "auto",
+) -> Ensemble:
+    """Return the runs of a model at many sets of values.
+
+    The same draws and options give the same result bit for bit, with one thread and with many.
+
+    Parameters
+    ----------
+    model, scenario, every, times, options    As in `simulate`.
+    draws : dict            Name -> value of every member (members,): parameters, boundaries (a constant added to their signal),
+                            ``initial.<node>``, and ``scale.<load>`` (a factor on its power). See `draw` and `FittedValues.draws`. [SI]
+    nodes : list of str     Nodes to keep; all of them when not given.
+    quantiles : list        Shares of the quantiles to keep in place of every trace, such as ``(0.05, 0.5, 0.95)``; saves memory. [-]
+    threads : int           How many may compute at once.
+    simd : str              Instruction set of the lanes; the widest of the machine unless one is named, for a comparison.
+
+    Raises
+    ------
+    ScenarioError   As in `simulate`, or when the names do not have equally many values.
+    NameNotFoundError   When a name does not exist.
+    """
+    ready = prepare(model, scenario, tuple(draws), every=every, times=times, options=options)
+    return ready.ensemble(draws, nodes=nodes, quantiles=quantiles, threads=threads, simd=simd)
+
+
+def _warnings(wiring: Wiring, scenario: Scenario) -> tuple[str, ...]:
+    """Return what a reader of a solution must know: parts that warm without limit, bounds that are no predictions."""
+    numbers = wiring.assemble().numbers
+    powers = {}
+    for load in wiring.network.flat.loads:
+        signal = wiring.signals[f"load {load.path}"]
+        first = next(r for r in numbers.loads if r.name == load.path)
+        mean = float(np.mean(signal.at(np.linspace(0.0, scenario.seconds, 101))))
+        powers[load.path] = mean * (1.0 if f"watts {load.path}" in wiring.signals else value_of(first.coefficients[0]))
+    out = [part.message() for part in unreached(wiring.network, numbers, powers)]
+    if wiring.start is not None and wiring.start.kind == STEADY and (said := wiring.held_at(wiring.start.time)):
+        out.append(f"the start is {said}")
+    out += sampled_logs(scenario)
+    if scenario.as_printed:
+        out.append("vacuum as printed: every coefficient is zero, including its radiation, so the temperatures are an upper bound")
+    followed = set(wiring.schedule.signals) if wiring.schedule is not None else set()
+    out += wiring.network.media.remarks([c for c in wiring.network.flat.conductors if not followed & set(c.fields.values())])
+    out += gas_remarks(wiring.network.media, wiring.network.flat, numbers.values)
+    if streams_of(wiring.network.flat.conductors):
+        out += wiring.network.streams.remarks(scenario.seconds)
+    for gas, e in scenario.environment.items():
+        if e.humidity != Environment().humidity:
+            of = "of every gas" if gas == "*" else f"of '{gas}'"
+            out.append(
+                f"the relative humidity {of}, {100 * e.humidity:g} %, is not used: the equations contain no moisture. If it matters, "
+                "give a schedule of coefficients for moist air, and a load for latent heat"
+            )
+    return tuple(out)

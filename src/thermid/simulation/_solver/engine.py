@@ -1,0 +1,853 @@
+"""The engine: a problem of the kernel run by modes, by its integrator or by that of large networks; an answer or an error in words.
+
+Also where a network settles: steady, at the mean of its inputs, or in the state that comes back after a period.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
+from typing import Any, NamedTuple, Protocol
+
+import numpy as np
+from numpy.typing import NDArray
+
+from thermid import _kernel
+from thermid.base.dual import value_of
+from thermid.base.errors import ScenarioError, SolverError, nearest, refuse_unknown
+from thermid.base.linear_algebra import Array, solve_conserving
+from thermid.model.laws import Constant, Sine, TableSignal
+from thermid.physics.constants import ICE_POINT
+from thermid.simulation._network.controls import PHASE, state_of
+from thermid.simulation._network.network import held_in, unreached
+from thermid.simulation._scenarios.scenario import MEAN, STEADY
+from thermid.simulation._solver.large import METHODS as LARGE_METHODS, integrate_model, refusal, settle_model
+from thermid.simulation._solver.problem import Answer, KernelProblem, Options, Traces, by_column, ints, unsettled
+from thermid.simulation._solver.wiring import Assembled, Wiring
+
+
+class Runner(Protocol):
+    """What runs a model in place of the kernel: somebody else's program, such as an FMU."""
+
+    @property
+    def remarks(self) -> tuple[str, ...]:
+        """What a reader of a fit must know."""
+        ...
+
+    @property
+    def starts(self) -> Mapping[str, float]:
+        """Node whose start can be set -> its own start. [K]"""
+        ...
+
+    @property
+    def powers(self) -> Mapping[str, float]:
+        """Load -> what it takes where nobody gives it. [W], or a plain number."""
+        ...
+
+    def run(self, engine: Engine, a: Assembled, times: Array, nodes: Sequence[str], end: float, gradients: bool) -> Answer:
+        """Return temperatures of nodes at times, as `Engine.integrate` does."""
+        ...
+
+
+LOSSES = {"linear": _kernel.SQUARE, "soft_l1": _kernel.SOFT_L1, "huber": _kernel.HUBER, "cauchy": _kernel.CAUCHY}
+
+
+@dataclass(frozen=True, eq=False)
+class Weighing:
+    """What the readings of a run are compared by.
+
+    Parameters
+    ----------
+    sigma, bias : array (channels,)     Standard deviation, and constant error that is taken off. [K]
+    column : array (channels,)          Column of the constant error among those looked for; -1 for none.
+    loss : str                          linear, soft_l1, huber or cauchy.
+    knee : float                        Residual, in units of sigma, from which a robust loss bends.
+    """
+
+    sigma: Array
+    bias: Array
+    column: NDArray[np.int32]
+    loss: str = "linear"
+    knee: float = 1.0
+
+
+@dataclass(frozen=True, eq=False)
+class Squares:
+    """The least squares of a run: with J the derivatives of all weighted residuals r, ``R'R = J'J`` and ``R'z = J'r``.
+
+    Parameters
+    ----------
+    triangle : array (columns, columns)     R; columns are the free names, then the constant errors looked for.
+    rotated : array (columns,)              z.
+    cost : float                            Sum of the loss over all residuals, the sum of squares for a linear one. [-]
+    chi_square : float                      Sum of squares, each weighed as a robust loss weighs it. [-]
+    sums : array (channels, 7)              Of each channel's residuals, as `thermid.fit._problem.residuals.Sums` has them. [K]
+    mesh : array (steps,)                   When the integrator's steps ended. [s]
+    """
+
+    triangle: Array
+    rotated: Array
+    cost: float
+    chi_square: float
+    sums: Array
+    mesh: Array
+
+
+MOST_ITERATIONS = 200
+DIRECT = 40
+"""Steps of Newton's method before its search is taken for stuck at the knee of a table."""
+DRIFT = 1.12
+"""By how much each step of the search in time is longer than the one before."""
+CLOSE = 1e-10
+LARGEST_MOVE = 100.0
+HOTTEST = 1e5
+"""Above this nothing that a model means is left, here as in runs over time. [K]"""
+NUDGE = 0.01
+"""Change of temperature over which the heat that a boundary takes is differenced. [K]"""
+MOST_PERIODS = 40
+"""Periods that are run until a state comes back."""
+CLOSED = 2e-6
+"""How far a state that comes back may miss itself. [K]"""
+METHODS = ("auto", "integrator", "modal")
+"""Methods of ordinary models by the name that `Options.method` gives them."""
+REMEMBERED = 64  # lengths of stretches that the kernel has in mind, at least
+MOST = 300  # nodes beyond which modes cost more than any noise asks of steps
+
+
+class Exact(NamedTuple):
+    """What the kernel says of a modal run: status, node and time [s] of a failure, stretches, temperatures [K], heats [J] and turnings."""
+
+    status: int
+    node: int
+    time: float
+    steps: int
+    traces: Array
+    final: Array
+    load_energy: Array
+    boundary_energy: Array
+    turnings: tuple[Any, Array, Array]
+
+
+@dataclass(frozen=True)
+class Effort:
+    """What a run has to do, by which its time is estimated.
+
+    Parameters
+    ----------
+    nodes : int         Nodes of the reduced network.
+    stretches : int     From knot to knot of the sampled inputs and from output to output.
+    fresh : int         Stretches that need exponentials of their own: those of a length that the kernel has not in mind.
+    outputs : int       Output times.
+    sampled : int       Sampled inputs.
+    waves : int         Sinusoidal inputs.
+    stops : int         Knots at which the integrator ends a step.
+    steps : float       Steps of the integrator between knots at which it ends one.
+    """
+
+    nodes: int
+    stretches: int
+    fresh: int
+    outputs: int
+    sampled: int
+    waves: int
+    stops: int
+    steps: float
+
+    @property
+    def modal(self) -> float:
+        """Time by modes, as measured: docs/decisions/022-modal-solution.md. [s]"""
+        n = self.nodes
+        march = self.stretches * (15.0 + 0.25 * n * (1 + self.sampled)) + self.fresh * (400.0 + 50.0 * n)
+        write = self.outputs * (n * (1.0 + 0.1 * n) + 30.0 * self.waves)
+        return 1e-9 * (10e3 + 100.0 * n**2 + 12.0 * n**3 + march + write)
+
+    @property
+    def integrator(self) -> float:
+        """Time of the integrator where nothing is stiff. [s]"""
+        n = self.nodes
+        step = 700.0 + 340.0 * n + 0.012 * n**3 + (400.0 if self.sampled else 0.0)
+        read = 30.0 * self.stretches if self.sampled else 0.0
+        write = self.outputs * (15.0 + 2.0 * n + (25.0 if self.sampled else 0.0))
+        return 1e-9 * (40e3 + (self.steps + self.stops) * step + read + write)
+
+
+class Modal:
+    """The modal solution of one wiring; the same for all values of its unknowns.
+
+    Parameters
+    ----------
+    wiring : Wiring
+    problem : Problem       The kernel's.
+    """
+
+    def __init__(self, wiring: Wiring, problem: _kernel.Problem) -> None:
+        self.wiring = wiring
+        self.problem = problem
+        self.obstacle = _obstacle(wiring)
+        self._grids: dict[tuple[float, ...], tuple[int, int]] = {}
+        self._pace: tuple[float, float] | None = None
+
+    def refusal(self, method: str, times: Array, end: float, gradients: bool) -> str:
+        """Return why the integrator is to be used, in words; empty when the modes are.
+
+        Raises
+        ------
+        ScenarioError   When the modes are asked for and the network has none.
+        """
+        if method == "integrator":
+            return "asked for"
+        why = self.obstacle or ("derivatives come from the integrator" if gradients else "")
+        if method == "modal" and why:
+            raise ScenarioError(
+                f"the modal solution is not possible: {why}. Leave 'method' at 'auto'.",
+                f"{self.wiring.network.title}, {self.wiring.scenario.title}",
+            )
+        if why or method == "modal":
+            return why
+        work = self.work(times, end)
+        return (
+            ""
+            if work.modal <= work.integrator
+            else f"an estimated {1e3 * work.modal:.2g} ms by modes, {1e3 * work.integrator:.2g} ms by steps"
+        )
+
+    def work(self, times: Array, end: float) -> Effort:
+        """Return what a run to `end` [s] with outputs at times (times,) [s] has to do."""
+        signals = [self.wiring.signals[name] for name in self.wiring.used]
+        tables = [s for s in signals if isinstance(s, TableSignal)]
+        key = (times.size, float(times[:1].sum()), float(times[-1:].sum()), end)
+        if key not in self._grids:
+            grid = np.unique(np.concatenate((times, [0.0, end], *(s.times for s in tables))))
+            gaps = np.diff(grid[(grid >= 0.0) & (grid <= end)])
+            gaps = gaps[gaps > 1e-15 * end]
+            often = np.sort(np.unique(gaps.astype(np.float32), return_counts=True)[1])[-REMEMBERED:]
+            self._grids[key] = gaps.size, gaps.size - int(often.sum()) + often.size
+        stops = sum(s.times.size for s in tables if s.times.size <= (5000 if s.hold else 500))
+        waves = sum(isinstance(s, Sine) for s in signals)
+        if self._pace is None:
+            self._pace = self._paces()
+        fastest, rough = self._pace
+        steps = max(20.0 * np.log1p(fastest * end), rough * end)
+        return Effort(self.problem.nodes, *self._grids[key], times.size, len(tables), waves, stops, float(steps))
+
+    def _paces(self) -> tuple[float, float]:
+        """Return the rate of the fastest node, and how many steps a second the noise of inputs asks of the integrator. [1/s]
+
+        Taken at nominal values, so that the choice of method does not hang on which run came first.
+        """
+        if self.problem.nodes > MOST:
+            return 0.0, 0.0
+        a = self.wiring.assemble(gradients=False)
+        capacity = np.array([np.inf if c < 0 else a.coefficients[c] for c in self.wiring.structure.capacity])
+        _, jacobian, _ = self.problem.rhs(a.coefficients, a.initial, 0.0)
+        rates = -jacobian / capacity[:, None]  # C dT/dt = J T: a node settles at the rate -J_ii / C_i
+        return float(np.diag(rates).max()), max((self._roughness(name, a, capacity, rates) for name in self.wiring.used), default=0.0)
+
+    def _roughness(self, name: str, a: Assembled, capacity: Array, rates: Array) -> float:
+        """Return how many steps a second an input's noise asks of the integrator. [1/s]
+
+        12 (b k^2 r sqrt(d))^(2/5), where a node of rate k is moved by the input at a rate b, r is the size of the noise [K] and d the
+        time between samples: fitted to steps counted over noises from 2 mK to 0.5 K, right within 2.5 times
+        (docs/decisions/022-modal-solution.md).
+        """
+        signal, s = self.wiring.signals[name], self.wiring.structure
+        if not isinstance(signal, TableSignal) or signal.times.size <= (5000 if signal.hold else 500):
+            return 0.0
+        # second differences of white noise have 1 + 4 + 1 times its variance, and next to nothing of what the readings follow
+        noise = float(np.sqrt(np.mean(np.diff(signal.values, 2) ** 2) / 6.0))
+        moved = np.zeros(capacity.size)
+        if name.startswith("boundary "):
+            moved = rates.sum(axis=1)  # by all boundaries: which of them is the noisy one hardly matters
+        for _, node, places, _, _ in s.loads:
+            if s.coefficient_input[places[0]] == self.wiring.used[name] and node < capacity.size:
+                moved[node] += a.coefficients[places[0]] / capacity[node]
+        jolt = np.abs(moved) * np.diag(rates) ** 2 * noise * np.sqrt(np.median(np.diff(signal.times)))
+        return float(12.0 * jolt.max() ** 0.4)
+
+    def run(
+        self, a: Assembled, times: Array, nodes: NDArray[np.int32], end: float, turnings: bool = False, sums: tuple[Any, ...] | None = None
+    ) -> Exact:
+        """Return temperatures of some nodes at times, from zero to `end` [s]; and turning points of these and of sums, where asked for."""
+        wanted = np.ascontiguousarray(times, dtype=float)
+        raw = _kernel.modal(self.problem, a.coefficients, a.initial, 0.0, float(end), wanted, nodes, turnings, sums)
+        return Exact(*raw)
+
+
+def _obstacle(wiring: Wiring) -> str:
+    """Return what keeps a network from being linear with constant coefficients, in words; empty when nothing does."""
+    s = wiring.structure
+    named: Mapping[int, str] = {k: name for name, k in wiring.used.items()}
+
+    if s.driven:
+        return f"a control, '{s.factors[0].row.name}', follows a temperature"
+
+    def moves(place: int) -> bool:
+        k = s.coefficient_input[place]
+        return k >= 0 and not isinstance(wiring.signals[named[k]], Constant)
+
+    for row, _, _, places in s.conductors:
+        form, name = row.form, row.name
+        if form == "flow":
+            return f"'{name}' carries heat one way, so the network is not symmetric"
+        if (node := name.removesuffix(held_in(""))) in wiring.network.stores and name == held_in(node):
+            return f"'{node}' stores heat by a table"
+        if form != "linear":
+            return f"the law of '{name}' is not linear"
+        if moves(places[0]):
+            return f"the conductance of '{name}' changes in time"
+    for load in s.loads:
+        if not load.row.fixed:
+            return f"the power of '{load.row.name}' depends on temperature"
+    return ""
+
+
+class Engine(KernelProblem):
+    """A problem of the kernel with the ways to run it."""
+
+    def __init__(self, wiring: Wiring) -> None:
+        super().__init__(wiring)
+        self.modal = Modal(wiring, self.problem)
+
+    @property
+    def runner(self) -> Runner | None:
+        """What runs the model in place of the kernel; None for the kernel itself."""
+        runner: Runner | None = self.wiring.network.flat.names.model.runner
+        return runner
+
+    def _as_large(self, options: Options, gradients: bool) -> bool:
+        """Return whether a model is run as a large network: asked for by name, or large and of a form that can be.
+
+        Raises
+        ------
+        ScenarioError   When the method does not exist, or cannot run this model.
+        """
+        method = options.method
+        if method not in LARGE_METHODS and method not in METHODS:
+            methods = tuple(dict.fromkeys((*METHODS, *LARGE_METHODS)))
+            raise ScenarioError(f"unknown method '{method}'.{nearest(method, methods)} There are {', '.join(methods)}.", self.title)
+        if method not in LARGE_METHODS or (method == "auto" and not self.many):
+            return False
+        why = "sensitivities are requested, which large networks do not have" if gradients else refusal(self)
+        if why and method != "auto":
+            raise ScenarioError(f"method '{method}' cannot run this model: {why}. Leave the method out.", self.title)
+        return not why
+
+    def integrate(
+        self,
+        a: Assembled,
+        times: Array,
+        nodes: Sequence[str],
+        end: float,
+        options: Options,
+        gradients: bool = False,
+        extremes: bool = False,
+    ) -> Answer:
+        """Return temperatures at times of some nodes, from zero to `end` [s]; with `extremes` their turning points between these too.
+
+        Raises
+        ------
+        SolverError     When the run ends before its time.
+        ScenarioError   When the modal solution is asked for and there is none.
+        """
+        if (runner := self.runner) is not None:
+            return runner.run(self, a, times, nodes, end, gradients)
+        if self._as_large(options, gradients):
+            return integrate_model(self, a, times, nodes, end, options, extremes)
+        index = self._index()
+        why = self.modal.refusal(options.method, times, end, gradients)
+        if not why:
+            return self._by_modes(a, times, nodes, end, options, extremes)
+        gone, sums = self._sums(a) if extremes else ((), None)
+        raw = self.problem.integrate(
+            a.coefficients,
+            a.initial,
+            0.0,
+            float(end),
+            np.ascontiguousarray(times, dtype=float),
+            ints([index[n] for n in nodes]),
+            turnings=extremes,
+            sums=sums,
+            **self.settings(options, end),
+            **self.gradients(a, gradients),
+        )
+        if raw.status != _kernel.OK:
+            raise SolverError(self.message(raw, options, end, a), self.title)
+        statistics = {
+            "method": "integrator",
+            "reason": why,
+            "steps": raw.steps,
+            "rejected": raw.rejected,
+            "switchings": [(float(t), self.control_names[k]) for t, k in zip(raw.event_times, raw.event_controls, strict=True)],
+        }
+        flows = raw.conductor_energy[self.flow_rows] if self.flow_rows.size else np.zeros(0)
+        slopes = raw.sensitivities if raw.sensitivities is not None else np.zeros((times.size, len(nodes), 0))
+        events = (raw.event_times, raw.event_controls, raw.event_states, raw.event_before)
+        switched = tuple(zip(*(each.tolist() for each in events), strict=True))
+        energies = (raw.load_energy[: len(self.load_names)], raw.boundary_energy, flows)
+        turnings = dict(zip((*nodes, *gone), by_column(raw.turnings, len(nodes) + len(gone)), strict=True)) if extremes else None
+        return Answer(raw.traces, slopes, a.initial, raw.final_temperatures, *energies, end, statistics, raw.on, switched, turnings)
+
+    def _by_modes(self, a: Assembled, times: Array, nodes: Sequence[str], end: float, options: Options, extremes: bool) -> Answer:
+        index = self._index()
+        gone, sums = self._sums(a) if extremes else ((), None)
+        raw = self.modal.run(a, times, ints([index[n] for n in nodes]), end, extremes, sums)
+        if raw.status != _kernel.OK:
+            raise SolverError(self.message(raw, options, end, a), self.title)
+        slopes = np.zeros((times.size, len(nodes), 0))
+        statistics = {"method": "modal", "reason": "", "steps": raw.steps, "rejected": 0, "switchings": []}
+        energies = (raw.load_energy, raw.boundary_energy, np.zeros(0))
+        off = np.zeros(len(self.control_names), dtype=np.int32)
+        turnings = dict(zip((*nodes, *gone), by_column(raw.turnings, len(nodes) + len(gone)), strict=True)) if extremes else None
+        return Answer(raw.traces, slopes, a.initial, raw.final, *energies, end, statistics, off, (), turnings)
+
+    def _sums(self, a: Assembled) -> tuple[tuple[str, ...], tuple[NDArray[np.int32], NDArray[np.int32], Array] | None]:
+        """Return the eliminated nodes, and each as a sum of temperatures of nodes and boundaries, in the kernel's form."""
+        index = self._index()
+        parts: dict[str, dict[int, float]] = {}
+        for node, star in a.reduced.recover:
+            weights: dict[int, float] = {}
+            for neighbour, weight in star.items():
+                for place, share in (parts[neighbour] if neighbour in parts else {index[neighbour]: 1.0}).items():
+                    weights[place] = weights.get(place, 0.0) + value_of(weight) * share
+            parts[node] = weights
+        if not parts:
+            return (), None
+        begin = ints(np.cumsum([0, *(len(p) for p in parts.values())]))
+        places = ints([k for p in parts.values() for k in p])
+        return tuple(parts), (begin, places, np.array([w for p in parts.values() for w in p.values()], dtype=float))
+
+    def members(
+        self, coefficients: Array, initial: Array, times: Array, nodes: Sequence[str], end: float, options: Options, simd: str
+    ) -> Any:
+        """Return the kernel's ensemble: coefficients (coefficients, members) [SI] and initial temperatures (nodes, members) [K] of each.
+
+        Raises
+        ------
+        ScenarioError   When the machine lacks the instruction set `simd`.
+        """
+        sets = ("auto", *_kernel.instruction_sets())
+        refuse_unknown([simd], sets, "simd", "this processor has no instruction set '{}'. Give one of {known}.", ScenarioError)
+        return _kernel.Ensemble(
+            self.problem,
+            np.ascontiguousarray(coefficients),
+            np.ascontiguousarray(initial),
+            0.0,
+            float(end),
+            np.ascontiguousarray(times, dtype=float),
+            ints([self.nodes.index(n) for n in nodes]),
+            turnings=options.extremes,
+            simd=simd,
+            **self.settings(options, end),
+        )
+
+    def readings(
+        self,
+        times: Array,
+        parts: Sequence[Sequence[str]],
+        index: Sequence[NDArray[np.int64]],
+        values: Sequence[Array],
+        scaled: Sequence[bool] = (),
+    ) -> Any:
+        """Return what channels read, in the kernel's form: `values` [K] at ``times[index]``, of a node or a sum over its `parts`.
+
+        The node of a channel that is `scaled` counts by the weight that every evaluation gives.
+        """
+        place = self._index()
+        nodes = [place[n] for names in parts for n in names]
+        flat = np.concatenate([*index, np.zeros(0, dtype=np.int64)])
+        ends = ints(np.cumsum([0, *(len(names) for names in parts)])), ints(np.cumsum([0, *(i.size for i in index)]))
+        return _kernel.Readings(
+            self.problem,
+            np.ascontiguousarray(times),
+            ints(nodes),
+            ends[0],
+            ints(flat),
+            ends[1],
+            np.concatenate(values),
+            ints(np.array(scaled, dtype=np.int64)) if any(scaled) else None,
+        )
+
+    def least_squares(
+        self,
+        a: Assembled,
+        readings: Any,
+        parts: tuple[Array, Array],
+        weighing: Weighing,
+        end: float,
+        options: Options,
+        gradients: bool = False,
+        mesh: Array | None = None,
+    ) -> Squares:
+        """Return the least squares of readings, with derivatives or without; no temperature is stored.
+
+        Parameters
+        ----------
+        a : Assembled           The run's numbers.
+        readings                As `readings` made them.
+        parts : two arrays      What each node of a channel counts, and the derivatives of that (parts, free).
+        weighing : Weighing     What the readings are compared by.
+        end : float             The run starts at zero. [s]
+        options : Options       Tolerances.
+        gradients : bool
+        mesh : array            Ends of steps to take, those of an earlier run: sums of squares then differ by what the values differ, and
+                                not by how the steps fell. [s]
+
+        Raises
+        ------
+        SolverError   When the run ends before its time.
+        """
+        w = weighing
+        raw = _kernel.least_squares(
+            self.problem,
+            readings,
+            a.coefficients,
+            a.initial,
+            0.0,
+            float(end),
+            sigma=w.sigma,
+            bias=w.bias,
+            bias_column=w.column,
+            weight=parts[0],
+            slope=parts[1],
+            loss=LOSSES[w.loss],
+            knee=w.knee,
+            mesh=mesh,
+            **self.settings(options, end),
+            **self.gradients(a, gradients),
+        )
+        if raw.status != _kernel.OK:
+            raise SolverError(self.message(raw, options, end, a), self.title)
+        return Squares(raw.triangle, raw.rotated, raw.cost, raw.chi_square, raw.sums, raw.mesh)
+
+    def started(self, a: Assembled, gradients: bool = False) -> Assembled:
+        """Return the assembly with a start that is steady where it was asked for."""
+        unknown = np.isnan(a.initial)
+        if not unknown.any():
+            return a
+        if self.runner is not None:
+            raise ScenarioError("an FMU has no steady start here. Give a temperature as its start.", self.wiring.scenario.title)
+        if not unknown.all():
+            raise ScenarioError("a steady start gives the temperatures of all nodes. Leave 'initial' out.", self.wiring.scenario.title)
+        temperatures, slopes = self._beginning(a, gradients)
+        return replace(a, initial=temperatures, initial_gradient=slopes if gradients else a.initial_gradient)
+
+    def _beginning(self, a: Assembled, gradients: bool) -> tuple[Array, Array]:
+        """Return the temperatures (nodes,) that a scenario asks to start from [K], and their derivatives (nodes, free).
+
+        Raises
+        ------
+        SolverError   When there is no such state.
+        """
+        start = self.wiring.start
+        if start is None or start.kind == STEADY:
+            return settle(self, a, start.time if start is not None else 0.0, gradients)
+        temperatures, slopes = settle(self.still, a, 0.0, gradients)
+        return (temperatures, slopes) if start.kind == MEAN else _periodic(self, a, temperatures, slopes, gradients)
+
+
+def settle(problem: KernelProblem, a: Assembled, time: float, gradients: bool = False) -> tuple[Array, Array]:
+    """Return the steady temperatures (nodes,) [K] with the inputs of one time held, and their derivatives (nodes, free).
+
+    Raises
+    ------
+    SolverError   As in `at_rest`.
+    """
+    return at_rest(problem, a, time, gradients)[:2]
+
+
+def at_rest(problem: KernelProblem, a: Assembled, time: float, gradients: bool = False) -> tuple[Array, Array, NDArray[np.int32]]:
+    """Return what `settle` does, and the states of thermostats (-1: by their temperature) and the modes of controls.
+
+    Controls with modes begin in their first and go on to those that the temperatures found ask for, until they rest.
+
+    Raises
+    ------
+    SolverError   When there is no steady state: a part without a path to a boundary, a power that runs away, a control that keeps
+                  switching.
+    """
+    machines = [p.row for p in problem.wiring.structure.factors if p.row.modes]
+    visited: set[bytes] = set()
+    on = np.full(len(problem.control_names), -1, dtype=np.int32)
+    first = len(problem.control_names) - len(machines)
+    on[first:] = [row.starts for row in machines]
+    while True:
+        temperatures, slopes = _settled(problem, a, time, gradients, on)
+        if not machines:
+            return temperatures, slopes, on
+        visited.add(on.tobytes())
+        changed = _next_modes(problem, a, temperatures, time, on[first:])
+        if changed is None:
+            return temperatures, slopes, on
+        on[first + changed[0]] = changed[1]
+        if on.tobytes() in visited:
+            name = machines[changed[0]].name
+            message = f"no steady state exists: the control '{name}' keeps switching. Simulate, and use the mean over a late period."
+            raise SolverError(message, problem.title)
+
+
+def _next_modes(problem: KernelProblem, a: Assembled, temperatures: Array, time: float, modes: NDArray[np.int32]) -> tuple[int, int] | None:
+    """Return the first control that does not rest in its mode at steady temperatures, and the mode that follows; None where all rest."""
+    wiring, now = problem.wiring, np.array([time])
+    traces = Traces(wiring, a, now, problem.nodes, temperatures[None, :], np.zeros((1, temperatures.size, 0)))
+    rows = {row.name: row for row in a.numbers.controls}
+    for k, name in enumerate(problem.machines):
+
+        def signal(place: int, of: str = name) -> float:
+            return float(np.ravel(wiring.control_signal(of, place, now))[0])
+
+        after = rows[name].due(int(modes[k]), lambda n: float(traces.temperature(n)[0]), signal)
+        if after is not None:
+            return k, after
+    return None
+
+
+def _settled(problem: KernelProblem, a: Assembled, time: float, gradients: bool, on: NDArray[np.int32]) -> tuple[Array, Array]:
+    """Return the steady temperatures and their derivatives with every control in a given mode.
+
+    Newton's method with steps of at most 100 K, shortened where they would leave more heat over.
+    """
+    steady = None if gradients else settle_model(problem, a, time)
+    if steady is not None:
+        return steady, np.zeros((steady.size, 0))
+    network, where = problem.wiring.network, problem.title
+    outside = [float(problem.wiring.boundary(b, np.array([time]), a.offsets)[0]) for b in network.boundaries]
+    base = float(np.mean(outside)) if outside else ICE_POINT + 20.0
+    # a small offset keeps the conductance of natural convection above zero at the start
+    balance = _Balance(problem, a, time, on)
+    temperatures = np.full(balance.size, base + 1.0)
+    reach = LARGEST_MOVE
+    for k in range(MOST_ITERATIONS):
+        heat, jacobian, slopes = balance(temperatures, gradients)
+        leaving = balance.leaving(temperatures, jacobian, outside)
+        step = _solved(jacobian, leaving, heat)
+        if step is None:
+            raise SolverError(_no_steady(problem, a), where)
+        close = float(np.abs(step).max()) < CLOSE * max(1.0, float(np.abs(temperatures).max()))
+        if k < DIRECT or close:
+            temperatures = _moved(balance, temperatures, step, float(np.linalg.norm(heat)), reach)
+            # a state far away lies in one direction: steps towards it get longer
+            reach = 2.0 * reach if float(np.abs(step).max()) > reach else LARGEST_MOVE
+            if float(temperatures.max()) > HOTTEST:
+                raise SolverError(_too_hot(problem, balance, temperatures), where)
+        else:
+            temperatures = _drifted(temperatures, heat, jacobian, k - DIRECT)
+        if close:
+            # what only loses heat is stable; rounding of large entries would say otherwise
+            if leaving is None and np.linalg.eigvals(jacobian).real.max() > 0:
+                raise SolverError(
+                    "the steady state is unstable: a power grows faster with temperature than the heat removed. Check "
+                    "the temperature coefficients of the loads.",
+                    where,
+                )
+            _, jacobian, slopes = balance(temperatures, gradients)
+            if beyond := problem.left(a, time, balance.states(temperatures)):
+                raise SolverError(f"in the steady state {beyond}", where)
+            moves = _solved(jacobian, leaving, slopes) if slopes is not None else np.zeros((temperatures.size, 0))
+            if moves is None:
+                raise SolverError(_no_steady(problem, a), where)
+            return balance.states(temperatures), balance.moves(temperatures, moves)
+    if any(row.control == "thermostat" for row in a.numbers.loads):
+        raise SolverError("no steady state exists: a thermostat keeps switching. Simulate, and use the mean over a late period.", where)
+    raise SolverError(unsettled(any(load.follows_temperature for load in problem.wiring.network.flat.loads)), where)
+
+
+class _Balance:
+    """Heat of every node at its temperature, inputs held.
+
+    What stores heat by a table is one with its node: at rest it holds what belongs to that temperature, and a melting point, where
+    temperature does not move with heat, is no obstacle.
+    """
+
+    def __init__(self, problem: KernelProblem, a: Assembled, time: float, on: NDArray[np.int32]) -> None:
+        self.problem, self.a, self.time, self.on = problem, a, time, on
+        place = {n: k for k, n in enumerate(n for n in problem.nodes if n not in a.reduced.stored)}
+        self.size = len(place)
+        self.place = np.array([place[a.reduced.stored[n][0] if n in a.reduced.stored else n] for n in problem.nodes], dtype=np.intp)
+        self.own = np.array([n not in a.reduced.stored for n in problem.nodes], dtype=bool)
+        liquid = {name for name, mode in zip(problem.control_names, on, strict=True) if mode == 1}
+        self.held = [
+            (k, store, state_of(node, PHASE) in liquid)
+            for k, n in enumerate(problem.nodes)
+            if n in a.reduced.stored
+            for node, store in [a.reduced.stored[n]]
+        ]
+
+    def __call__(self, temperatures: Array, gradients: bool = False) -> tuple[Array, Array, Array | None]:
+        """Return net heat (nodes,) [W], its Jacobian [W/K] and its derivatives (nodes, free) at temperatures (nodes,) [K]."""
+        heat, jacobian, slopes = self.problem.rhs(self.a, self.states(temperatures), self.time, gradients, self.on)
+        if not self.held:
+            return heat, jacobian, slopes
+        return self._sum(heat), self._sum(jacobian)[:, self.own], None if slopes is None else self._sum(slopes)
+
+    def leaving(self, temperatures: Array, jacobian: Array, outside: Sequence[float]) -> Array | None:
+        """Return the heat per kelvin (nodes,) that each node loses to boundaries [W/K]; None where that is not all that the network loses.
+
+        The columns of the Jacobian sum to it, but only to rounding of their largest entry: a weak path to a boundary beside a strong one
+        between nodes would be lost. So the conductors that end at a boundary are asked by themselves. What follows temperatures, what goes
+        one way and powers that depend on temperature are left to the Jacobian as it is.
+        """
+        s, size = self.problem.wiring.structure, temperatures.size
+        beside = jacobian - np.diag(np.diag(jacobian))
+        if self.held or s.factors or s.driven or any(p.row.form != "signal" for p in s.loads) or (beside < 0.0).any():
+            return None
+        outer = np.asarray(outside, dtype=float)
+        nudged = np.array([[*(temperatures + d), *outer] for d in (-NUDGE, NUDGE)])
+        flows = np.asarray(self.problem.held.flows(self.a.coefficients, nudged, np.full(2, float(self.time))))
+        out = np.zeros(size)
+        # central difference along a rise of all nodes alike: row sums of -J, from the conductors at the boundary alone
+        for k, p in enumerate(s.conductors):
+            if p.a < size <= p.b:
+                out[p.a] += (flows[1, k] - flows[0, k]) / (2.0 * NUDGE)
+            elif p.b < size <= p.a:
+                out[p.b] -= (flows[1, k] - flows[0, k]) / (2.0 * NUDGE)
+        summed = -jacobian.sum(axis=0)
+        near = np.abs(out - summed) <= 1e-4 * np.abs(out) + 1e-9 * np.abs(jacobian).sum(axis=0)
+        return out if near.all() and (out >= 0.0).all() else None
+
+    def _sum(self, rows: Array) -> Array:
+        """Return rows of all states summed over each node and what it holds."""
+        out: Array = rows[self.own].copy()
+        for k, _, _ in self.held:
+            out[self.place[k]] += rows[k]
+        return out
+
+    def states(self, temperatures: Array) -> Array:
+        """Return what the kernel solves for at rest, from temperatures (nodes,). [K]"""
+        levels = temperatures[self.place]
+        for k, store, liquid in self.held:
+            levels[k] = float(store.level(levels[k], liquid))
+        return levels
+
+    def moves(self, temperatures: Array, moves: Array) -> Array:
+        """Return the derivatives of those (states, free) from the derivatives of the temperatures (nodes, free)."""
+        changes = moves[self.place]
+        for k, store, liquid in self.held:
+            changes[k] *= float(store.share(temperatures[self.place[k]], liquid))
+        return changes
+
+
+def _solved(jacobian: Array, leaving: Array | None, heat: Array) -> Array | None:
+    """Return the change of temperatures (nodes,) [K] that takes up heat (nodes,) [W]; None where the equations have no one answer."""
+    if leaving is not None:
+        return solve_conserving(jacobian, leaving, heat)
+    try:
+        step = np.asarray(np.linalg.solve(jacobian, -heat), dtype=np.float64)
+    except np.linalg.LinAlgError:
+        return None
+    return step if np.isfinite(step).all() and np.linalg.cond(jacobian) <= 1e15 else None
+
+
+def _too_hot(problem: KernelProblem, balance: _Balance, temperatures: Array) -> str:
+    """Return where a steady state lies that no model means."""
+    node = np.array(problem.nodes)[balance.own][int(temperatures.argmax())]
+    return (
+        f"at rest '{node}' would be above {HOTTEST:,.0f} K: more heat is supplied than its paths to a boundary carry. Check its power and "
+        "these conductances; a unit may be wrong."
+    )
+
+
+def _moved(balance: _Balance, temperatures: Array, step: Array, imbalance: float, reach: float) -> Array:
+    """Return the temperatures after a step of at most `reach`, shortened until less heat is left over: at a knee whole steps cycle."""
+    whole = step * min(1.0, reach / max(float(np.abs(step).max()), 1e-300))
+    for halving in range(20):
+        moved: Array = np.maximum(temperatures + 0.5**halving * whole, 0.1)
+        if np.linalg.norm(balance(moved)[0]) < imbalance:
+            return moved
+    return np.maximum(temperatures + whole, 0.1)
+
+
+def _drifted(temperatures: Array, heat: Array, jacobian: Array, k: int) -> Array:
+    """Return the temperatures after step k in time of a network whose nodes all have a time constant of one, steps getting longer.
+
+    Each step is one of Newton's method for the implicit Euler method, which passes knees where the way of less heat left over ends before
+    any balance.
+    """
+    # (J - D / dt) step = -Q, with D = |diag J| for the capacities and dt = DRIFT^k / 2 time constants
+    pace = np.abs(np.diag(jacobian)) / (0.5 * DRIFT**k)
+    step = np.asarray(np.linalg.solve(jacobian - np.diag(np.maximum(pace, 1e-300)), -heat), dtype=np.float64)
+    return np.maximum(temperatures + step * min(1.0, LARGEST_MOVE / max(float(np.abs(step).max()), 1e-300)), 0.1)
+
+
+def _no_steady(problem: KernelProblem, a: Assembled) -> str:
+    powers = {name: float(p[0]) for name, p in problem.powers(a, _columns(problem, a), np.zeros(1)).items()}
+    parts = unreached(problem.wiring.network, a.numbers, powers)
+    if parts:
+        return f"no steady state exists: {parts[0].message()}."
+    follows = any(load.follows_temperature for load in problem.wiring.network.flat.loads)
+    look = "power that grows with temperature" if follows else "node whose heat cannot leave"
+    return f"no steady state exists: the equations are singular. Look for a {look}."
+
+
+def _columns(problem: KernelProblem, a: Assembled) -> Array:
+    outer = [problem.wiring.boundary(b, np.zeros(1), a.offsets)[0] for b in problem.wiring.network.boundaries]
+    return np.array([[outer[0] if outer else ICE_POINT] * len(problem.nodes) + outer])
+
+
+def _periodic(engine: Engine, a: Assembled, guess: Array, slopes: Array, gradients: bool) -> tuple[Array, Array]:
+    """Return the state (nodes,) that comes back after every period of the inputs [K], and its derivatives (nodes, free).
+
+    Newton's method on T(P) - T(0) with the monodromy matrix exp(P C^-1 J) of the network linearised at the mean, mended after Broyden
+    (Math. Comp. 19 (1965) 577) where it is not linear. A linear network takes one step, and one more that shows it.
+    """
+    from scipy.linalg import expm
+
+    period, where = engine.wiring.cycle or 0.0, engine.title
+    if any(row.control == "thermostat" for row in a.numbers.loads):
+        raise SolverError(
+            "a thermostat switches at its own period, so no state is periodic with the inputs. Simulate, and use a late part of the run.",
+            where,
+        )
+    if engine.machines:
+        raise SolverError(
+            f"the control '{engine.machines[0]}' switches at its own period, so no state is periodic with the inputs. Simulate, and "
+            "use a late part of the run.",
+            where,
+        )
+    capacity = engine.capacities(a)
+    massive = capacity > 0.0
+    _, jacobian, _ = engine.still.rhs(a, guess, 0.0)
+    flow = jacobian[np.ix_(massive, massive)]
+    if not massive.all():
+        # nodes without mass follow at once: J_mm - J_m0 J_00^-1 J_0m is left for the others
+        rest = np.linalg.solve(jacobian[np.ix_(~massive, ~massive)], jacobian[np.ix_(~massive, massive)])
+        flow = flow - jacobian[np.ix_(massive, ~massive)] @ rest
+    # a step s at the start comes back as exp(P C^-1 J) s, so (1 - exp(P C^-1 J)) s = T(P) - T(0) closes the period
+    inverse: NDArray[Any] = np.linalg.inv(np.eye(int(massive.sum())) - expm(period * flow / capacity[massive][:, None]))
+
+    def after(state: Array, moves: Array) -> tuple[Array, Array]:
+        run = replace(a, initial=state, initial_gradient=moves)
+        raw = engine.integrate(run, np.array([period]), engine.nodes, period, Options(), gradients)
+        return raw.temperatures[0], raw.sensitivities[0] if gradients else moves
+
+    state, step, before = guess.copy(), np.zeros(0), np.zeros(0)
+    for _ in range(MOST_PERIODS):
+        end, _ = after(state, slopes)
+        missed = (end - state)[massive]
+        if step.size:
+            inverse = _mended(inverse, step, before - missed)
+        if float(np.abs(missed).max(initial=0.0)) < CLOSED:
+            break
+        step, before = inverse @ missed, missed
+        held = state[massive]
+        state = end.copy()
+        state[massive] = np.maximum(held + step, 0.1)
+    else:
+        raise SolverError(
+            f"no periodic state with a period of {period:g} s was found; the last residual is {np.abs(missed).max():.3g} K.", where
+        )
+    for _ in range(MOST_PERIODS if gradients else 0):
+        _, moved = after(state, slopes)
+        change = inverse @ (moved - slopes)[massive]
+        held = slopes[massive]
+        slopes = moved.copy()
+        slopes[massive] = held + change
+        if float(np.abs(change).max(initial=0.0)) <= 1e-9 * float(np.abs(slopes).max(initial=1e-300)):
+            break
+    return state, slopes
+
+
+def _mended(inverse: NDArray[Any], step: Array, fell: Array) -> Array:
+    """Return the inverse of a slope that takes a step (nodes,) to what a residual fell by (nodes,): Broyden's first method."""
+    moved = inverse @ fell
+    size = float(step @ moved)
+    return inverse if abs(size) < 1e-300 else inverse + np.outer(step - moved, step @ inverse) / size

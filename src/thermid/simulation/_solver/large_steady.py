@@ -1,0 +1,199 @@
+"""Steady states of large networks: Newton's method, each step by conjugate gradients under algebraic multigrid."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import Any, Final
+
+import numpy as np
+
+from thermid.base.errors import SolverError
+from thermid.base.extensions import missing
+from thermid.base.linear_algebra import Array, Indices
+from thermid.physics.constants import ICE_POINT
+from thermid.simulation._solver.problem import unsettled
+from thermid.simulation._solver.sparse import NONE, SparseNetwork
+
+MOST_NEWTON = 60
+LARGEST_MOVE = 100.0
+MOST_DIRECT: Final = 1500
+"""Nodes up to which a step is solved by elimination, which takes less than the search for multigrid's levels."""
+LOOSE: Final = 1e-2
+"""Heat left over by the gradients of one step of Newton's method, relative to that before it: the next step corrects the rest."""
+WITHOUT_MULTIGRID = 200_000
+"""Nodes above which Jacobi's preconditioner would take minutes."""
+
+
+def settle_large(network: SparseNetwork, time: float, where: str, accuracy: float = 1e-5) -> tuple[Array, dict[str, Any]]:
+    """Return the steady temperatures (nodes,) [K] with the inputs of one time held, and how they were found.
+
+    Parameters
+    ----------
+    accuracy : float    Largest change of the last step of Newton's method. [K]
+
+    Raises
+    ------
+    SolverError   When a part has no path to a boundary, a power runs away, or the network needs pyamg, which is not installed.
+    """
+    from scipy.sparse.linalg import cg
+    from threadpoolctl import threadpool_limits
+
+    problem, nodes = network.problem, network.capacities.size
+    matrix = _Matrix(network)
+    outside = [float(network.boundary(k, np.array([time]))[0]) for k in range(len(network.boundaries))]
+    # a small offset keeps the conductance of natural convection above zero at the start
+    temperatures = np.full(nodes, (float(np.mean(outside)) if outside else ICE_POINT + 20.0) + 1.0)
+    precondition, made_by = None, ""
+    iterations = 0
+
+    def count(_: Any) -> None:
+        nonlocal iterations
+        iterations += 1
+
+    for k in range(MOST_NEWTON):
+        heat, slope, pair, *_ = problem.heat(temperatures, float(time))
+        jacobian = matrix.at(slope, pair)
+        if not (jacobian.diagonal() > 0).all() or (k == 0 and not _held(jacobian, slope)):
+            raise SolverError(_no_steady(network), where)
+        # laws change by far in the first step from a guess that is uniform: the hierarchy is made anew once
+        with threadpool_limits(limits=1):  # matrices of a few rows: threads would only wait for one another
+            if nodes <= MOST_DIRECT:
+                change, failed, made_by = _eliminated(jacobian, heat)
+            else:
+                if precondition is None or k == 1:
+                    precondition, made_by = _preconditioner(jacobian, where)
+                change, info = cg(jacobian, heat, rtol=LOOSE, maxiter=2000, M=precondition, callback=count)
+                failed = bool(info)
+        size = float(np.abs(change).max())
+        if failed or not np.isfinite(size):
+            raise SolverError(_no_steady(network), where)
+        temperatures = _moved(problem, time, temperatures, change * min(1.0, LARGEST_MOVE / max(size, 1e-300)), heat)
+        if size < accuracy:
+            method = f"Newton, {made_by}" if precondition is None else f"Newton + CG, {made_by}"
+            return temperatures, {"method": method, "newton": k + 1, "iterations": iterations, "last_change": size}
+    raise SolverError(unsettled(any(not g.fixed for g in network.loads)), where)
+
+
+def _eliminated(matrix: Any, heat: Array) -> tuple[Array, bool, str]:
+    """Return the change of temperatures (nodes,) by elimination [K], whether there is none, and what it is called."""
+    from scipy.linalg import cho_factor, cho_solve
+
+    try:
+        factor = cho_factor(matrix.toarray(), lower=True, overwrite_a=True, check_finite=False)
+    except np.linalg.LinAlgError:
+        return np.zeros(heat.size), True, ""
+    return np.asarray(cho_solve(factor, heat, check_finite=False)), False, "Cholesky"
+
+
+def conductances(network: SparseNetwork, temperatures: Array, where: str) -> Callable[[Array], Array]:
+    """Return what solves for the rises (nodes,) [K] by heats (nodes,) [W] of a network linearised at temperatures [K], inputs at zero.
+
+    Raises
+    ------
+    SolverError   When a part has no path to a boundary, or the network needs pyamg, which is not installed.
+    """
+    from scipy.sparse.linalg import cg
+    from threadpoolctl import threadpool_limits
+
+    _, slope, pair, *_ = network.problem.heat(temperatures, 0.0)
+    matrix = _Matrix(network).at(slope, pair)
+    if not (matrix.diagonal() > 0).all() or not _held(matrix, slope):
+        raise SolverError(_no_steady(network), where)
+    with threadpool_limits(limits=1):
+        precondition, _ = _preconditioner(matrix, where)
+
+    def solve(heat: Array) -> Array:
+        with threadpool_limits(limits=1):
+            return np.asarray(cg(matrix, heat, rtol=1e-6, maxiter=2000, M=precondition)[0])
+
+    return solve
+
+
+class _Matrix:
+    """The matrix of Newton's method, -dF/dT; its pattern is made once."""
+
+    def __init__(self, network: SparseNetwork) -> None:
+        from scipy.sparse import coo_array
+
+        first, second, values = network.links.pairs()
+        self.size = network.capacities.size
+        between = [g for g in network.rows if g.boundary == NONE]
+        self.between = np.concatenate([np.zeros(0, dtype=bool), *(np.full(g.first.size, g.boundary == NONE) for g in network.rows)])
+        self.ends = tuple(np.concatenate([np.zeros(0, dtype=np.int32), *(getattr(g, e) for g in between)]) for e in ("first", "second"))
+        both = (np.concatenate((first, second)), np.concatenate((second, first)))
+        ones = np.concatenate((-values, -values))
+        links = coo_array((ones, both), shape=(self.size, self.size)).tocsr()
+        total = np.bincount(first, values, self.size) + np.bincount(second, values, self.size)
+        from scipy.sparse import diags_array
+
+        self.links = (links + diags_array(total)).tocsr()
+        self.links.sort_indices()
+        self.where = _diagonal_places(self.links)
+
+    def at(self, slope: Array, pair: Array) -> Any:
+        """Return the matrix as CSR at the slopes of the rows."""
+        from scipy.sparse import coo_array, csr_array
+
+        data = self.links.data.copy()
+        data[self.where] += slope
+        jacobian = csr_array((data, self.links.indices, self.links.indptr), shape=self.links.shape)
+        g = pair[self.between]
+        if g.size:
+            a, b = self.ends
+            # a row of slope g between a and b adds g (e_a - e_b)(e_a - e_b)'
+            rows, columns = np.concatenate((a, b, a, b)), np.concatenate((b, a, a, b))
+            jacobian = (jacobian + coo_array((np.concatenate((-g, -g, g, g)), (rows, columns)), shape=jacobian.shape)).tocsr()
+        return jacobian
+
+
+def _diagonal_places(matrix: Any) -> Indices:
+    """Return the places of the diagonal among the stored values of a CSR matrix whose diagonal is full."""
+    rows = np.repeat(np.arange(matrix.shape[0], dtype=np.int32), np.diff(matrix.indptr))
+    return np.flatnonzero(matrix.indices == rows)
+
+
+def _held(matrix: Any, slope: Array) -> bool:
+    """Return whether every part of the network is tied to a given temperature."""
+    from scipy.sparse.csgraph import connected_components
+
+    parts, label = connected_components(matrix, directed=False)
+    return bool((np.bincount(label, slope, parts) > 0).all())
+
+
+def _preconditioner(matrix: Any, where: str) -> tuple[Any, str]:
+    """Return an approximate inverse and its name: algebraic multigrid where pyamg is installed and pays, else Jacobi's."""
+    from scipy.sparse import diags_array
+
+    try:
+        import pyamg
+    except ImportError:
+        if matrix.shape[0] > WITHOUT_MULTIGRID:
+            raise SolverError(
+                missing(["pyamg"], f"the steady state of {matrix.shape[0]} nodes"),
+                where,
+            ) from None
+        return diags_array(1.0 / matrix.diagonal()), "Jacobi (pyamg is not installed)"
+    from scipy.sparse import csr_matrix
+
+    # weights from the rows: pyamg's own come from a random start, and no two answers would agree in their last digits
+    smooth = ("jacobi", {"weighting": "local"})
+    levels = pyamg.smoothed_aggregation_solver(csr_matrix(matrix), symmetry="symmetric", smooth=smooth, max_coarse=500)
+    return levels.aspreconditioner(cycle="V"), "algebraic multigrid"
+
+
+def _moved(problem: Any, time: float, temperatures: Array, change: Array, heat: Array) -> Array:
+    """Return the temperatures after a step, shortened until less heat is left over."""
+    before = float(np.linalg.norm(heat))
+    for halving in range(12):
+        moved: Array = np.maximum(temperatures + 0.5**halving * change, 0.1)
+        if float(np.linalg.norm(problem.heat(moved, float(time))[0])) < before:
+            return moved
+    return np.maximum(temperatures + change, 0.1)
+
+
+def _no_steady(network: SparseNetwork) -> str:
+    """Return why there is no steady state."""
+    if not network.boundaries:
+        return "no steady state exists: no face exchanges heat with a boundary. Give one of them a boundary."
+    grows = ", or a power grows faster with temperature than the heat removed" if any(not g.fixed for g in network.loads) else ""
+    return f"no steady state was found: a part has no path to a boundary{grows}."

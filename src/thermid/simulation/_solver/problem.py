@@ -1,0 +1,585 @@
+"""The kernel's problem of one wiring: what it takes in place of names, its right-hand side, temperatures by name, words for its end."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterable, Mapping, Sequence
+from dataclasses import dataclass, field
+from functools import cached_property
+from itertools import pairwise
+from numbers import Integral, Real
+from typing import Any, Final
+
+import numpy as np
+from numpy.typing import NDArray
+
+from thermid import _kernel
+from thermid.base.dual import gradient_of, value_of
+from thermid.base.errors import ScenarioError, SolverError, ThermidError
+from thermid.base.linear_algebra import Array
+from thermid.base.memo import Memo
+from thermid.model.elements import named_control
+from thermid.model.laws import Constant, Curve, Drawn, Signal, Sine, TableSignal, value_and_slope
+from thermid.model.tree import Tree
+from thermid.simulation._network.controls import FREE, FactorForm, GuardForm
+from thermid.simulation._network.network import Network, Numbers, held_in
+from thermid.simulation._network.rows import CONTROLS, LOADS, KernelLaw, curve_arrays, tables_behind
+from thermid.simulation._solver.extremes import Turnings
+from thermid.simulation._solver.wiring import Assembled, PlacedConductor, PlacedFactors, PlacedLoad, Wiring
+
+
+def kept_for(assembled: Assembled, nodes: Sequence[str]) -> tuple[str, ...]:
+    """Return the nodes that the kernel must store so that `nodes` can be had."""
+    recover = dict(assembled.reduced.recover)
+    wanted, out = list(nodes), {}  # type: tuple[list[str], dict[str, None]]
+    while wanted:
+        node = wanted.pop(0)
+        if node in recover:
+            wanted += recover[node]
+        elif node in assembled.reduced.nodes:
+            out[node] = None
+    return tuple(out)
+
+
+@dataclass(frozen=True, eq=False)
+class Traces:
+    """What the kernel stored, and what follows from it.
+
+    Parameters
+    ----------
+    wiring, assembled               The run's.
+    times : array (times,)          [s]
+    kept : tuple of str             The nodes that the kernel stored.
+    stored : array (times, kept)            [K]
+    slopes : array (times, kept, free)      Derivatives with respect to the free names; empty without them. [K per unit]
+    """
+
+    wiring: Wiring
+    assembled: Assembled
+    times: Array
+    kept: tuple[str, ...]
+    stored: Array
+    slopes: Array
+    memo: Memo = field(init=False, default_factory=Memo, compare=False, repr=False)
+
+    def temperature(self, name: str) -> Array:
+        """Return the temperature (times,) of a node or boundary; where specific heat changes, that of the heat it holds. [K]"""
+        if held_in(name) in self.kept:
+            return self.memo.made(name, lambda: self._of_heat(name)[0])
+        if name in self.kept:
+            return self.stored[:, self.kept.index(name)]
+        return self.memo.made(name, lambda: self._recovered(name))
+
+    def _of_heat(self, name: str) -> tuple[Array, Array]:
+        """Return the temperature (times,) that belongs to the heat of a node [K], and its slope over the level (times,) [-].
+
+        Of a melt that supercools, on the branch on which the node itself stands.
+        """
+        state = held_in(name)
+        store, level = self.assembled.reduced.stored[state][1], self.stored[:, self.kept.index(state)]
+        kelvin, slope = value_and_slope(store.curve, level)
+        if store.melt is None or name not in self.kept:
+            return kelvin, slope
+        melt, rise = value_and_slope(store.melt.curve, level)
+        temperature = self.stored[:, self.kept.index(name)]
+        liquid = np.abs(melt - temperature) < np.abs(kelvin - temperature)
+        return np.where(liquid, melt, kelvin), np.where(liquid, rise, slope)
+
+    def _recovered(self, name: str) -> Array:
+        if name in self.wiring.network.boundaries:
+            return self.wiring.boundary(name, self.times, self.assembled.offsets)
+        weights = dict(self.assembled.reduced.recover)[name]
+        return np.asarray(np.sum([value_of(w) * self.temperature(n) for n, w in weights.items()], axis=0))
+
+    def slope(self, name: str) -> Array:
+        """Return the derivatives (times, free) of the temperature of a node or boundary. [K per unit]"""
+        size = self.slopes.shape[2]
+        if (state := held_in(name)) in self.kept:
+            return self._of_heat(name)[1][:, None] * self.slopes[:, self.kept.index(state), :]
+        if name in self.kept:
+            return self.slopes[:, self.kept.index(name), :]
+        if name in self.wiring.network.boundaries:
+            return np.broadcast_to(gradient_of(self.assembled.offsets[name], size), (self.times.size, size))
+        weights = dict(self.assembled.reduced.recover)[name]
+        parts = [value_of(w) * self.slope(n) + np.outer(self.temperature(n), gradient_of(w, size)) for n, w in weights.items()]
+        return np.asarray(np.sum(parts, axis=0))
+
+
+@dataclass(frozen=True)
+class Options:
+    """Tolerances and limits of the integrator.
+
+    Parameters
+    ----------
+    tolerance : float           Local error that a step may make. [K]
+    relative : float            The same, relative to the range of temperatures seen. [-]
+    input_tolerance : float     Error that what is left of a sampled input within a step may cause. [K]
+    max_step : float            [s]
+    max_steps : int             Steps after which the run is given up.
+    method : str                ``modal`` (exact, for linear networks), ``integrator``, ``large``, or ``auto``: whichever costs less.
+    large_tolerance : float     Local error that a step of the methods of large networks may make; they are of second order. None: 3e-3, and
+                                3e-5 where a table is read. [K]
+    extremes : bool             Whether runs follow every node between the stored samples, so that its highest and lowest temperatures and
+                                their instants are those of the course; else they are those of the samples.
+    """
+
+    tolerance: float = 2e-7
+    relative: float = 2e-8
+    input_tolerance: float = 1e-4
+    max_step: float = float("inf")
+    max_steps: int = 1_000_000
+    method: str = "auto"
+    large_tolerance: float | None = None
+    extremes: bool = field(default=True, repr=False)  # no part of the key of a fit, which it does not change
+
+    def __post_init__(self) -> None:
+        """Refuse what is no number.
+
+        Raises
+        ------
+        ScenarioError   Which it is.
+        """
+        for name in ("tolerance", "relative", "input_tolerance", "max_step", "max_steps", "large_tolerance"):
+            value = getattr(self, name)
+            if value is not None and (isinstance(value, bool) or not isinstance(value, Real) or not float(value) >= 0.0):
+                raise ScenarioError(f"it takes a number, zero or above, not {value!r}.", f"Options, {name}")
+        for name, kind in (("method", str), ("extremes", bool)):
+            if not isinstance(value := getattr(self, name), kind):
+                raise ScenarioError(f"it takes {'a name' if kind is str else 'true or false'}, not {value!r}.", f"Options, {name}")
+        if not isinstance(self.max_steps, Integral):
+            raise ScenarioError(f"it takes a whole number, not {self.max_steps!r}.", "Options, max_steps")
+
+
+@dataclass(frozen=True, eq=False)
+class Answer:
+    """What the kernel answered.
+
+    Parameters
+    ----------
+    temperatures : array (times, nodes)             Of the nodes asked for. [K]
+    sensitivities : array (times, nodes, free)      Empty when not asked for.
+    initial, final : array (nodes,)                 Of all nodes of the reduced network. [K]
+    load_energy, boundary_energy, flow_energy       Per load row, boundary and one-way row. [J]
+    end : float                                     [s]
+    statistics : dict
+    on : array (controls,)                          Which thermostats are on at the end, and the modes of controls.
+    switched : tuple of (float, int, int, int)      Time [s], control, its new state and the one before of every switching, in order.
+    turnings : dict or None                         Node, eliminated ones too -> turning points between the times; None where not followed.
+    """
+
+    temperatures: Array
+    sensitivities: Array
+    initial: Array
+    final: Array
+    load_energy: Array
+    boundary_energy: Array
+    flow_energy: Array
+    end: float
+    statistics: Mapping[str, Any]
+    on: NDArray[np.int32]
+    switched: tuple[tuple[float, int, int, int], ...] = ()
+    turnings: Mapping[str, Turnings] | None = None
+
+    def states(self, times: Array) -> NDArray[np.int32]:
+        """Return which thermostats are on and the modes of controls (times, controls), from the instants at which they switched."""
+        out = np.tile(self.on, (times.size, 1)).astype(np.int32)
+        for time, row, _, before in reversed(self.switched):
+            out[times < time, row] = before
+        return out
+
+
+def by_column(points: tuple[Any, Array, Array], count: int) -> tuple[Turnings, ...]:
+    """Return the turning points of each of `count` columns, from those of all, in order of columns and times.
+
+    Parameters
+    ----------
+    points : columns, times [s] and temperatures [K], each (points,)
+    """
+    columns, times, kelvin = points
+    ends = np.searchsorted(columns, np.arange(count + 1))
+    return tuple(Turnings(times[i:j], kelvin[i:j]) for i, j in pairwise(ends))
+
+
+def signal_turnings(drawn: Drawn, end: float, offset: float) -> Turnings:
+    """Return the turning points of a boundary from zero to `end` [s]: knots where its signal turns, and those of a sine.
+
+    Parameters
+    ----------
+    drawn : Drawn       [K]
+    end : float         [s]
+    offset : float      A constant beside it. [K]
+    """
+    times = drawn.turns(end)
+    return Turnings(times, drawn.at(times) + offset)
+
+
+LARGE_FROM: Final = 500
+"""Nodes from which a model is run as a large network: the small integrator's dense matrices grow with the third power."""
+UNSOLVED: Final = (_kernel.NEWTON_FAILED, _kernel.NON_FINITE, _kernel.STEP_UNDERFLOW, _kernel.RUN_AWAY)
+"""How a run ends that reaches where a table has no values."""
+MAY_HAVE_LEFT: Final = ' A table with outside = "refuse" may have left its range: add points, or set outside = "hold".'
+
+
+def break_times(signals: Iterable[Signal], end: float) -> Array:
+    """Return the times at which a held input jumps, when they are few enough to be stepped on one by one. [s]"""
+    jumps = [s.times[1:][np.diff(s.values) != 0] for s in signals if isinstance(s, TableSignal) and s.hold]
+    times = np.unique(np.concatenate(jumps)) if jumps else np.zeros(0)
+    times = times[(times > 0) & (times < end)]
+    return times if times.size <= 5000 else np.zeros(0)
+
+
+def ints(values: Any) -> NDArray[np.int32]:
+    """Return numbers as the kernel's integers."""
+    return np.ascontiguousarray(values, dtype=np.int32)
+
+
+def row_form(law: KernelLaw, placed: PlacedConductor | PlacedLoad, tables: list[Any], refuse: bool) -> tuple[int, list[int], int]:
+    """Return the kernel's kind, coefficient places and table of a row; without `refuse` tables are held where they would be refused."""
+    places, curve = [*placed.places, -1, -1, -1, -1][:4], placed.row.curve
+    if curve is None:
+        return law.kind, places, -1
+    table = len(tables)
+    tables += [curve_arrays(each, refuse) for each in tables_behind(placed.row.form, curve)]
+    return law.kind, places, table
+
+
+def limits(options: Options, inputs: Iterable[Signal], end: float) -> dict[str, Any]:
+    """Return the limits of a run to `end` [s] as every integrator of the kernel takes them."""
+    return {
+        "input_atol": options.input_tolerance,
+        "max_step": options.max_step,
+        "max_steps": options.max_steps,
+        "breaks": break_times(inputs, end),
+    }
+
+
+def kernel_input(drawn: Drawn) -> tuple[int, Array, Array]:
+    """Return the kernel's form of a signal."""
+    none = np.zeros(0)
+    if isinstance(drawn, Constant):
+        return _kernel.CONSTANT, np.array([drawn.value]), none
+    if isinstance(drawn, Sine):
+        return _kernel.SINE, np.array([drawn.mean, drawn.amplitude, drawn.period, drawn.phase]), none
+    kind = _kernel.SAMPLED_HOLD if drawn.hold else _kernel.SAMPLED_LINEAR
+    return kind, np.ascontiguousarray(drawn.times, dtype=float), np.ascontiguousarray(drawn.values, dtype=float)
+
+
+def unsettled(follows: bool) -> str:
+    """Return why Newton's method came to no end; `follows` says whether a power follows a temperature at all."""
+    if follows:
+        return (
+            "no steady state was found; a power may grow without limit with temperature. Check the temperature coefficients of the loads."
+        )
+    return (
+        "no steady state was found above 0 K. Look for a negative power larger than the heat that can flow in. A body without heat "
+        "that radiates to 0 K alone cools without limit."
+    )
+
+
+def runs_away(when: str, follows: bool) -> str:
+    """Return why a temperature leaves every range; `follows` says whether a power follows a temperature at all."""
+    cause = "a power grows faster with temperature than the heat removed" if follows else "more heat is supplied than removed"
+    return f"the temperature rises without limit {when}: {cause}. If it falls below 0 K, a negative power is too large."
+
+
+def unsolved(when: str, follows: bool) -> str:
+    """Return what to look at where a step could not be solved; `follows` as in `runs_away`."""
+    look = "power that grows too fast with temperature" if follows else "law that jumps there, or for conductances many decades apart"
+    return f"a step could not be solved {when}. Look for a {look}."
+
+
+def ending(answer: Any, names: Sequence[str], max_steps: int, end: float, follows: bool) -> str:
+    """Return what ran out in a run that ended before `end` [s], when, where and what to change; `follows` as in `runs_away`."""
+    node = f" at '{names[answer.node]}'" if 0 <= answer.node < len(names) else ""
+    when = f"at {answer.time:.6g} s of {end:.6g} s{node}"
+    words = {
+        _kernel.MAX_STEPS: f"{max_steps} steps were not enough, {when}. Allow more max_steps, or a larger tolerance.",
+        _kernel.STEP_UNDERFLOW: f"the step became too small {when}. Look for a discontinuous law there, or raise the tolerance.",
+        _kernel.NEWTON_FAILED: unsolved(when, follows),
+        _kernel.NON_FINITE: f"a temperature or heat flow is not a number {when}. Look for a parameter that is infinite.",
+        _kernel.RUN_AWAY: runs_away(when, follows),
+        _kernel.SINGULAR_NODE: f"a massless node has no conductance to anything {when}, so its temperature is undefined.",
+        _kernel.BAD_INPUT: f"a temperature fell below 0 K, or a number is not finite, {when}. Check the inputs at that time.",
+        _kernel.CHATTER: f"a thermostat switches endlessly {when}. Widen its hysteresis.",
+        _kernel.TOO_HOT: f"a massless node would be above 100,000 K {when}: more heat is supplied than its conductors carry. Check its "
+        "power and these conductances; a unit may be wrong.",
+    }
+    return words.get(answer.status, f"the run stopped {when}.")
+
+
+NEAR: Final = 0.1
+"""How close to the end of its table a run stands that cannot go on. [K]"""
+GOES_ON: Final = {"hold": "stays constant", "linear": "is extended as a straight line", "refuse": "is refused"}
+"""What a table does outside its points."""
+
+
+def _ranged(network: Network, numbers: Numbers) -> list[tuple[str, Curve, tuple[str, str]]]:
+    """Return name, table and the nodes whose mean or difference it is read at, for every table that an author gives and of a gas."""
+    curves = [(r.name, r.curve, r.ends) for r in numbers.conductors]
+    curves += [(r.name, r.curve, (r.node, r.node)) for r in numbers.loads]
+    curves = [(name, curve, ends) for name, curve, ends in curves if curve is not None and not curve.film]
+    curves += [
+        (c.path, c.curve.film[1], (e, e)) for c in network.flat.conductors if c.curve is not None and len(c.curve.film) > 1 for e in c.ends
+    ]
+    curves += [(node, store.given, (node, node)) for node, store in network.stores.items()]
+    for name in network.controls:
+        control = network.flat.controls[name]
+        (first, weight), *more = control.follows or (("", 0.0),)
+        if weight == 1.0 and (not more or (len(more) == 1 and more[0][1] == -1.0)):
+            curves.append((name, control.control.curve, (first, more[0][0] if more else first)))
+    return [(name, curve, ends) for name, curve, ends in curves if curve is not None]
+
+
+def read_nodes(network: Network, numbers: Numbers) -> set[str]:
+    """Return the nodes at whose temperatures tables are read."""
+    return {end for _, _, ends in _ranged(network, numbers) for end in ends}
+
+
+def refuses(network: Network, numbers: Numbers) -> bool:
+    """Return whether some table is refused outside its points."""
+    return any(curve.limits is not None for _, curve, _ in _ranged(network, numbers))
+
+
+def _seen(curve: Curve, a: Array, b: Array) -> Array:
+    """Return what a table is read at, for temperatures of both nodes. [K]"""
+    return a - b if curve.over == "difference" else 0.5 * (a + b)
+
+
+def left_tables(network: Network, numbers: Numbers, temperatures: Callable[[str], Array], times: Array) -> tuple[str, ...]:
+    """Return a sentence for each table that was asked for values outside its points at times [s]; `temperatures`: of a node. [K]"""
+    out = []
+    for name, curve, (a, b) in _ranged(network, numbers):
+        argument = _seen(curve, temperatures(a), temperatures(b))
+        beyond = (argument < curve.x[0]) | (argument > curve.x[-1])
+        if beyond.any():
+            first, low, high = times[beyond.argmax()], float(argument.min()), float(argument.max())
+            out.append(
+                f"'{name}' left the range of its law, {curve.x[0]:.6g} to {curve.x[-1]:.6g} K, at {first:.6g} s: it saw {low:.6g} to"
+                f" {high:.6g} K. Beyond its range the law {GOES_ON[curve.outside]}, so the result is an extrapolation there"
+            )
+    return tuple(out)
+
+
+def refused_tables(network: Network, numbers: Numbers, temperatures: Mapping[str, float], near: float) -> str:
+    """Return which tables that are refused outside their points are left, or left next, at temperatures [K]; empty where none is."""
+    out = []
+    for name, curve, (a, b) in _ranged(network, numbers):
+        if curve.limits is None:
+            continue
+        low, high = curve.limits
+        argument = float(_seen(curve, np.array(temperatures[a]), np.array(temperatures[b])))
+        if not low + near <= argument <= high - near:
+            out.append(f"'{name}' leaves the range of its table, {low:.6g} to {high:.6g} K")
+    if not out:
+        return ""
+    return f'{" and ".join(dict.fromkeys(out))}, and outside = "refuse" ends the run. Add points, or set outside = "hold".'
+
+
+def refuse_unseen(model: Tree, what: str, kind: type[ThermidError] = ScenarioError) -> None:
+    """Refuse what needs the equations of a model that is run by somebody else's program.
+
+    Raises
+    ------
+    ScenarioError   When it is, as an FMU; or the error of another kind.
+    """
+    if model.runner is not None:
+        raise kind(f"{what} needs the equations of the model, which an FMU does not show. Use a deck for it.", model.title)
+
+
+class KernelProblem:
+    """The kernel's problem for one wiring; the same for all values of its unknowns."""
+
+    def __init__(self, wiring: Wiring) -> None:
+        self.wiring = wiring
+        s = wiring.structure
+        self.load_names = tuple(p.row.name for p in s.loads[: len(s.loads) - s.hidden])
+        self.machines = tuple(p.row.name for p in s.factors if p.row.modes)
+        self.control_names = (*(p.name for p in s.controls), *self.machines)
+        self.flow_rows = np.array([k for k, p in enumerate(s.conductors) if p.row.form == "flow"], dtype=int)
+        self.problem = self._laid_out(refuse=True)
+        self.refuses = refuses(wiring.network, wiring.assemble(np.zeros(0)).numbers)
+        self.held = self._laid_out(refuse=False) if self.refuses else self.problem
+        self.nodes = s.nodes
+
+    def _laid_out(self, refuse: bool) -> Any:
+        """Return the kernel's problem; without `refuse` tables are held where a run would be refused, for searches that pass there."""
+        return _kernel.Problem(**self.arrays(refuse))
+
+    def arrays(self, refuse: bool = True) -> dict[str, Any]:
+        """Return what the kernel's problem is made of, by name: indices as arrays of int32, tables and inputs as lists."""
+        s = self.wiring.structure
+        tables: list[tuple[Array, Array, Array]] = []
+        conductors = [row_form(p.row.kernel, p, tables, refuse) for p in s.conductors]
+        loads = [row_form(LOADS[p.row.form], p, tables, refuse) for p in s.loads]
+        follow = self._followed(tables) if s.factors else None
+        return {
+            "capacity": ints(s.capacity),
+            "coef_input": ints(s.coefficient_input),
+            "boundary_gain": ints(s.gain),
+            "boundary_offset": ints(s.offset),
+            "conductor_kind": ints([r[0] for r in conductors]),
+            "conductor_a": ints([p.a for p in s.conductors]),
+            "conductor_b": ints([p.b for p in s.conductors]),
+            "conductor_coef": ints([r[1] for r in conductors]).reshape(-1, 4),
+            "conductor_table": ints([r[2] for r in conductors]),
+            "load_kind": ints([r[0] for r in loads]),
+            "load_node": ints([p.node for p in s.loads]),
+            "load_coef": ints([r[1] for r in loads]).reshape(-1, 4),
+            "load_sensor": ints([p.follows for p in s.loads]),
+            "load_table": ints([r[2] for r in loads]),
+            "load_control": ints([p.control for p in s.loads]),
+            "control_kind": ints([CONTROLS[p.kind].kind for p in s.controls]),
+            "control_sensor": ints([p.sensor for p in s.controls]),
+            "control_coef": ints([(*p.places, -1)[:3] for p in s.controls]).reshape(-1, 3),
+            "tables": tables,
+            "inputs": [kernel_input(signal) for signal in self.inputs],
+            "follow": follow,
+        }
+
+    def _followed(self, tables: list[tuple[Array, Array, Array]]) -> dict[str, Any]:
+        """Return what follows temperatures as the kernel takes it; tables of controls join those of rows."""
+        s, index, rows = self.wiring.structure, self._places(), {p.row.name: p for p in self.wiring.structure.factors}
+        machines = [p for p in s.factors if p.row.modes]
+        of = {p.row.name: k for k, p in enumerate(machines)}
+        factors: list[tuple[Any, ...]] = []
+        known: dict[tuple[str, int], int] = {}
+
+        def probe(nodes: Sequence[tuple[str, int]], constant: int, places: Sequence[int]) -> list[int]:
+            three = [(index[node], places[place]) for node, place in nodes] + [(-1, -1)] * (3 - len(nodes))
+            return [places[constant] if constant != FREE else -1, *(node for node, _ in three), *(place for _, place in three)]
+
+        def factor(name: str, form: FactorForm) -> int:
+            if (name, id(form)) not in known:
+                places, table = rows[name].places, -1
+                if form.curve is not None:
+                    table = len(tables)
+                    tables.append(curve_arrays(form.curve))
+                low, high = (places[k] if k != FREE else -1 for k in (form.low, form.high))
+                read = probe(form.nodes, form.constant, places)
+                factors.append((form.kind, read, low, high, table, of.get(name, -1), [places[v] for v in form.values]))
+                known[name, id(form)] = len(factors) - 1
+            return known[name, id(form)]
+
+        def named(control: str) -> int:
+            row = rows[named_control(control)[0]].row
+            return factor(row.name, row.factor_of(control))
+
+        def guard(p: PlacedFactors, g: GuardForm) -> tuple[Any, ...]:
+            level, delay = (p.places[k] if k != FREE else -1 for k in (g.level, g.delay))
+            return of[p.row.name], g.before, g.after, probe(g.nodes, FREE, p.places), level, g.sign, delay
+
+        guards = [guard(p, g) for p in machines for g in p.row.guards]
+        sampled = [(p.row, state) for p in s.factors for state in p.row.states if state.factor is not None]
+        samplers = [(row.sample, index[state.name], factor(row.name, state.factor)) for row, state in sampled if state.factor is not None]
+        followers = [(load.base, [named(c) for c in load.controls]) for load in s.driven]
+        return {
+            "states": sum(len(p.row.states) for p in s.factors),
+            "machines": [p.row.starts for p in machines],
+            "factors": factors,
+            "guards": guards,
+            "samplers": samplers,
+            "followers": followers,
+        }
+
+    def __reduce__(self) -> tuple[type[KernelProblem], tuple[Wiring]]:
+        """Return how to make it in another process: the kernel's problem is laid out anew."""
+        return type(self), (self.wiring,)
+
+    @property
+    def title(self) -> str:
+        """Of the model and the scenario, for messages."""
+        return f"{self.wiring.network.title}, {self.wiring.scenario.title}"
+
+    @property
+    def many(self) -> bool:
+        """Whether it has so many nodes that it is run as a large network; the heat of one that stores it by a table counts with it."""
+        return len(self.nodes) - sum(held_in(n) in self.nodes for n in self.wiring.network.stores) >= LARGE_FROM
+
+    @property
+    def inputs(self) -> list[Drawn]:
+        """The signals that multiply coefficients, in the kernel's order."""
+        return [self.wiring.signals[name] for name in self.wiring.used]
+
+    def settings(self, options: Options, end: float) -> dict[str, Any]:
+        """Return the tolerances and limits of a run to `end` [s] as the kernel's small integrator takes them."""
+        return {"rtol": options.relative, "atol": options.tolerance, **limits(options, self.inputs, end)}
+
+    def gradients(self, a: Assembled, wanted: bool) -> dict[str, Any]:
+        """Return the derivatives of coefficients and start as the kernel takes them; nothing where none are wanted."""
+        if not wanted or a.jacobian is None:
+            return {}
+        return {"dcoef": (*a.jacobian, a.initial_gradient.shape[1]), "dT0": np.ascontiguousarray(a.initial_gradient)}
+
+    def _index(self) -> dict[str, int]:
+        return {n: k for k, n in enumerate((*self.nodes, *self.wiring.network.boundaries))}
+
+    def _places(self) -> dict[str, int]:
+        return {n: k for k, n in enumerate((*self.wiring.structure.nodes, *self.wiring.network.boundaries))}
+
+    def message(self, answer: Any, options: Options, end: float, a: Assembled | None = None) -> str:
+        """Return what ran out, when, where and what to change."""
+        network = self.wiring.network
+        follows = any(load.follows_temperature for load in network.flat.loads)
+        if self.refuses and answer.status in UNSOLVED:
+            final = getattr(answer, "final_temperatures", None)
+            beyond = self.left(a, answer.time, final, NEAR) if a is not None and final is not None else ""
+            if beyond:
+                return f"at {answer.time:.6g} s of {end:.6g} s {beyond}"
+            return ending(answer, (*self.nodes, *network.boundaries), options.max_steps, end, follows) + MAY_HAVE_LEFT
+        return ending(answer, (*self.nodes, *network.boundaries), options.max_steps, end, follows)
+
+    def left(self, a: Assembled, time: float, temperatures: Array, near: float = 0.0) -> str:
+        """Return which tables that are refused outside their points are left at temperatures (nodes,) [K]; empty where none is."""
+        network = self.wiring.network
+        if not self.refuses:
+            return ""
+        traces = Traces(self.wiring, a, np.array([time]), self.nodes, temperatures[None, :], np.zeros((1, temperatures.size, 0)))
+        every = {n: float(traces.temperature(n)[0]) for n in (*network.nodes, *network.boundaries)}
+        return refused_tables(network, a.numbers, every, near)
+
+    def rhs(
+        self, a: Assembled, temperatures: Array, time: float, gradients: bool = False, on: NDArray[np.int32] | None = None
+    ) -> tuple[Array, Array, Array | None]:
+        """Return net heat (nodes,) [W], its Jacobian (nodes, nodes) [W/K] and its derivatives (nodes, free) at temperatures [K].
+
+        `on`: states of thermostats and modes of controls (controls,); -1, or None, for those that temperatures and the start give.
+        """
+        refuse_unseen(self.wiring.network.flat.names.model, "a heat balance", SolverError)
+        extra = (*a.jacobian, a.initial_gradient.shape[1]) if gradients and a.jacobian is not None else None
+        heat, jacobian, slopes = self.held.rhs(a.coefficients, np.ascontiguousarray(temperatures), float(time), extra, on)
+        return heat, jacobian, slopes
+
+    @cached_property
+    def still(self) -> KernelProblem:
+        """The same problem with every input at its mean; it takes the same numbers."""
+        return KernelProblem(self.wiring.stilled())
+
+    def capacities(self, a: Assembled) -> Array:
+        """Return the capacitance (nodes,) of every node, zero for a massless one; states of controllers have one. [J/K]"""
+        return np.array([0.0 if c is None else value_of(c) for c in (a.reduced.capacitances[n] for n in self.nodes)])
+
+    def time_constants(self, a: Assembled, temperatures: Array, time: float) -> Array:
+        """Return the time constants of the network linearised at temperatures (nodes,), longest first. [s]"""
+        _, jacobian, _ = self.rhs(a, temperatures, time)
+        capacity = self.capacities(a)
+        capacity[[self.nodes.index(state) for state in self._sampled()]] = 0.0  # as if they sampled without end
+        massive, massless = capacity > 0, capacity <= 0
+        heat = jacobian[np.ix_(massive, massive)]
+        if massless.any():
+            heat = heat - jacobian[np.ix_(massive, massless)] @ np.linalg.solve(
+                jacobian[np.ix_(massless, massless)], jacobian[np.ix_(massless, massive)]
+            )
+        root = np.sqrt(capacity[massive])
+        rates = np.linalg.eigvals(heat / root[:, None] / root[None, :]).real
+        slow = np.abs(rates) < 1e-13 * max(float(np.abs(rates).max(initial=0.0)), 1e-300)
+        return np.sort(np.where(slow, np.inf, -1.0 / np.where(slow, -1.0, rates)))[::-1]
+
+    def _sampled(self) -> list[str]:
+        return [state.name for p in self.wiring.structure.factors for state in p.row.states if state.factor is not None]
+
+    def powers(self, a: Assembled, temperatures: Array, times: Array, on: NDArray[np.int32] | None = None) -> dict[str, Array]:
+        """Return load -> power (times,), thermostats on or off as given (times, controls); rows of one load are summed. [W]"""
+        table = self.held.load_powers(a.coefficients, temperatures, np.ascontiguousarray(times, dtype=float), on)
+        out: dict[str, Array] = {}
+        for k, name in enumerate(self.load_names):
+            out[name] = out.get(name, 0.0) + table[:, k]
+        return out

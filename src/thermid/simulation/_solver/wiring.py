@@ -1,0 +1,1033 @@
+"""A network and a scenario wired to the kernel: flat arrays once, numbers with derivatives at every set of values."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from copy import copy
+from dataclasses import dataclass, field, replace
+from typing import Any, NamedTuple, TypeVar
+
+import numpy as np
+from numpy.typing import NDArray
+
+from thermid.base.dual import Dual, Number, gradient_of, value_of
+from thermid.base.errors import DeckError, ScenarioError, nearest, refuse_unknown
+from thermid.base.linear_algebra import Array
+from thermid.base.units import TEMPERATURE, require
+from thermid.model.elements import COMPLEMENT
+from thermid.model.laws import (
+    Constant,
+    Drawn,
+    HeatStore,
+    Mixed,
+    Signal,
+    Sine,
+    TableSignal,
+    common_cycle,
+    literal,
+    multiplied,
+    pulses,
+    signal,
+    together,
+)
+from thermid.simulation._network.controls import ControlRow
+from thermid.simulation._network.network import Network, Numbers, Reduced, Varied, eliminable, reduce_network, with_controllers, with_stores
+from thermid.simulation._network.rows import CONTROLS, ConductorRow, LoadRow, conductance, heat
+from thermid.simulation._network.streams import signal_of
+from thermid.simulation._scenarios.scenario import PERIODIC, STEADY, Scenario, Start
+
+Csr = tuple[NDArray[np.int32], NDArray[np.int32], Array]
+Row = TypeVar("Row", ConductorRow, LoadRow, ControlRow)
+
+MARK = "scheduled"
+"""Stands in a row's signal while massless nodes are chosen for elimination: its conductance changes in time."""
+
+
+def normalised(network: Network, scenario: Scenario) -> Scenario:
+    """Return the scenario with canonical names, and a temperature for every boundary.
+
+    Raises
+    ------
+    NameNotFoundError   When it names a node or load that does not exist.
+    ScenarioError       When a boundary has no temperature.
+    """
+    flat, where = network.flat, scenario.title
+    paths = [load.path for load in flat.loads]
+
+    def load(name: str) -> str:
+        path = flat.names.model.canonical(name)
+        refuse_unknown([path], paths, where, f"no load '{name}'.", ScenarioError)
+        return path
+
+    def gain(name: str) -> str:
+        path = flat.names.model.canonical(name)
+        refuse_unknown([path], flat.parameters.table, where, f"no parameter '{name}'.", ScenarioError)
+        require(flat.parameters.dimension(path), "W", flat.parameters.table[path].parameter.unit)
+        return path
+
+    boundaries = {network.find(k, where): v for k, v in scenario.boundaries.items()}
+    boundaries |= {network.find(k, where): v for k, v in scenario.prescribed.items()}
+    for name in boundaries:
+        if name not in network.boundaries:
+            raise ScenarioError(
+                f"'{name}' is a node with a heat balance, not a boundary. To prescribe its temperature put it under 'prescribed'.",
+                where,
+            )
+    for name in network.boundaries:
+        if name not in boundaries:
+            raise ScenarioError(
+                f"boundary '{name}' of {network.title} has no temperature. Give it one in the scenario's boundaries.", where
+            )
+    loads = {load(k): v for k, v in scenario.loads.items()}
+    commands = {load(k): v for k, v in scenario.commands.items()}
+    both = sorted(set(loads) & set(commands))
+    if both:
+        raise ScenarioError(f"load '{both[0]}' has both a power and a command. Give one of them.", where)
+    gains = {load(k): gain(v) for k, v in scenario.gains.items()}
+    initial = {network.find(k, where): v for k, v in scenario.initial.items()}
+    scenario.check_spans()
+    return replace(scenario, boundaries=boundaries, loads=loads, commands=commands, gains=gains, initial=initial, prescribed={})
+
+
+@dataclass(frozen=True)
+class Curvature:
+    """What the curvature of a command's law is multiplied by: s (s - 1)."""
+
+    def __call__(self, command: Array) -> Array:
+        """Return s (s - 1) of a command (times,). [-]"""
+        return command * (command - 1.0)
+
+
+def load_inputs(network: Network, scenario: Scenario, numbers: Numbers) -> dict[str, Signal]:
+    """Return input name -> signal for every load row; a load without signal is on at full power.
+
+    A power given by the scenario is marked ``watts <load>``: it stands in place of the deck's own.
+    """
+    out: dict[str, Signal] = {}
+    for load in network.flat.loads:
+        command: Signal = scenario.commands.get(load.path, Constant(1.0))
+        if load.flux is not None:
+            command = multiplied(command, load.flux(scenario.boundaries))
+        if "periodic.period" in load.fields:
+            command = multiplied(command, _square(load.fields, numbers.values, load.where))
+        if load.cycle is not None:
+            command = multiplied(command, load.cycle)
+        watts = scenario.loads.get(load.path)
+        if watts is not None:
+            if load.curve is not None:
+                raise ScenarioError(
+                    f"the power of '{load.path}' is a table of temperature, so the scenario cannot replace it by a power. Give a "
+                    "command instead.",
+                    scenario.title,
+                )
+            out[f"watts {load.path}"] = watts
+            command = watts
+        out[f"load {load.path}"] = command
+        out[f"curve {load.path}"] = Constant(0.0) if watts is not None else Mixed(Curvature(), (command,))
+        if "sine.amplitude" in load.fields:
+            period = value_of(numbers.values[load.fields["sine.period"]])
+            wave: Signal = Constant(0.0) if watts is not None else Sine(0.0, 1.0, period)
+            square = _square(load.fields, numbers.values, load.where) if "periodic.period" in load.fields else Constant(1.0)
+            out[f"sine {load.path}"] = multiplied(wave, square, load.cycle or Constant(1.0))
+    return out
+
+
+def _square(fields: Mapping[str, str], values: Mapping[str, Any], where: str) -> Signal:
+    """Return the on-off signal of a periodic load: on first, for `duty` of every period."""
+    period, duty = (value_of(values[fields[f"periodic.{k}"]]) for k in ("period", "duty"))
+    if not (period > 0 and 0.0 <= duty <= 1.0):
+        raise DeckError(f"a periodic load needs a period above zero and a duty from 0 to 1, not {period:g} s and {duty:g}.", where)
+    return pulses(period, duty)
+
+
+ROUNDING = 1e-13
+"""Share of its largest value below which a scheduled value is zero. [-]"""
+SAME = (1e-9, 1e-12)
+"""How far a coefficient over its reference may lie from its course, relative and absolute. [-]"""
+
+
+def _with_zeros(times: Array, columns: Array) -> Array:
+    """Return times (times,) with the instants at which straight lines between samples (times, signals) pass zero."""
+    before, after = columns[:-1], columns[1:]
+    rows, which = np.nonzero(before * after < 0.0)
+    share = before[rows, which] / (before[rows, which] - after[rows, which])
+    return np.union1d(times, times[rows] + share * (times[rows + 1] - times[rows]))
+
+
+class Schedule:
+    """Parameters that follow signals.
+
+    Parameters
+    ----------
+    signals : dict      Parameter path -> signal. [SI]
+    times : array       Times at which any of them must be sampled. [s]
+    hold : bool         Whether all of them hold between samples.
+    """
+
+    def __init__(self, signals: Mapping[str, Signal], duration: float) -> None:
+        self.signals = dict(signals)
+        drawn = [s.drawn(duration) for s in signals.values()]
+        self.times, self.hold = together(drawn, duration)
+        columns = np.column_stack([s.at(self.times) for s in drawn])
+        if not self.hold:  # a flow that turns has a knot where it is zero
+            self.times = _with_zeros(self.times, columns)
+            columns = np.column_stack([s.at(self.times) for s in drawn])
+            columns[np.abs(columns) < ROUNDING * np.abs(columns).max(axis=0, initial=0.0)] = 0.0
+        self.rows, self.index = np.unique(columns, axis=0, return_inverse=True)
+        self.index = self.index.ravel()
+
+    def overrides(self, k: int) -> dict[str, float]:
+        """Return path -> value of the k-th distinct combination. [SI]"""
+        return dict(zip(self.signals, self.rows[k].tolist(), strict=True))
+
+
+def read_schedule(network: Network, scenario: Scenario) -> Schedule | None:
+    """Return the schedule of a scenario with every signal in SI, or None.
+
+    Raises
+    ------
+    NameNotFoundError   When it names no parameter.
+    UnitError           When a signal has another dimension than its parameter.
+    """
+    if not scenario.schedule:
+        return None
+    parameters = network.flat.parameters
+    signals = {}
+    for raw, value in scenario.schedule.items():
+        where = f"{scenario.title}, schedule.{raw}"
+        path = parameters.freeable(raw, network.flat.names.model.canonical)
+        literal = parameters.table[path].parameter.expression.literal
+        slot = TEMPERATURE if literal and literal.unit.absolute else literal.unit.text if literal else "1"
+        signals[path] = signal(value, slot, where)
+    return Schedule(signals, scenario.seconds)
+
+
+@dataclass(frozen=True, eq=False)
+class ScheduledCoefficient:
+    """How one coefficient changes.
+
+    Parameters
+    ----------
+    sample : int                Of reference, at which it does not vanish.
+    ratio : array (samples,)    Its value at each distinct sample over that at the reference. [-]
+    """
+
+    sample: int
+    ratio: Array
+
+
+@dataclass(frozen=True, eq=False)
+class ScheduledCoefficients:
+    """Which coefficients of a network follow a schedule.
+
+    A coefficient that changes is its value at a sample of reference times a signal. That holds where the scheduled parameters act as
+    factors, and it is checked at every set of values: of one run, with derivatives, or of all members of an ensemble at once.
+
+    Parameters
+    ----------
+    network : Network
+    schedule : Schedule
+    reference : int     The sample at whose values everything else is taken.
+    places : tuple      Of each row that the schedule reaches: its place among conductors, loads and controls.
+    names : tuple       Of each such row: its name, and its position among the rows of that name.
+    table : dict        (row among these, coefficient) -> ScheduledCoefficient.
+    """
+
+    network: Network
+    schedule: Schedule
+    reference: int
+    places: tuple[int, ...]
+    names: tuple[tuple[str, int], ...]
+    table: Mapping[tuple[int, int], ScheduledCoefficient]
+
+    @classmethod
+    def of(cls, network: Network, schedule: Schedule) -> ScheduledCoefficients:
+        """Return the courses at the model's own values.
+
+        Raises
+        ------
+        ScenarioError   When a capacitance would change.
+        """
+        kept, names = network.parts(), tuple(schedule.signals)
+        sets = [network.varied(kept, schedule.overrides(k), names) for k in range(len(schedule.rows))]
+        places = network.places(kept, names)
+        for own in sets:
+            _check_masses(own, sets[0], network.title)
+        moved = len(places) - len(network.controls)
+        sizes = [sum(np.log1p(abs(value_of(row.coefficients[0]))) for row in own.rows[:moved]) for own in sets]
+        reference = int(np.argmax(sizes))
+        table = {}
+        for r, row in enumerate(sets[reference].rows):
+            for c in range(len(row.coefficients)):
+                values = np.array([value_of(own.rows[r].coefficients[c]) for own in sets])
+                sample = reference if values[reference] else int(np.abs(values).argmax())
+                if (values != values[sample]).any():
+                    table[r, c] = ScheduledCoefficient(sample, values / values[sample])
+        return cls(network, schedule, reference, places, _named(network, kept, places), table)
+
+    @property
+    def signals(self) -> dict[tuple[str, int, int], Drawn]:
+        """(row's name, position among the rows of that name, coefficient) -> what it follows."""
+        times, index, hold = self.schedule.times, self.schedule.index, self.schedule.hold
+        out: dict[tuple[str, int, int], Drawn] = {}
+        for (r, c), course in self.table.items():
+            ratio = course.ratio[index]
+            out[(*self.names[r], c)] = TableSignal(times, ratio, hold) if times.size > 1 else Constant(float(ratio[0]))
+        return out
+
+    def numbers(self, free: Mapping[str, Number]) -> Numbers:
+        """Return the numbers at the samples of reference, with some parameters replaced; `free` is path -> number. [SI]
+
+        Raises
+        ------
+        ScenarioError   When a capacitance would change, or a freed parameter and a scheduled one do not act as a product.
+        """
+        network, schedule, names = self.network, self.schedule, tuple(self.schedule.signals)
+        clash = sorted(set(names) & set(free))
+        if clash:
+            raise ScenarioError(
+                f"'{clash[0]}' follows a schedule, so it cannot be fitted. Free a factor that multiplies it.", network.title
+            )
+        kept = network.parts({**free, **schedule.overrides(self.reference)})
+
+        def at(k: int) -> Varied:
+            return network.varied(kept, {**free, **schedule.overrides(k)}, names)
+
+        first = {k: at(k) for k in {self.reference, *(course.sample for course in self.table.values())}}
+        base = first[self.reference]
+        mine = [list(row.coefficients) for row in base.rows]
+        for (r, c), course in self.table.items():
+            mine[r][c] = first[course.sample].rows[r].coefficients[c]
+        for k in range(len(schedule.rows)) if free else ():
+            sample = first[k] if k in first else at(k)
+            _check_masses(sample, base, network.title)
+            self._check(k, sample, mine)
+        return self._laid(base, mine)
+
+    def _check(self, k: int, varied: Varied, mine: list[list[Number]]) -> None:
+        """Refuse values at which a coefficient of a sample is not its reference times its course."""
+        for r, row in enumerate(varied.rows):
+            for c, number in enumerate(row.coefficients):
+                course, value, base = self.table.get((r, c)), value_of(number), value_of(mine[r][c])
+                ratio = 1.0 if course is None else float(course.ratio[k])
+                slack = 0.0 if course is None else SAME[1] + SAME[0] * abs(ratio)
+                if not np.abs(value - ratio * base) <= slack * np.abs(base):
+                    raise ScenarioError(
+                        f"in '{row.name}' a parameter that differs between runs and a scheduled one do not act as a product, so the "
+                        "runs need different schedules. Run them one by one, with with_values.",
+                        self.network.title,
+                    )
+                if course is not None and not _same_slopes(number, ratio, mine[r][c]):
+                    raise ScenarioError(
+                        f"in '{row.name}' a free parameter and a scheduled one do not act as a product, so their effects cannot be "
+                        "separated. Fix the parameter.",
+                        self.network.title,
+                    )
+
+    def _laid(self, base: Varied, mine: list[list[Number]]) -> Numbers:
+        """Return the numbers of a sample with other coefficients of the rows that the schedule reaches."""
+        whole = self.network.numbers_of(base.parts)
+        rows: list[Any] = [*whole.conductors, *whole.loads, *whole.controls]
+        count, rest = len(whole.conductors), len(whole.conductors) + len(whole.loads)
+        for r in dict.fromkeys(r for r, _ in self.table):
+            place, coefficients = self.places[r], tuple(mine[r])
+            row = rows[place]
+            rows[place] = (
+                replace(row, law=replace(row.law, coefficients=coefficients)) if place < count else replace(row, coefficients=coefficients)
+            )
+        return replace(whole, conductors=tuple(rows[:count]), loads=tuple(rows[count:rest]), controls=tuple(rows[rest:]))
+
+
+def _named(network: Network, kept: Mapping[str, Any], places: tuple[int, ...]) -> tuple[tuple[str, int], ...]:
+    """Return the name of the row at each place, and its position among the rows of that name."""
+    whole = network.numbers_of(kept)
+    names = [*(row.name for row in whole.conductors), *(row.name for row in whole.loads), *(row.name for row in whole.controls)]
+    counts: dict[str, int] = {}
+    every = []
+    for name in names:
+        every.append((name, counts.get(name, 0)))
+        counts[name] = counts.get(name, 0) + 1
+    return tuple(every[k] for k in places)
+
+
+def _check_masses(varied: Varied, first: Varied, title: str) -> None:
+    for node, capacitance in varied.capacitances.items():
+        before = first.capacitances[node]
+        if capacitance is not None and before is not None and value_of(capacitance) != value_of(before):
+            raise ScenarioError(
+                f"the capacitance of '{node}' depends on a schedule; only conductors and loads may. Give it a constant.", title
+            )
+
+
+def _same_slopes(number: Number, ratio: float, base: Number) -> bool:
+    """Whether the derivatives of a number are those of its reference times a ratio; a number without any has no say."""
+    if not isinstance(number, Dual) or not isinstance(base, Dual) or not base.gradient.size:
+        return True
+    return np.allclose(number.gradient, ratio * base.gradient, rtol=1e-9, atol=1e-12 * float(np.abs(base.gradient).max()))
+
+
+class PlacedConductor(NamedTuple):
+    """A conductor of the kernel: its row, and the places of its ends among nodes and boundaries and of its coefficients.
+
+    The numbers in the row are those of the values that it was laid out at.
+    """
+
+    row: ConductorRow
+    a: int
+    b: int
+    places: list[int]
+
+
+class PlacedLoad(NamedTuple):
+    """A load of the kernel: its row, the places of its node and of its law's coefficients, its control or -1, and what the law follows."""
+
+    row: LoadRow
+    node: int
+    places: list[int]
+    control: int
+    follows: int
+
+
+class PlacedControl(NamedTuple):
+    """A control of the kernel: kind, the place of its sensor, those of its coefficients, and the load that it controls."""
+
+    kind: str
+    sensor: int
+    places: list[int]
+    name: str
+
+
+class PlacedFactors(NamedTuple):
+    """A control of the deck in the kernel: its row, and the places of its coefficients."""
+
+    row: ControlRow
+    places: list[int]
+
+
+class DrivenInput(NamedTuple):
+    """An input that follows temperatures: the place of a signal that it multiplies, or -1, and names of controls."""
+
+    base: int
+    controls: tuple[str, ...]
+
+
+@dataclass(frozen=True, eq=False)
+class KernelLayout:
+    """What is the same for all values: which coefficient stands where, and which input multiplies it.
+
+    Parameters
+    ----------
+    nodes : tuple of str        Of the reduced network.
+    capacity : tuple of int     Place of each node's capacitance; -1 for a massless node.
+    gain, offset : tuple        Of each boundary: place of what its input is multiplied by, -1 where it is constant; place of the constant.
+    conductors, loads, controls : tuples
+    coefficient_input : tuple   Of each coefficient the input that multiplies it; -1 for none. Behind the signals stand what follows.
+    factors : tuple             Controls of the deck.
+    driven : tuple              Inputs that follow temperatures.
+    hidden : int                How many of the loads, the last, are rates of controllers' states.
+    """
+
+    nodes: tuple[str, ...]
+    capacity: tuple[int, ...]
+    gain: tuple[int, ...]
+    offset: tuple[int, ...]
+    conductors: tuple[PlacedConductor, ...]
+    loads: tuple[PlacedLoad, ...]
+    controls: tuple[PlacedControl, ...]
+    coefficient_input: tuple[int, ...]
+    factors: tuple[PlacedFactors, ...] = ()
+    driven: tuple[DrivenInput, ...] = ()
+    hidden: int = 0
+
+
+@dataclass(frozen=True, eq=False)
+class Assembled:
+    """Numbers of one set of values, ready for the kernel.
+
+    Parameters
+    ----------
+    coefficients : array (coefficients,)        [SI]
+    jacobian : (indptr, indices, data)          Their derivatives with respect to the free names, as CSR; None without free names.
+    initial : array (nodes,)                    [K]
+    initial_gradient : array (nodes, free)      [K per unit]
+    reduced : Reduced                           The network without eliminated nodes.
+    numbers : Numbers                           The network's rows.
+    offsets : dict                              Boundary -> constant part of its temperature. [K]
+    """
+
+    coefficients: Array
+    jacobian: Csr | None
+    initial: Array
+    initial_gradient: Array
+    reduced: Reduced
+    numbers: Numbers
+    offsets: Mapping[str, Number]
+
+
+@dataclass
+class _Builder:
+    """Collects coefficients, and for the first assembly the index arrays that name them."""
+
+    inputs: Mapping[str, int]
+    values: list[Number] = field(default_factory=list)
+    coefficient_input: list[int] = field(default_factory=list)
+    driven: dict[DrivenInput, int] = field(default_factory=dict)
+
+    def add(self, number: Number, signal: str = "", controls: tuple[str, ...] = ()) -> int:
+        self.values.append(number)
+        place = self.inputs[signal] if signal else -1
+        if controls:
+            place = self.driven.setdefault(DrivenInput(place, controls), len(self.inputs) + len(self.driven))
+        self.coefficient_input.append(place)
+        return len(self.values) - 1
+
+
+class Wiring:
+    """A network and a scenario, with names to be freed.
+
+    Parameters
+    ----------
+    network : Network
+    scenario : Scenario
+    free : tuple of str     Parameter paths, boundaries (a constant added to their signal), ``initial.<node>``, and ``scale.<load>``
+                            (a factor on its power); what acts on readings alone, ``reading.<channel>``, changes nothing here.
+
+    Raises
+    ------
+    ThermidError   When names do not fit, or a boundary has no temperature.
+    """
+
+    def __init__(self, network: Network, scenario: Scenario, free: Sequence[str] = ()) -> None:
+        self.network = network
+        self.scenario = normalised(network, scenario)
+        self.free = tuple(free)
+        self.parameters = tuple(n for n in self.free if n in network.flat.parameters.table)
+        for name in self.free:
+            self._check_free(name)
+        self.schedule = read_schedule(network, self.scenario)
+        base = network.numbers()
+        signals: dict[str, Signal] = {f"boundary {b}": s for b, s in self.scenario.boundaries.items()}
+        needed = {name for row in base.conductors for name in (row.signal, row.second)}
+        gases = {name: signal for name, signal in network.media.signals().items() if name in needed}
+        self.streams = {c.path: network.streams.course(c.path, self.scenario.boundaries) for c in network.streams.conductors}
+        gases |= {signal_of(path): course for path, course in self.streams.items() if not isinstance(course, Constant)}
+        signals |= load_inputs(network, self.scenario, base) | gases
+        follow = self.schedule.signals if self.schedule is not None else {}
+        changing = {n: s for n, s in (*signals.items(), *follow.items()) if s.cycle != 0.0}
+        self.changing = tuple(dict.fromkeys(_shown(n) for n in changing))
+        self.cycle = common_cycle([s.cycle for s in changing.values()])
+        self.signals: dict[str, Drawn] = {name: signal.drawn(self.scenario.seconds) for name, signal in signals.items()}
+        self._follow: dict[tuple[str, int, int], str] = {}
+        self.courses = ScheduledCoefficients.of(network, self.schedule) if self.schedule is not None else None
+        for key, course in self.courses.signals.items() if self.courses is not None else ():
+            name = f"schedule {' '.join(map(str, key))}"
+            self.signals[name] = course
+            self._follow[key] = name
+        numbers = self.flowing(self._numbers({}), {})
+        for row, position in _numbered(numbers.conductors) if self._follow else ():
+            for c in range(len(row.coefficients)):
+                self._conductor_signal(row, position, c)  # products of a gas and a schedule
+        # the kernel needs a node to solve for, even where all of them only follow
+        self.gone = eliminable(self._marked(numbers))[: len(network.nodes) - 1]
+        self.used: dict[str, int] = {}
+        self._structure: KernelLayout | None = None
+        self._last: tuple[tuple[bytes, bool], Assembled] | None = None
+        self._start: Number | str = ""
+        self._initial: dict[str, Number | str] = {}
+        self._read_start()
+
+    def _check_free(self, name: str) -> None:
+        head, _, node = name.partition(".")
+        if name in self.parameters or name in self.network.boundaries or (head == "initial" and node in self.network.nodes):
+            return
+        if head == "reading" or (head == "scale" and node in {load.path for load in self.network.flat.loads}):
+            return
+        names = [*self.network.flat.parameters.table, *self.network.boundaries, *(f"initial.{n}" for n in self.network.nodes)]
+        raise ScenarioError(f"no parameter '{name}' can be free.{nearest(name, names)}", self.network.title)
+
+    def _numbers(self, free: Mapping[str, Number]) -> Numbers:
+        return self.network.numbers(free) if self.courses is None else self.courses.numbers(free)
+
+    def flowing(self, numbers: Numbers, values: Mapping[str, Number]) -> Numbers:
+        """Return the numbers with streams of gas at the temperatures of their sources; the network has them at 20 degC."""
+        offsets = {b: self._offset(b, values) for b in self.network.boundaries if b in values}
+        return replace(numbers, conductors=tuple(self._flowing(r, offsets) if r.name in self.streams else r for r in numbers.conductors))
+
+    def _flowing(self, row: ConductorRow, offsets: Mapping[str, Number]) -> ConductorRow:
+        """Return the row of a stream with the course of its mass in this scenario."""
+        streams, course = self.network.streams, self.streams[row.name]
+        still = streams.still(row.name)
+        within = still.value if isinstance(still, Constant) else 1.0
+        now = course.value if isinstance(course, Constant) else 1.0
+        factor = streams.shifted(row.name, self.scenario.boundaries, offsets) * (now / within if within else 0.0)
+        signal = "" if isinstance(course, Constant) else signal_of(row.name)
+        return replace(row, law=row.law.scaled(factor), signal=signal)
+
+    def _marked(self, numbers: Numbers) -> Numbers:
+        """Mark scheduled conductors as changing in time, so that elimination leaves them alone."""
+        scheduled_rows = {name for name, _, _ in self._follow}  # what a control multiplies is known by itself
+        rows = tuple(replace(r, signal=r.signal or MARK) if r.name in scheduled_rows else r for r in numbers.conductors)
+        return replace(numbers, conductors=rows)
+
+    def _read_start(self) -> None:
+        start = self.scenario.start
+        self.start = Start.of(start, f"{self.scenario.title}, start")
+        if self.start is not None:
+            check_start(self.start, self.cycle, self.changing, self.scenario)
+        if start == "":
+            if len(self.network.boundaries) != 1:
+                raise ScenarioError("the start is missing. Give a temperature, the name of a boundary, or 'steady'.", self.scenario.title)
+            start = self.network.boundaries[0]
+        self._start = self._temperature(start, "start") if self.start is None else STEADY
+        self._initial = {n: self._temperature(v, f"initial.{n}") for n, v in self.scenario.initial.items()}
+
+    def _temperature(self, value: Any, key: str) -> Number | str:
+        """Return an initial temperature: a number, or the canonical name of a boundary."""
+        if isinstance(value, str):
+            path = self.network.flat.names.model.canonical(value)
+            if path in self.network.boundaries:
+                return path
+            if path.replace(".", "").replace("_", "").isalnum() and not path[0].isdigit():
+                names = [*self.network.boundaries, STEADY, PERIODIC]
+                raise ScenarioError(
+                    f"'{value}' is neither a temperature nor a boundary.{nearest(value, names)}", f"{self.scenario.title}, {key}"
+                )
+        return literal(value, TEMPERATURE, f"{self.scenario.title}, {key}") if isinstance(value, str) else float(value)
+
+    def assemble(self, x: Array | None = None, gradients: bool = True) -> Assembled:
+        """Return the numbers at values of the free names, in their order [SI], with their derivatives unless these are not wanted."""
+        values = np.zeros(0) if x is None else np.asarray(x, dtype=float)
+        asked = (values.tobytes(), gradients)
+        if self._last is None or self._last[0] != asked:
+            self._last = (asked, self._assemble(values, gradients))
+        return self._last[1]
+
+    def _assemble(self, values: Array, gradients: bool) -> Assembled:
+        free: dict[str, Number] = dict(zip(self.free, values.tolist(), strict=True)) if values.size else {}
+        if gradients and values.size:
+            eye = np.eye(values.size)
+            free = {name: Dual(value_of(v), eye[k]) for k, (name, v) in enumerate(free.items())}
+        return self.assembled_at(free, values.size if gradients else 0)
+
+    def assembled_at(self, values: Mapping[str, Number], free: int = 0) -> Assembled:
+        """Return the numbers at values of some free names; `free` is the length of their gradients, zero for none. [SI]"""
+        numbers = self.flowing(self._numbers({p: values[p] for p in self.parameters if p in values}), values)
+        reduced = with_stores(reduce_network(self.network, self._marked(numbers), self.gone), self.network.stores)
+        reduced = with_controllers(reduced, numbers.controls)
+        return self._build(numbers, reduced, values, free)
+
+    def _build(self, numbers: Numbers, reduced: Reduced, values: Mapping[str, Number], free: int) -> Assembled:
+        offsets = {b: self._offset(b, values) for b in self.network.boundaries}
+        if self._structure is None:
+            self._structure = self._lay_out(numbers, reduced, offsets, values)
+        coefficients = self._coefficients(numbers, reduced, offsets, values)
+        initial = [
+            _level(reduced.stored[n][1], self._initial_of(reduced.stored[n][0], offsets, values))
+            if n in reduced.stored
+            else self._initial_state(reduced.controllers[n], offsets, values)
+            if n in reduced.controllers
+            else self._initial_of(n, offsets, values)
+            for n in reduced.nodes
+        ]
+        start = np.array([value_of(v) for v in initial])
+        gradient = np.array([gradient_of(v, free) for v in initial]).reshape(len(initial), free)
+        jacobian = _csr(coefficients, free) if free else None
+        return Assembled(np.array([value_of(v) for v in coefficients]), jacobian, start, gradient, reduced, numbers, offsets)
+
+    def every(self, a: Assembled, values: Mapping[str, Number]) -> list[Number]:
+        """Return the coefficients of an assembly as they came out of `values`: formulas where those are formulas."""
+        return self._coefficients(a.numbers, a.reduced, a.offsets, values)
+
+    def _offset(self, boundary: str, values: Mapping[str, Number]) -> Number:
+        """Return the constant part of a boundary's temperature. [K]"""
+        if boundary not in values:
+            return self._constant(boundary)
+        return values[boundary] if isinstance(self.signals[f"boundary {boundary}"], Constant) else values[boundary] + 0.0
+
+    def _coefficients(
+        self, numbers: Numbers, reduced: Reduced, offsets: Mapping[str, Number], values: Mapping[str, Number]
+    ) -> list[Number]:
+        """Return all coefficients in the order in which the structure names them."""
+        out: list[Number] = [c for c in reduced.capacitances.values() if c is not None]
+        for b, shift in offsets.items():
+            out += (shift,) if isinstance(self.signals[f"boundary {b}"], Constant) else (1.0, shift)
+        for row in reduced.conductors:
+            if row.ends[0] != row.ends[1]:
+                out += row.coefficients
+        for load in numbers.loads:
+            if load.node not in self.network.boundaries:
+                powered = load.signal.startswith("load ")
+                out += (self._power(load.name, load.own[0], numbers, values), *load.own[1:]) if powered else load.own
+        for load in self._controlled(numbers):
+            out += load.settings
+        for control in numbers.controls:
+            out += control.coefficients
+        for control in numbers.controls:
+            for rate in control.rates:
+                out += rate.own
+        return out
+
+    def _lay_out(self, numbers: Numbers, reduced: Reduced, offsets: Mapping[str, Number], values: Mapping[str, Number]) -> KernelLayout:
+        """Return which coefficient stands where, the same for all values."""
+        self.used = {name: k for k, name in enumerate(self.signals)}
+        make = _Builder(self.used)
+        capacity = tuple(-1 if c is None else make.add(c) for c in (reduced.capacitances[n] for n in reduced.nodes))
+        gain, offset = [], []
+        for b, shift in offsets.items():
+            constant = isinstance(self.signals[f"boundary {b}"], Constant)
+            gain.append(-1 if constant else make.add(1.0, f"boundary {b}"))
+            offset.append(make.add(shift))
+        index = {n: k for k, n in enumerate((*reduced.nodes, *self.network.boundaries))}
+        conductors = self._conductors(reduced.conductors, make, index)
+        loads = self._loads(numbers, make, index, values)
+        controls = tuple(self._control(row, make, index, loads) for row in self._controlled(numbers))
+        factors = tuple(PlacedFactors(row, self._places(row, make)) for row in numbers.controls)
+        rates = tuple(self._rate(row, make, index) for control in numbers.controls for row in control.rates)
+        follows, driven = tuple(make.coefficient_input), tuple(make.driven)
+        every = (*loads, *rates)
+        nodes = (reduced.nodes, capacity, tuple(gain), tuple(offset))
+        return KernelLayout(*nodes, conductors, every, controls, follows, factors, driven, len(rates))
+
+    def _places(self, row: ControlRow, make: _Builder) -> list[int]:
+        return [make.add(number, self._follow.get((row.name, 0, c), "")) for c, number in enumerate(row.coefficients)]
+
+    @staticmethod
+    def _rate(row: LoadRow, make: _Builder, index: Mapping[str, int]) -> PlacedLoad:
+        """Return the rate of a controller's state as a load of the kernel."""
+        places = [make.add(number, "", row.controls if c == 0 else ()) for c, number in enumerate(row.own)]
+        return PlacedLoad(row, index[row.node], places, -1, index[row.follows or row.node])
+
+    def _conductors(self, rows: Sequence[ConductorRow], make: _Builder, index: Mapping[str, int]) -> tuple[PlacedConductor, ...]:
+        out = []
+        for row, position in _numbered(rows):
+            if row.ends[0] == row.ends[1]:
+                continue  # two needs of a part may be bound to one node; no heat flows from a node to itself
+            places = [
+                make.add(number, self._conductor_signal(row, position, c), row.controls if c == 0 else ())
+                for c, number in enumerate(row.coefficients)
+            ]
+            out.append(PlacedConductor(row, index[row.ends[0]], index[row.ends[1]], places))
+        return tuple(out)
+
+    def _conductor_signal(self, row: ConductorRow, position: int, c: int) -> str:
+        """Return the input that a conductor's coefficient is multiplied by; empty for none."""
+        follow = self._follow.get((row.name, position, c), "")
+        name = (row.signal if row.signal != MARK else "") if c == 0 else row.second if c == 1 else ""
+        if follow and name:
+            return self._both(name, follow)
+        return follow or name
+
+    def _both(self, one: str, other: str) -> str:
+        """Return the input that is the product of two: of a gas or a command, and of a schedule."""
+        name = f"{one} {other}"
+        if name not in self.signals:
+            self.signals[name] = multiplied(self.signals[one], self.signals[other]).drawn(self.scenario.seconds)
+        return name
+
+    def conductor_flows(
+        self, numbers: Numbers, temperatures: Mapping[str, Array], times: Array, shares: Mapping[str, Array] | None = None
+    ) -> dict[str, Array]:
+        """Return conductor -> heat flow (times,) for temperatures by node; rows of one conductor are summed. [W]
+
+        `shares`: control as an element names it -> its share (times,), as `shares` gives it.
+        """
+        return self._summed(numbers, temperatures, times, heat, shares or {})
+
+    def conductor_conductances(
+        self, numbers: Numbers, temperatures: Mapping[str, Array], times: Array, shares: Mapping[str, Array] | None = None
+    ) -> dict[str, Array]:
+        """Return conductor -> heat flow over the difference of its ends (times,), rows of one conductor summed. [W/K]"""
+        return self._summed(numbers, temperatures, times, conductance, shares or {})
+
+    def shares(
+        self, numbers: Numbers, at: Callable[[str], Array], times: Array, modes: Callable[[str], Array] | None = None
+    ) -> dict[str, Array]:
+        """Return control as elements name it -> its share (times,). [-]
+
+        Parameters
+        ----------
+        at : callable       Node, boundary or state of a controller -> temperature (times,). [K]
+        modes : callable    Control -> its mode (times,); where nothing is known that in which it begins.
+        """
+        out = {}
+        for row in numbers.controls:
+            mode = np.full(times.shape, row.starts) if modes is None or not row.modes else modes(row.name)
+
+            def signal(place: int, name: str = row.name) -> Any:
+                return self.control_signal(name, place, times)
+
+            for name, form in ((row.name, row.share), (f"{COMPLEMENT}{row.name}", row.rest)):
+                out[name] = row.read(form, at, mode, signal)
+        return out
+
+    def control_signal(self, name: str, place: int, times: Array) -> Any:
+        """Return what a coefficient of a control is multiplied by (times,) for a schedule; one where it follows none."""
+        follower = self._follow.get((name, 0, place), "")
+        return self.signals[follower].at(times) if follower else 1.0
+
+    def _summed(
+        self,
+        numbers: Numbers,
+        temperatures: Mapping[str, Array],
+        times: Array,
+        law: Callable[..., Array],
+        shares: Mapping[str, Array],
+    ) -> dict[str, Array]:
+        out: dict[str, Array] = {}
+        for row, position in _numbered(numbers.conductors):
+            a, b = (temperatures[end] for end in row.ends)
+            coefficients = []
+            for c, number in enumerate(row.coefficients):
+                signal = self._conductor_signal(row, position, c)
+                coefficients.append(value_of(number) * (self.signals[signal].at(times) if signal else np.ones(times.shape)))
+            for control in row.controls:
+                coefficients[0] = coefficients[0] * shares[control]
+            rate = law(row.form, coefficients, row.curve, a, b)
+            out[row.name] = out.get(row.name, 0.0) + (-rate if row.turned and law is heat else rate)
+        return out
+
+    def _controlled(self, numbers: Numbers) -> list[LoadRow]:
+        """Return the first row of each load that has a control."""
+        rows: dict[str, LoadRow] = {}
+        for row in numbers.loads:
+            if row.control and row.node not in self.network.boundaries:
+                rows.setdefault(row.name, row)
+        return list(rows.values())
+
+    def _control(self, row: LoadRow, make: _Builder, index: Mapping[str, int], loads: Sequence[PlacedLoad]) -> PlacedControl:
+        begin = len(row.own)
+        places = [make.add(number, self._follow.get((row.name, 0, begin + c), "")) for c, number in enumerate(row.settings)]
+        if len(places) < CONTROLS[row.control].coefficients:
+            places.append(next(load.places[0] for load in loads if load.row.name == row.name))
+        return PlacedControl(row.control, index[row.sensor], places, row.name)
+
+    def _loads(self, numbers: Numbers, make: _Builder, index: Mapping[str, int], values: Mapping[str, Number]) -> tuple[PlacedLoad, ...]:
+        out, controls = [], [row.name for row in self._controlled(numbers)]
+        for row, position in _numbered(numbers.loads):
+            if row.node in self.network.boundaries:
+                continue  # heat into a given temperature changes nothing
+            places = [
+                make.add(number, signal, row.controls if c == 0 else ())
+                for c, (number, signal) in enumerate(self._load_coefficients(row, position, numbers, values))
+            ]
+            control = controls.index(row.name) if row.control else -1
+            out.append(PlacedLoad(row, index[row.node], places, control, index[row.node]))
+        return tuple(out)
+
+    def _load_coefficients(self, row: LoadRow, position: int, numbers: Numbers, values: Mapping[str, Number]) -> list[tuple[Number, str]]:
+        """Return the coefficients of a load's law, each with the input that it is multiplied by."""
+        out = []
+        for c, coefficient in enumerate(row.own):
+            follow = self._follow.get((row.name, position, c), "")
+            signal, number = row.signal if c == 0 else "", coefficient
+            if follow and signal and self.signals[signal] != Constant(1.0):
+                raise ScenarioError(f"load '{row.name}' follows both a command and a schedule. Combine them into one.", self.scenario.title)
+            if c == 0 and signal.startswith("load "):
+                number = self._power(row.name, coefficient, numbers, values)
+            out.append((number, follow or signal))
+        return out
+
+    def _power(self, load: str, watts: Number, numbers: Numbers, values: Mapping[str, Number]) -> Number:
+        """Return what multiplies a load's input: the deck's power, a gain in its place, or 1 where the input is in watts."""
+        if load in self.scenario.gains:
+            gain: Number = numbers.values[self.scenario.gains[load]]
+            return gain * values[f"scale.{load}"] if f"scale.{load}" in values else gain
+        if f"watts {load}" in self.signals:
+            return values.get(f"scale.{load}", 1.0)
+        return watts * values[f"scale.{load}"] if f"scale.{load}" in values else watts
+
+    def _initial_of(self, node: str, offsets: Mapping[str, Number], values: Mapping[str, Number]) -> Number:
+        """Return the initial temperature of a node; NaN stands for one that is still to be solved for. [K]"""
+        if f"initial.{node}" in values:
+            return values[f"initial.{node}"]
+        value = self._initial.get(node, self._start)
+        if value == STEADY:
+            return float("nan")
+        if isinstance(value, str):
+            return offsets[value] + self._signal_start(value)
+        return value
+
+    def _initial_state(self, begins: Number | str, offsets: Mapping[str, Number], values: Mapping[str, Number]) -> Number:
+        """Return where the state of a controller begins; NaN where the start is still to be solved for. [K]"""
+        if self._start == STEADY:
+            return float("nan")
+        if isinstance(begins, str):
+            return offsets[begins] + self._signal_start(begins) if begins in offsets else self._initial_of(begins, offsets, values)
+        return begins
+
+    def _signal_start(self, boundary: str) -> float:
+        signal = self.signals[f"boundary {boundary}"]
+        return 0.0 if isinstance(signal, Constant) else float(signal.at(np.zeros(1))[0])
+
+    def nominal(self, name: str, start: bool) -> float:
+        """Return the constant part of a boundary's temperature, or the initial temperature of a node, without free names. [K]"""
+        if start:
+            offsets = {b: self._constant(b) for b in self.network.boundaries}
+            return value_of(self._initial_of(name, offsets, {}))
+        return self._constant(name)
+
+    def _constant(self, boundary: str) -> float:
+        signal = self.signals[f"boundary {boundary}"]
+        return signal.value if isinstance(signal, Constant) else 0.0
+
+    def stilled(self) -> Wiring:
+        """Return the wiring with every input at its mean over the period of all, or over the run where they do not repeat.
+
+        Raises
+        ------
+        ScenarioError   When they do not repeat and the run has no duration.
+        """
+        span = mean_span(self.changing, self.cycle, self.scenario)
+        assert self.structure  # laid out before it is shared
+        out = copy(self)
+        out.signals = {}
+        for name, drawn in self.signals.items():
+            out.signals[name] = mean_of(drawn, span)
+        return out
+
+    @property
+    def structure(self) -> KernelLayout:
+        """Which coefficient stands where, the same for all values."""
+        if self._structure is None:
+            self.assemble(np.zeros(0))
+        assert self._structure is not None
+        return self._structure
+
+    def held_at(self, time: float) -> str:
+        """Return what must be said of a steady state under the inputs of one time, where they change; empty where they do not."""
+        return held_inputs(self.changing, time)
+
+    def boundary(self, name: str, times: Array, offsets: Mapping[str, Number]) -> Array:
+        """Return the temperature (times,) of a boundary. [K]"""
+        signal = self.signals[f"boundary {name}"]
+        varying = np.zeros(times.shape) if isinstance(signal, Constant) else signal.at(times)
+        return varying + value_of(offsets[name])
+
+
+def mean_of(drawn: Drawn, span: float) -> Drawn:
+    """Return an input held at its mean over a span from zero [s]; a table of one row keeps its place among the coefficients."""
+    return drawn if isinstance(drawn, Constant) else TableSignal(np.zeros(1), np.array([drawn.mean_over(0.0, span)]))
+
+
+def mean_span(changing: Sequence[str], cycle: float | None, scenario: Scenario) -> float:
+    """Return over what the means of inputs are taken: the period of all, or the run where they do not repeat. [s]
+
+    Raises
+    ------
+    ScenarioError   When they do not repeat and the run has no duration.
+    """
+    span = cycle or scenario.seconds
+    if changing and not span:
+        raise ScenarioError("the mean needs a period, but the inputs do not repeat. Give a duration.", scenario.title)
+    return span
+
+
+def held_inputs(changing: Sequence[str], time: float) -> str:
+    """Return what must be said of a steady state under the inputs of one time [s], where some change; empty where none does."""
+    if not changing:
+        return ""
+    return (
+        f"steady with the inputs of {time:g} s, although {', '.join(changing)} change{'s' if len(changing) == 1 else ''} in time. For "
+        "another state give their mean ('mean'), another time, or the periodic state ('periodic')"
+    )
+
+
+def held_means(changing: Sequence[str], cycle: float | None, scenario: Scenario) -> tuple[str, str]:
+    """Return over what means of inputs are held, and what must be said of them; the second is empty where no input changes."""
+    span = f"a period of {cycle:g} s" if cycle else f"{scenario.seconds:g} s"
+    said = (
+        f"the means over {span} of {', '.join(changing)} are the inputs; for nonlinear laws the result is not the mean of the temperatures"
+    )
+    return span, said if changing else ""
+
+
+def check_start(start: Start, cycle: float | None, changing: Sequence[str], scenario: Scenario) -> None:
+    """Refuse a start that asks for more of the inputs than the run has.
+
+    Parameters
+    ----------
+    start : Start
+    cycle : float           After which all inputs repeat; None where they do not, zero where none changes. [s]
+    changing : sequence     Inputs that change.
+    scenario : Scenario     The run.
+
+    Raises
+    ------
+    ScenarioError
+    """
+    where, seconds = f"{scenario.title}, start", scenario.seconds
+    if start.time > seconds > 0.0:
+        raise ScenarioError(f"it takes the inputs at {start.time:g} s, after the end of the run at {seconds:g} s.", where)
+    if start.kind == STEADY:
+        return
+    if (cycle or 0.0) > seconds * (1.0 + 1e-9):
+        raise ScenarioError(
+            f"the inputs have a period of {cycle:g} s, and the run lasts {seconds:g} s. Extend the run to at least one period.", where
+        )
+    if start.kind == PERIODIC and not cycle:
+        if not changing:
+            raise ScenarioError("a periodic start needs inputs that change in time, and none does. Write start = 'steady'.", where)
+        raise ScenarioError(
+            f"a periodic start needs periodic inputs, but {', '.join(changing)} do not repeat. Give a table after = 'repeat'; the longest "
+            "period may be at most 1000 times the shortest.",
+            where,
+        )
+
+
+def levels_of(signals: Mapping[str, Signal], length: float, title: str, most: int) -> list[float]:
+    """Return an instant of each combination of levels that signals take up to a time [s], in the order in which they come up. [s]
+
+    Raises
+    ------
+    ScenarioError   When one does not stay on levels, or there are more than `most`.
+    """
+    moving = [name for name, s in signals.items() if not s.held]
+    if moving:
+        raise ScenarioError(f"'{moving[0]}' has no plateaus. Request its mean, a time or the periodic state.", title)
+    knots = np.unique(np.concatenate([[0.0, length], *(s.knots(0.0, length) for s in signals.values())]))
+    knots = knots[(knots >= 0.0) & (knots <= length)]
+    middles = 0.5 * (knots[1:] + knots[:-1])[np.diff(knots) > 1e-5 * length / max(knots.size, 1)] if length else np.zeros(1)
+    rows = np.column_stack([s.at(middles) for s in signals.values()])
+    _, first = np.unique(rows, axis=0, return_index=True)
+    if first.size > most:
+        raise ScenarioError(
+            f"the inputs take {first.size} combinations of values; the limit is {most}. Request the mean or single times.", title
+        )
+    return [float(middles[k]) for k in np.sort(first)]
+
+
+def _shown(name: str) -> str:
+    """Return what an input is called in a sentence."""
+    kind, _, rest = name.partition(" ")
+    return rest if kind in ("boundary", "load", "curve", "sine", "watts") else f"the gas of {rest}" if rest else name
+
+
+def _level(store: HeatStore, kelvin: Number) -> Number:
+    """Return the level of a store at an initial temperature, derivatives and members carried along. [K]"""
+    many = getattr(kelvin, "values", None)
+    if many is not None:
+        return type(kelvin)(store.begins(many)[0])  # type: ignore[call-arg,arg-type]  # members of an ensemble
+    plain = value_of(kelvin)
+    level, share = map(float, store.begins(plain))
+    return level + (share * (kelvin - plain) if isinstance(kelvin, Dual) else 0.0)
+
+
+def _csr(values: Sequence[Number], free: int) -> Csr:
+    """Return the derivatives of coefficients as CSR arrays."""
+    indptr, indices, data = [0], [], []  # type: tuple[list[int], list[int], list[float]]
+    for number in values:
+        if isinstance(number, Dual):
+            (where,) = np.nonzero(number.gradient)
+            indices += where.tolist()
+            data += number.gradient[where].tolist()
+        indptr.append(len(indices))
+    return np.array(indptr, dtype=np.int32), np.array(indices, dtype=np.int32), np.array(data)
+
+
+def _numbered(rows: Sequence[Row]) -> Iterator[tuple[Row, int]]:
+    """Yield each row with its position among the rows of its name."""
+    counts: dict[str, int] = {}
+    for row in rows:
+        position = counts.get(row.name, 0)
+        counts[row.name] = position + 1
+        yield row, position

@@ -1,0 +1,16 @@
+"""Runs of a model: transient, steady and many at once, with their solutions."""
+
+from thermid.simulation._block import BlockSolution as BlockSolution
+from thermid.simulation._draws import draw as draw
+from thermid.simulation._ensemble import Ensemble as Ensemble, run_members as run_members
+from thermid.simulation._heat_map import margin_lines as margin_lines, margins as margins
+from thermid.simulation._simulator import (
+    Simulator as Simulator,
+    ensemble as ensemble,
+    network_for as network_for,
+    output_times as output_times,
+    prepare as prepare,
+)
+from thermid.simulation._solution import Solution as Solution, Trace as Trace
+from thermid.simulation._steady import Steady as Steady, steady as steady, steady_levels as steady_levels
+from thermid.simulation._transient import simulate as simulate

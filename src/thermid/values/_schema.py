@@ -1,0 +1,270 @@
+"""The grammar of the values files that thermid wrote, in both formats, as pydantic models. One written by hand has the rows of a deck."""
+
+from __future__ import annotations
+
+from typing import Annotated, Any, ClassVar, Literal, Self, get_args
+
+import numpy as np
+from pydantic import ConfigDict, Field, model_validator
+from pydantic_core import PydanticCustomError
+
+from thermid.base.errors import DeckError, ThermidError
+from thermid.base.grammar import Finite, Flag, Real, StrictTable, Whole, reads
+from thermid.base.units import unit
+from thermid.model.parameters import State as StandingState
+from thermid.values.store import DISTRIBUTIONS, Distribution, Kind
+
+LEAD = "this is not a values file of thermid, or it was changed by hand. Run the calibration again, or take the file from version control."
+Pair = Annotated[list[Real], Field(min_length=2, max_length=2)]
+
+
+def _known_unit(text: str) -> str:
+    unit(text)
+    return text
+
+
+UnitText = Annotated[str, reads(str, _known_unit)]
+
+
+def _law(table: Any) -> Distribution:
+    """Return the distribution that a table gives by its form and its numbers; a law inside a law likewise."""
+    if not isinstance(table, dict) or not isinstance(table.get("form"), str) or table["form"] not in DISTRIBUTIONS:
+        raise DeckError(f"a law has the form {', '.join(DISTRIBUTIONS)}.")
+    kind: Any = DISTRIBUTIONS[table["form"]]
+    wanted, given = set(kind.__dataclass_fields__), {k: v for k, v in table.items() if k != "form"}
+    if wanted != set(given):
+        raise DeckError(f"a law of form {table['form']} has {', '.join(sorted(wanted)) or 'no numbers'}.")
+    numbers: dict[str, Any] = {k: _law(v) if k == "law" else v for k, v in given.items()}
+    if any(isinstance(v, bool) or not isinstance(v, int | float) for k, v in numbers.items() if k != "law"):
+        raise DeckError(f"a law of form {table['form']} is given by numbers.")
+    made: Distribution = kind(**numbers)
+    return made
+
+
+class OriginTable(StrictTable):
+    """Who gave a value."""
+
+    kind: Literal["deck", "hand", "fit", "split", "twin"]
+    stage: str = ""
+    records: list[str] = []
+    key: str = ""
+    date: str = ""
+
+
+class StandingTable(StrictTable):
+    """How far a value may be trusted."""
+
+    state: Literal[get_args(StandingState)]  # type: ignore[valid-type]
+    because: str
+    stage: str
+    accepted: Flag = False
+    beside: list[StandingTable] = []
+
+
+class StateTable(StrictTable):
+    """One value with its error and origin."""
+
+    value: Finite
+    text: str = ""
+    error: Annotated[Real, Field(ge=0.0)]
+    error_random: Annotated[Real, Field(ge=0.0)]
+    transform: Literal["log", "linear"]
+    unit: UnitText
+    start: Real
+    bounds: Pair
+    kind: str
+    acts: list[str]
+    hidden: list[str]
+    at: str
+    deck: str
+    known: Flag
+    origin: OriginTable
+    history: list[OriginTable]
+    standing: StandingTable
+    prior: Pair | None = None
+
+    @model_validator(mode="after")
+    def _in_order(self) -> Self:
+        if self.transform == "log" and not self.value > 0.0:
+            raise PydanticCustomError("thermid", "a value that was fitted by its logarithm lies above zero.")
+        return self
+
+
+class CauseTable(StrictTable):
+    """A named cause of uncertainty."""
+
+    name: str
+    kind: Literal[get_args(Kind)]  # type: ignore[valid-type]
+    law: Annotated[Any, reads(dict[str, Any], _law)]
+    words: str
+
+
+class RootTable(StrictTable):
+    """Rows of a root of the covariance: path of a value -> its response to some sources."""
+
+    model_config = ConfigDict(extra="allow")
+    __pydantic_extra__: dict[str, list[Finite]]
+
+    sources: list[Annotated[Whole, Field(ge=0)]]
+
+
+class DroppedTable(StrictTable):
+    """A value that went with an old part."""
+
+    path: str
+    text: str
+    origin: str
+    why: str
+
+
+class LeftOutTable(StrictTable):
+    """Something uncertain that is not counted."""
+
+    what: str
+    kelvin: Real = float("nan")
+
+
+class OwnTable(StrictTable):
+    """A temperature that each run has for itself."""
+
+    name: str
+    start: str
+    mean: Real
+    sd: Real
+    runs: Whole
+
+
+class KindsTable(StrictTable):
+    """What the kinds of run of a fit say of a further one."""
+
+    kinds: dict[str, list[str]]
+    names: list[str]
+    groups: list[str]
+    free: list[str]
+    responses: dict[str, list[list[Real]]]
+    evidence: dict[str, list[Any]]
+    own: list[OwnTable]
+    noise: dict[str, Real]
+    checksums: list[str]
+
+    @model_validator(mode="after")
+    def _fits(self) -> Self:
+        for kind, rows in self.responses.items():
+            if len(rows) != len(self.free) or any(len(row) != len(self.names) for row in rows):
+                raise PydanticCustomError("thermid", "{message}", {"message": f"responses of '{kind}' do not fit its names."})
+        return self
+
+
+class ModeTable(StrictTable):
+    """One structural deviation of a fit."""
+
+    path: str
+    kind: str
+    mean: Real
+    sd: Annotated[Real, Field(ge=0.0)]
+    response: list[Real]
+    unsaid: Real = 0.0
+
+
+class StructuralTable(StrictTable):
+    """What a fit leaves open of the model's structure."""
+
+    conditions: dict[str, Pair]
+    modes: list[ModeTable]
+    names: list[str]
+    misfit: dict[str, Real]
+    surfaces: dict[str, Pair]
+    separated: list[str]
+    assumed: dict[str, list[Real]] = {}
+    of_assumed: dict[str, Pair] = {}
+
+    @model_validator(mode="after")
+    def _fits(self) -> Self:
+        if any(len(mode.response) != len(self.names) for mode in self.modes):
+            raise PydanticCustomError("thermid", "a response has as many numbers as there are names.")
+        return self
+
+
+class MadeTable(StrictTable):
+    """Which logs a stage saw, and what it left open; further keys are kept as they are."""
+
+    model_config = ConfigDict(extra="allow")
+
+    version: str = ""
+    date: str = ""
+    model: str = ""
+    records: dict[str, str] = {}
+    synthetic: Flag = False
+    conditions: dict[str, Pair] = {}
+    misfit: dict[str, Real] = {}
+    structural: StructuralTable | None = None
+    regimes: KindsTable | None = None
+
+
+class ValuesFile(StrictTable):
+    """Everything that a stage knows."""
+
+    lead: ClassVar[str] = LEAD
+    model_config = ConfigDict(extra="forbid")
+
+    format: Literal[2] = Field(alias="schema")
+    stage: str
+    seen: dict[str, str]
+    cuts: list[Any]
+    dropped: list[DroppedTable]
+    left_out: list[LeftOutTable]
+    provenance: dict[str, MadeTable] = {}
+    values: dict[str, StateTable]
+    sources: list[CauseTable] = []
+    root: list[RootTable] = []
+
+    @model_validator(mode="after")
+    def _rows_fit(self) -> Self:
+        for group in self.root:
+            for path, row in (group.__pydantic_extra__ or {}).items():
+                if path not in self.values or len(row) != len(group.sources) or max(group.sources, default=-1) >= len(self.sources):
+                    message = f"the row of '{path}' in [[root]] fits no value or sources."
+                    raise PydanticCustomError("thermid", "{message}", {"message": message})
+        return self
+
+
+class OldState(StrictTable):
+    """One value of the old format."""
+
+    model_config = ConfigDict(extra="allow")
+
+    value: float
+    error: float
+    error_random: float
+    transform: Literal["log", "linear"]
+    unit: UnitText
+    start: float
+    bounds: tuple[float, float]
+    kind: str
+    also: list[str] = []
+    prior: tuple[float, float] | None = None
+
+
+class OldValuesFile(StrictTable):
+    """The values of a stage with their covariance, as files of before version 2 held them."""
+
+    lead: ClassVar[str] = LEAD
+    model_config = ConfigDict(extra="allow")
+    fault: ClassVar[type[ThermidError]] = DeckError
+
+    format: Literal[1] = Field(alias="schema")
+    stage: str
+    provenance: MadeTable
+    standing: StandingTable | None = None
+    values: dict[str, OldState]
+    covariance: list[Any]
+
+    @model_validator(mode="after")
+    def _is_square(self) -> Self:
+        try:
+            whole = np.array(self.covariance, dtype=float)
+        except (ValueError, TypeError):
+            whole = np.zeros(0) if self.values else np.zeros(1)
+        if whole.size != len(self.values) ** 2:
+            raise PydanticCustomError("thermid", "the covariance has a row and a column for each value.")
+        return self

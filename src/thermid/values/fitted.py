@@ -1,0 +1,479 @@
+"""Fitted values, and their own file: a whole store as TOML, bit for bit; never written back into the author's deck."""
+
+from __future__ import annotations
+
+import json
+import math
+import os
+import tomllib
+from collections.abc import Iterable, Iterator, Mapping, Sequence
+from dataclasses import dataclass, field, fields, is_dataclass, replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from thermid.base.arguments import takes_objects
+from thermid.base.errors import DeckError, look_up
+from thermid.base.extensions import by_grammar
+from thermid.base.files import VALUES, parse_toml, read_text, write_text
+from thermid.base.linear_algebra import Array, square_root
+from thermid.base.toml_files import Places
+from thermid.base.units import from_si, unit
+from thermid.model.identity import Dropped
+from thermid.model.parameters import UNJUDGED, Parameter, Standing, exact, worst
+from thermid.values.store import KNOWN, LeftOut, Normal, Source, State, Store, ValueOrigin
+
+SCHEMA = 2
+AGREES = 1e-6
+"""Relative difference between an error and its row beyond which a file was changed by hand. [-]"""
+OLD = (
+    "the values file has the old format (schema 1). It lacks the values that stage '{stage}' inherited and the response to "
+    "convection exponents (taken as zero), and does not show whether the decks changed since. Run the campaign again to update it."
+)
+
+
+@dataclass(frozen=True)
+class FittedValue:
+    """One fitted number.
+
+    Parameters
+    ----------
+    path : str              Parameter path, or ``sensor <name>`` for a constant error.
+    value : float           [SI]
+    error : float           Standard error, constant errors of sensors and powers included. [SI]
+    error_random : float    Scatter that the noise of the readings alone would give in a repeat with the same instruments. [SI]
+    log : bool              Whether it was fitted by its logarithm.
+    unit : str              For people.
+    start : float           [SI]
+    bounds : (float, float) [SI]
+    origin : str            Stage and records.
+    kind : str              'parameter', 'sensor' (a sensor's constant error), 'instrument' (the error of its scale, its lag), 'shared'
+                            (the constant error of a logged boundary or power), or 'level' (of a joint fit: a parameter of a level below,
+                            which the uppermost model sets otherwise).
+    also : tuple of str     Paths of other instances that share the value.
+    standing : Standing     How far it may be trusted: that of its fit.
+    prior : (float, float)  Mean and standard deviation, fitted form, of the prior that its error already holds; None without.
+    """
+
+    path: str
+    value: float
+    error: float
+    error_random: float
+    log: bool
+    unit: str
+    start: float
+    bounds: tuple[float, float]
+    origin: str = ""
+    kind: str = "parameter"
+    prior: tuple[float, float] | None = None
+    also: tuple[str, ...] = ()
+    standing: Standing = UNJUDGED
+
+    def as_parameter(self) -> Parameter:
+        """Return it as a parameter of a model."""
+        return exact(self.value, self.unit, self.origin)
+
+    def shown(self, difference: float) -> float:
+        """Return an SI difference, such as an error, in the value's unit."""
+        return difference / float(unit(self.unit).factor)
+
+    def converted(self, number: float) -> float:
+        """Return an SI number, such as a bound, in the value's unit."""
+        return from_si(number, self.unit)
+
+    @property
+    def in_unit(self) -> float:
+        """The value in its unit."""
+        return self.converted(self.value)
+
+
+@dataclass(frozen=True, eq=False)
+class FittedValues(Mapping[str, FittedValue]):
+    """The fitted values of a stage, by path, with their joint covariance.
+
+    Parameters
+    ----------
+    stage : str                     Name of the stage.
+    items_ : dict                   Path -> FittedValue.
+    covariance : array              Of the fitted forms, in the order of `items_`.
+    provenance : dict               Records with checksums, version, date.
+    store : Store or None           What they are a view of, where it is at hand.
+    """
+
+    stage: str
+    items_: Mapping[str, FittedValue]
+    covariance: Array
+    provenance: Mapping[str, Any] = field(default_factory=dict)
+    store: Store | None = field(default=None, repr=False)
+
+    def __getitem__(self, path: str) -> FittedValue:
+        """Return one value.
+
+        Raises
+        ------
+        NameNotFoundError   With the nearest path.
+        """
+        return look_up(path, self.items_, "'{}' was not fitted.", self.stage)
+
+    def __contains__(self, path: object) -> bool:
+        """Whether a path was fitted."""
+        return path in self.items_
+
+    def __iter__(self) -> Iterator[str]:
+        """Yield the paths."""
+        return iter(self.items_)
+
+    def __len__(self) -> int:
+        """How many there are."""
+        return len(self.items_)
+
+    def only(self, paths: Sequence[str]) -> FittedValues:
+        """Return some of the parameters, with all constant errors; what is left out is marginalised.
+
+        Raises
+        ------
+        NameNotFoundError   When a path was not fitted.
+        """
+        for path in paths:
+            self[path]
+        kept = [k for k, (p, v) in enumerate(self.items_.items()) if v.kind != "parameter" or p in paths]
+        items = {p: v for k, (p, v) in enumerate(self.items_.items()) if k in kept}
+        return self._some(kept, items)
+
+    def bare(self) -> FittedValues:
+        """Return the parameters without the constant errors of instruments, which are marginalised."""
+        kept = [k for k, v in enumerate(self.items_.values()) if v.kind == "parameter"]
+        return self._some(kept, self.parameters)
+
+    def _some(self, kept: Sequence[int], items: Mapping[str, FittedValue]) -> FittedValues:
+        """Return the values at some positions."""
+        own = np.ix_(kept, kept)
+        return FittedValues(self.stage, items, self.covariance[own], self.provenance)
+
+    def draws(self, members: int, seed: int) -> dict[str, Array]:
+        """Return path -> value of every member (members,) for `ensemble`, normal in the fitted forms with their covariance.
+
+        Paths of instances that share a value get the same draws; constant errors of instruments are left out. [SI]
+
+        Raises
+        ------
+        DeckError   When there is no member, or a value has no finite error.
+        """
+        found = self.bare()
+        if members < 1:
+            raise DeckError("an ensemble needs at least one member.", self.stage)
+        loose = [p for p, c in zip(found, np.diag(found.covariance), strict=True) if not np.isfinite(c)]
+        if loose:
+            raise DeckError(f"'{loose[0]}' has no finite error, so it cannot be drawn. Leave it out with only().", self.stage)
+        sizes, vectors = np.linalg.eigh(found.covariance)
+        root = vectors * np.sqrt(np.clip(sizes, 0.0, None))
+        deviations = root @ np.random.default_rng(seed).standard_normal((len(found), members))
+        out: dict[str, Array] = {}
+        for row, (path, v) in zip(deviations, found.items(), strict=True):
+            values = v.value * np.exp(row) if v.log else v.value + row
+            out |= dict.fromkeys((path, *v.also), values)
+        return out
+
+    @property
+    def standing(self) -> Standing:
+        """The worst standing among them; unjudged where there is none."""
+        return worst(v.standing for v in self.items_.values()) if self.items_ else UNJUDGED
+
+    def judged(self, standing: Standing) -> FittedValues:
+        """Return the values with another standing."""
+        return replace(self, items_={p: replace(v, standing=standing) for p, v in self.items_.items()})
+
+    @property
+    def parameters(self) -> dict[str, FittedValue]:
+        """Those that are parameters of a model."""
+        return {p: v for p, v in self.items_.items() if v.kind == "parameter"}
+
+    @property
+    def assignments(self) -> dict[str, FittedValue]:
+        """Every path of a model that gets a value, instances that share one among them."""
+        return {path: v for p, v in self.parameters.items() for path in (p, *v.also)}
+
+    @property
+    def sensors(self) -> dict[str, FittedValue]:
+        """Sensor -> its constant error."""
+        return {p.removeprefix("sensor "): v for p, v in self.items_.items() if v.kind == "sensor"}
+
+    def origin(self, path: str) -> str:
+        """Return who set a value."""
+        return self[path].origin
+
+    def save(self, path: str | os.PathLike[str]) -> None:
+        """Write the values as TOML, with all that is known of the model where they are a view of it."""
+        save_store(self.store if self.store is not None else as_store(self), path, self.stage)
+
+
+def as_store(values: FittedValues) -> Store:
+    """Return fitted values as a store of their own."""
+    records = values.provenance.get("records", {})
+    origin = ValueOrigin("fit", values.stage, tuple(records), "", str(values.provenance.get("date", "")))
+    states = {}
+    for v in values.values():
+        paths = (v.path, *v.also) if v.kind == "parameter" else ()
+        states[v.path] = State(
+            v.path, v.value, v.log, v.unit, v.bounds, origin, v.kind, paths,
+            standing=v.standing, start=v.start, random=v.error_random, prior=v.prior, known=bool(np.isfinite(v.error)),
+        )  # fmt: skip
+    root, sources = rooted(values.covariance, values.stage, f"errors of stage '{values.stage}'")
+    seen = {sha: f"stage '{values.stage}' as '{name}'" for name, sha in records.items()}
+    return Store(states, sources, root, seen, {values.stage: values.provenance})
+
+
+def view(store: Store, paths: Sequence[str], stage: str) -> FittedValues:
+    """Return some states of a store as fitted values, with their covariance."""
+    states = [store[p] for p in paths]
+    covariance = store.covariance(paths, KNOWN)
+    for k, s in enumerate(states):
+        if not s.known:
+            covariance[k, k] = np.inf
+    items = {}
+    for s in states:
+        name, *also = s.acts or (s.path,)
+        numbers = (s.value, store.error(s.path), s.random, s.log, s.unit, s.start, s.bounds)
+        items[name] = FittedValue(name, *numbers, _words(s), s.kind, s.prior, tuple(also), s.standing)
+    return FittedValues(stage, items, covariance, store.provenance.get(stage, {}))
+
+
+def _words(state: State) -> str:
+    """Return stage and records of a state, for people."""
+    if state.origin.kind == "hand":
+        return f"tuned by hand, {state.origin}"
+    records = list(state.origin.records)
+    shown = ", ".join(records) if len(records) <= 4 else f"{records[0]} ... {records[-1]} ({len(records)} records)"
+    return f"{state.origin.stage}: {shown}" if shown else str(state.origin)
+
+
+@takes_objects
+def load_values(path: str | os.PathLike[str]) -> FittedValues:
+    """Return the values of a file that a stage or `FittedValues.save` wrote: all that the stage knew, at every depth.
+
+    Raises
+    ------
+    DeckError   When it is missing or is no values file.
+    """
+    return values_of(*load_store(path))
+
+
+def values_of(store: Store, stage: str) -> FittedValues:
+    """Return all that a stage knew, at every depth, by its store."""
+    paths = [p for p, x in store.states.items() if x.kind != "parameter" or x.acts]
+    found = view(store, paths, stage)
+    every = [known for known in store.provenance.values() if "conditions" in known]
+    conditions = {p: at for known in every for p, at in known["conditions"].items()}
+    provenance = {**found.provenance, **({"conditions": conditions} if conditions else {})}
+    return replace(found, provenance=provenance, store=store)
+
+
+def save_store(store: Store, path: str | os.PathLike[str], stage: str) -> None:
+    """Write everything that a stage knows.
+
+    Parameters
+    ----------
+    store : Store   What is known.
+    path : path     The file.
+    stage : str     The stage whose store it is.
+    """
+    head = {
+        "schema": SCHEMA,
+        "stage": stage,
+        "seen": dict(store.seen),
+        "cuts": list(store.cuts),
+        "dropped": [_plain(d) for d in store.dropped],
+        "left_out": [{"what": x.what, "kelvin": x.kelvin} for x in store.left_out],
+    }
+    lines = ["# Values with their errors and origins. Written by thermid; the decks stay as their authors wrote them."]
+    lines += [f"{name} = {_toml(x)}" for name, x in head.items()]
+    for name, known in store.provenance.items():
+        lines += ["", f"[provenance.{_toml(name)}]", *(f"{_toml(k)} = {_toml(v)}" for k, v in known.items())]
+    for name, state in store.states.items():
+        lines += ["", f"[values.{_toml(name)}]", *(f"{k} = {_toml(v)}" for k, v in _kept(state, store).items())]
+    for source in store.sources:
+        lines += ["", "[[sources]]", f"name = {_toml(source.name)}", f"kind = {_toml(source.kind)}"]
+        lines += [f"law = {_toml(_law_kept(source.law))}", f"words = {_toml(source.words)}"]
+    for group in _groups(store):
+        rows = {p: row for p, row in zip(store.states, store.root[:, group].tolist(), strict=True) if any(row)}
+        lines += ["", "[[root]]", f"sources = {_toml(group)}", *(f"{_toml(p)} = {_toml(row)}" for p, row in rows.items())]
+    write_text(path, "\n".join([*lines, ""]), VALUES.of(stage))
+
+
+def _groups(store: Store) -> Iterable[list[int]]:
+    """Yield the positions of sources of one stage, or of one kind."""
+    out: dict[str, list[int]] = {}
+    for k, source in enumerate(store.sources):
+        out.setdefault(source.name.partition(":")[0] if source.kind == "data" else source.kind, []).append(k)
+    return out.values()
+
+
+def _kept(state: State, store: Store) -> dict[str, Any]:
+    """Return a state as the file holds it; text and error are for people."""
+    out = {
+        "value": state.value,
+        "text": f"{from_si(state.value, state.unit):.9g} [{state.unit}]",
+        "error": store.error(state.path),
+        "error_random": state.random,
+        "transform": "log" if state.log else "linear",
+        "unit": state.unit,
+        "start": state.start,
+        "bounds": list(state.bounds),
+        "kind": state.kind,
+        "acts": list(state.paths),
+        "hidden": list(state.hidden),
+        "at": state.at,
+        "deck": state.deck,
+        "known": state.known,
+        "origin": _plain(state.origin),
+        "history": [_plain(o) for o in state.history],
+        "standing": state.standing.kept(),
+    }
+    return out | ({"prior": list(state.prior)} if state.prior is not None else {})
+
+
+def _plain(thing: Any) -> dict[str, Any]:
+    """Return a frozen dataclass of plain values as a table."""
+    return {f.name: list(x) if isinstance(x := getattr(thing, f.name), tuple) else x for f in fields(thing)}
+
+
+def _law_kept(law: Any) -> dict[str, Any]:
+    own = {f.name: getattr(law, f.name) for f in fields(law)}
+    return {"form": type(law).__name__} | {n: _law_kept(x) if is_dataclass(x) else x for n, x in own.items()}
+
+
+def _toml(value: Any) -> str:
+    """Return a value on one line; every digit of a number is kept."""
+    if isinstance(value, bool | np.bool_):
+        return "true" if value else "false"
+    if isinstance(value, str):
+        return json.dumps(value, ensure_ascii=False).replace("\x7f", "\\u007f")
+    if isinstance(value, int):
+        return str(value)
+    if isinstance(value, float | np.floating):
+        return repr(float(value))
+    if isinstance(value, Mapping):
+        return "{ " + ", ".join(f"{_toml(str(k))} = {_toml(v)}" for k, v in value.items()) + " }" if value else "{}"
+    return "[" + ", ".join(_toml(x) for x in value) + "]"
+
+
+def read_values(path: str | os.PathLike[str]) -> dict[str, Any]:
+    """Return the content of a values file, whoever wrote it.
+
+    Raises
+    ------
+    DeckError   When it is missing or is no TOML.
+    """
+    target = Path(path)
+    if not target.is_file():
+        raise DeckError(f"there is no values file '{target.name}'. Run the calibration first.")
+    try:
+        return parse_toml(read_text(target))
+    except (tomllib.TOMLDecodeError, UnicodeDecodeError) as error:
+        raise DeckError(f"this is not a values file of thermid: {error}.", target.name) from None
+
+
+def load_store(path: str | os.PathLike[str]) -> tuple[Store, str]:
+    """Return what a values file holds, and the stage whose store it is.
+
+    Raises
+    ------
+    DeckError   When it is missing, is no values file, or was changed by hand.
+    """
+    target, data = Path(path), read_values(path)
+    if not data:
+        raise DeckError("this is not a values file of thermid, because it is empty. Run the calibration again to write it.", target.name)
+    if "schema" not in data:
+        raise DeckError(
+            "this file was written by hand, so it needs the units and bounds of a deck. Use it with a deck by --values, or as "
+            "`values` of a campaign's stage.",
+            target.name,
+        )
+    kind = "thermid.values._schema.OldValuesFile" if data["schema"] == 1 else "thermid.values._schema.ValuesFile"
+    checked = by_grammar(kind, data, Places(target.name))
+    store, stage = _read_old(data) if data["schema"] == 1 else _read(data, checked.sources), checked.stage
+    for name, v in data["values"].items():
+        own, said = store.error(name), float(v["error"])
+        if data["schema"] != 1 and own != said and not math.isclose(own, said, rel_tol=AGREES):
+            raise DeckError(
+                f"the error of '{name}' is {said:g} in its table and {own:g} in its row, so the file was changed by hand. Run the "
+                "calibration again.",
+                target.name,
+            )
+    return store, stage
+
+
+def _read(data: Mapping[str, Any], given: Sequence[Any]) -> Store:
+    """Return the store of a checked file; the laws of its sources are read."""
+    states = {name: _state(name, v) for name, v in data["values"].items()}
+    sources = tuple(Source(s.name, s.kind, s.law, s.words) for s in given)
+    root, order = np.zeros((len(states), len(sources))), {name: k for k, name in enumerate(states)}
+    for group in data.get("root", []):
+        columns = group["sources"]
+        for name, row in group.items():
+            if name != "sources":
+                root[order[name], columns] = row
+    return Store(
+        states,
+        sources,
+        root,
+        data["seen"],
+        data.get("provenance", {}),
+        tuple(data["cuts"]),
+        tuple(Dropped(**d) for d in data["dropped"]),
+        tuple(LeftOut(**x) for x in data["left_out"]),
+    )
+
+
+def _origin(table: Mapping[str, Any]) -> ValueOrigin:
+    return ValueOrigin(**{**table, "records": tuple(table["records"])})
+
+
+def _state(name: str, v: Mapping[str, Any]) -> State:
+    low, high = v["bounds"]
+    return State(
+        name,
+        float(v["value"]),
+        v["transform"] == "log",
+        v["unit"],
+        (float(low), float(high)),
+        _origin(v["origin"]),
+        v["kind"],
+        tuple(v["acts"]),
+        tuple(v["hidden"]),
+        v["at"],
+        v["deck"],
+        tuple(_origin(o) for o in v["history"]),
+        Standing.read(v["standing"]),
+        float(v["start"]),
+        float(v["error_random"]),
+        (float(v["prior"][0]), float(v["prior"][1])) if "prior" in v else None,
+        v["known"],
+    )
+
+
+def _read_old(data: Mapping[str, Any]) -> Store:
+    """Return the store of a file of schema 1: one group of columns, and what it cannot say as left out."""
+    stage, made = data["stage"], data["provenance"]
+    standing = Standing.read(data["standing"]) if "standing" in data else UNJUDGED
+    records = made.get("records", {})
+    origin = ValueOrigin("fit", stage, tuple(records), "", str(made.get("date", "")))
+    covariance = np.array(data["covariance"], dtype=float).reshape(len(data["values"]), len(data["values"]))
+    states = {}
+    for k, (name, v) in enumerate(data["values"].items()):
+        paths = (name, *v.get("also", ())) if v["kind"] == "parameter" else ()
+        prior = (float(v["prior"][0]), float(v["prior"][1])) if "prior" in v else None
+        numbers = (float(v["value"]), v["transform"] == "log", v["unit"], (float(v["bounds"][0]), float(v["bounds"][1])))
+        more = {"standing": standing, "start": float(v["start"]), "random": float(v["error_random"]), "prior": prior}
+        states[name] = State(name, *numbers, origin, v["kind"], paths, known=bool(np.isfinite(covariance[k, k])), **more)  # type: ignore[arg-type]
+    root, sources = rooted(covariance, f"file of {stage}", f"errors of stage '{stage}', from its values file")
+    seen = {sha: f"stage '{stage}' as '{name}'" for name, sha in records.items()}
+    return Store(states, sources, root, seen, {stage: made}, left_out=(LeftOut(OLD.format(stage=stage)),))
+
+
+def rooted(covariance: Array, key: str, words: str) -> tuple[Array, tuple[Source, ...]]:
+    """Return a root of a covariance and its columns as sources; a value without a finite error gets a row of zeros."""
+    known = np.isfinite(np.diag(covariance))
+    whole = np.where(np.outer(known, known) & np.isfinite(covariance), covariance, 0.0)
+    return square_root(whole), tuple(Source(f"{key}:{k}", "data", Normal(), words) for k in range(len(whole)))

@@ -1,0 +1,139 @@
+"""`read_spread`: the probability distribution that a written spread means."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import Any
+
+import numpy as np
+
+from thermid.base.errors import ScenarioError, nearest
+from thermid.base.expression import parse
+from thermid.base.units import TEMPERATURE
+from thermid.model.laws import literal
+from thermid.values.store import Cut, Distribution, LogNormal, Normal, Uniform
+
+LEAST = 1e-3
+"""Probability within a deck's bounds below which a spread does not fit them. [-]"""
+LARGEST_SHIFT = 100.0
+"""Kelvin from which a temperature written in K is no shift but a slip: 293 K for 20 degC. [K]"""
+FORMS: Mapping[str, frozenset[str]] = {
+    "sd": frozenset({"sd", "mean"}),
+    "log_sd": frozenset({"log_sd", "mean"}),
+    "low": frozenset({"low", "high"}),
+}
+"""The key that names the form of a spread, and the keys of that form."""
+
+
+def read_spread(given: Any, slot: str, nominal: float, where: str, *, bounds: tuple[float, float] = (-np.inf, np.inf)) -> Distribution:
+    """Probability distribution that a written spread means.
+
+    Parameters
+    ----------
+    given : str, dict       ``"0.5 [W]"`` or ``{"sd": "0.5 [W]"}``: normal, a standard deviation; ``"10 [%]"``: of the value;
+                            ``{"log_sd": 0.2}``: the logarithm normal; ``{"low": ..., "high": ...}``: uniform between, nothing beyond;
+                            ``"range"``: uniform between the bounds of the deck. ``mean`` may stand beside ``sd`` and ``log_sd`` (there: the
+                            median). Of a temperature K means a shift of what deck or scenario have, degC and degF the temperature itself.
+    slot : str              Unit of the value: a unit text, `temperature`, or K for a shift of a temperature that varies in time.
+    nominal : float         What the value is otherwise; zero for a shift. [SI]
+    where : str             What is spread, for messages.
+    bounds : (float, float) Of the deck: they cut normal laws, and a uniform one must lie within them. [SI]
+
+    Raises
+    ------
+    ScenarioError   When it is none of these forms, or passes the bounds.
+    UnitError       When a number has another dimension than the value.
+    """
+    if given == "range":
+        if not np.isfinite(bounds).all():
+            raise ScenarioError("'range' needs min and max of the value in its deck. Give them, or another spread.", where)
+        return Uniform(*bounds)
+    table: Mapping[str, Any] = {"sd": given} if isinstance(given, str) else given
+    form = _form(table, where)
+    if form == "low":
+        return _uniform(table, slot, nominal, where, bounds)
+    mean = _value(table["mean"], slot, nominal, where) if "mean" in table else nominal
+    law: Normal | LogNormal
+    if form == "log_sd":
+        if slot in (TEMPERATURE, "K") or not mean > 0.0:
+            raise ScenarioError("log_sd applies only to a value above zero that is not a temperature. Give sd.", where)
+        law = LogNormal(mean, _from_zero(literal(table["log_sd"], "1", where), where))
+        size = law.log_sd
+    else:
+        law = Normal(mean, _from_zero(_deviation(table["sd"], slot, mean, where), where))
+        size = law.sd
+    return law if size == 0.0 or not np.isfinite(bounds).any() else _cut(law, bounds, where)
+
+
+def _form(table: Any, where: str) -> str:
+    """Return the key that names a spread's form."""
+    form = next((f for f in FORMS if isinstance(table, Mapping) and f in table), "")
+    if not form or not set(table) <= FORMS[form] or (form == "low" and "high" not in table):
+        every = ("sd", "log_sd", "low", "high", "mean")
+        odd = next((k for k in table if k not in every), "") if isinstance(table, Mapping) else ""
+        raise ScenarioError(f'write {{sd}}, {{log_sd}}, {{low, high}} or "range".{nearest(odd, every)}', where)
+    return form
+
+
+def _uniform(table: Mapping[str, Any], slot: str, nominal: float, where: str, bounds: tuple[float, float]) -> Uniform:
+    """Return the law between two written ends."""
+    if slot == TEMPERATURE and _absolute(table["low"], where) != _absolute(table["high"], where):
+        raise ScenarioError("one end is a temperature and the other a shift in kelvin. Write both in degC, or both in K.", where)
+    low, high = (_value(table[k], slot, nominal, where) for k in ("low", "high"))
+    if low > high:
+        raise ScenarioError("its low end is above its high end. Exchange them.", where)
+    slack = 1e-9 * max(abs(low), abs(high), 1e-300)
+    if low < bounds[0] - slack or high > bounds[1] + slack:
+        raise ScenarioError(
+            f"{table['low']} to {table['high']} exceeds the bounds of its deck, {bounds[0]:.6g} to {bounds[1]:.6g} in SI units. "
+            'Give ends within them, or "range".',
+            where,
+        )
+    return Uniform(max(low, bounds[0]), min(high, bounds[1]))
+
+
+def _absolute(text: Any, where: str) -> bool:
+    """Return whether a written number is a temperature and no difference of two."""
+    number = parse(text).literal if isinstance(text, str) else None
+    if number is None:
+        raise ScenarioError(f"'{text}' must be a number with a unit.", where)
+    return number.unit.absolute
+
+
+def _value(text: Any, slot: str, nominal: float, where: str) -> float:
+    """Return a written value; of temperatures kelvin is a shift of what they are otherwise. [SI]"""
+    if slot not in (TEMPERATURE, "K"):
+        return literal(text, slot, where)
+    if _absolute(text, where):
+        if slot == "K":
+            raise ScenarioError(f"this input varies in time or is a difference. Give a shift in kelvin, such as 2 [K], not {text}.", where)
+        return literal(text, TEMPERATURE, where)
+    shift = literal(text, "K", where)
+    if slot == TEMPERATURE and abs(shift) > LARGEST_SHIFT:
+        raise ScenarioError(f"{text} would be a shift of more than {LARGEST_SHIFT:g} K. Write a temperature in degC.", where)
+    return nominal + shift if slot == TEMPERATURE else shift
+
+
+def _deviation(text: Any, slot: str, mean: float, where: str) -> float:
+    """Return a standard deviation: a number in the unit of what it spreads, or a share of the mean. [SI]"""
+    own = parse(text).literal if isinstance(text, str) else None
+    if own is None or own.unit.text != "%":
+        return literal(text, "K" if slot == TEMPERATURE else slot, where)
+    if slot in (TEMPERATURE, "K"):
+        raise ScenarioError("per cent do not apply to a temperature. Give kelvin.", where)
+    return own.value * abs(mean)
+
+
+def _from_zero(sd: float, where: str) -> float:
+    if not (sd >= 0.0 and np.isfinite(sd)):
+        raise ScenarioError("a standard deviation must be zero or more.", where)
+    return sd
+
+
+def _cut(law: Normal | LogNormal, bounds: tuple[float, float], where: str) -> Cut:
+    out = Cut(law, *bounds)
+    if not out.share > LEAST:
+        raise ScenarioError(
+            "almost all values of this spread lie outside the bounds of the deck. Choose a mean inside them, or a smaller spread.", where
+        )
+    return out

@@ -1,0 +1,696 @@
+"""`Store`: everything known of the values of one model, at every depth: value, origin, and response to named sources of error.
+
+A source is a named cause of uncertainty with its probability distribution.
+"""
+
+from __future__ import annotations
+
+import hashlib
+import math
+from collections.abc import Callable, Iterable, Mapping, Sequence
+from dataclasses import dataclass, field, fields, replace
+from typing import Any, Literal, Protocol
+
+import numpy as np
+
+from thermid.base.errors import DeckError, NameNotFoundError, nearest
+from thermid.base.expression import parse
+from thermid.base.linear_algebra import Array, symmetric_inverse
+from thermid.model.identity import Dropped, depth, inside
+from thermid.model.parameters import UNJUDGED, Parameter, Standing, exact, worst
+from thermid.model.tree import Entry, Model, deck_text, parameter_table
+
+Kind = Literal["data", "instrument", "stated", "structural", "misfit", "variant"]
+KNOWN: tuple[Kind, ...] = ("data", "instrument", "stated")
+"""Kinds that a covariance of fitted values holds; structural ones enter budgets besides."""
+
+
+class Distribution(Protocol):
+    """Probability distribution of one number, by its quantiles."""
+
+    @property
+    def mean(self) -> float:
+        """Its mean."""
+
+    @property
+    def variance(self) -> float:
+        """Its variance."""
+
+    def at(self, share: Array) -> Array:
+        """Return the values below which shares (members,) of all lie."""
+
+
+@dataclass(frozen=True)
+class Normal:
+    """Normal distribution; the standard one by default."""
+
+    mean: float = 0.0
+    sd: float = 1.0
+
+    @property
+    def variance(self) -> float:
+        """Its variance."""
+        return self.sd**2
+
+    def at(self, share: Array) -> Array:
+        """Return the quantiles (members,) of shares (members,)."""
+        from scipy.special import ndtri
+
+        return np.asarray(self.mean + self.sd * ndtri(share))
+
+    def below(self, value: float) -> float:
+        """Return the probability of less than a value. [-]"""
+        from scipy.special import ndtr
+
+        return float(ndtr((value - self.mean) / self.sd)) if self.sd > 0.0 else float(value > self.mean)
+
+    def moments(self, low: float, high: float) -> tuple[float, float]:
+        """Return mean and mean square between two ends, weighted by the law and not divided by its share there."""
+        a, b = (low - self.mean) / self.sd, (high - self.mean) / self.sd
+        share = self.below(high) - self.below(low)
+        # integrals of z and z^2 with the normal density: -density and share - z density, between the ends
+        first = _density(a) - _density(b)
+        second = share + _times_density(a) - _times_density(b)
+        return self.mean * share + self.sd * first, self.mean**2 * share + 2.0 * self.mean * self.sd * first + self.sd**2 * second
+
+
+@dataclass(frozen=True)
+class LogNormal:
+    """Log-normal distribution."""
+
+    median: float
+    log_sd: float
+
+    @property
+    def mean(self) -> float:
+        """Its mean."""
+        return float(self.median * np.exp(0.5 * self.log_sd**2))
+
+    @property
+    def variance(self) -> float:
+        """Its variance."""
+        return float(self.mean**2 * np.expm1(self.log_sd**2))
+
+    def at(self, share: Array) -> Array:
+        """Return the quantiles (members,) of shares (members,)."""
+        from scipy.special import ndtri
+
+        return np.asarray(self.median * np.exp(self.log_sd * ndtri(share)))
+
+    def below(self, value: float) -> float:
+        """Return the probability of less than a value. [-]"""
+        return 0.0 if value <= 0.0 else Normal(0.0, self.log_sd).below(float(np.log(value / self.median)))
+
+    def moments(self, low: float, high: float) -> tuple[float, float]:
+        """Return mean and mean square between two ends, weighted by the law and not divided by its share there."""
+        ends = [-np.inf if x <= 0.0 else float(np.log(x / self.median)) for x in (low, high)]
+        out = []
+        for k in (1, 2):
+            # exp(k z) times a normal density is that density about k log_sd^2, times exp(k^2 log_sd^2 / 2)
+            below, above = (Normal(k * self.log_sd**2, self.log_sd).below(x) for x in ends)
+            out.append(float(self.median**k * np.exp(0.5 * (k * self.log_sd) ** 2) * (above - below)))
+        return out[0], out[1]
+
+
+@dataclass(frozen=True)
+class Uniform:
+    """Uniform distribution between two ends."""
+
+    low: float
+    high: float
+
+    @property
+    def mean(self) -> float:
+        """Its mean."""
+        return 0.5 * (self.low + self.high)
+
+    @property
+    def variance(self) -> float:
+        """Its variance."""
+        return (self.high - self.low) ** 2 / 12.0
+
+    def at(self, share: Array) -> Array:
+        """Return the quantiles (members,) of shares (members,)."""
+        return np.asarray(self.low + (self.high - self.low) * share)
+
+
+@dataclass(frozen=True)
+class Choice:
+    """One of several things, all as likely, by its number."""
+
+    count: int
+
+    @property
+    def mean(self) -> float:
+        """Its mean."""
+        return 0.5 * (self.count - 1)
+
+    @property
+    def variance(self) -> float:
+        """Its variance."""
+        return (self.count**2 - 1) / 12.0
+
+    def at(self, share: Array) -> Array:
+        """Return the numbers (members,) of shares (members,)."""
+        return np.minimum(np.floor(share * self.count), self.count - 1.0)
+
+
+@dataclass(frozen=True)
+class Cut:
+    """Truncated distribution: a law without what lies beyond two ends, the bounds of a deck."""
+
+    law: Normal | LogNormal
+    low: float
+    high: float
+
+    @property
+    def share(self) -> float:
+        """Probability between the ends. [-]"""
+        below, above = self._ends
+        return above - below
+
+    @property
+    def _ends(self) -> tuple[float, float]:
+        return self.law.below(self.low), self.law.below(self.high)
+
+    @property
+    def mean(self) -> float:
+        """Its mean."""
+        return self.law.moments(self.low, self.high)[0] / self.share
+
+    @property
+    def variance(self) -> float:
+        """Its variance."""
+        first, second = (m / self.share for m in self.law.moments(self.low, self.high))
+        return max(second - first**2, 0.0)
+
+    def at(self, share: Array) -> Array:
+        """Return the quantiles (members,) of shares (members,)."""
+        below, above = self._ends
+        return np.clip(self.law.at(below + share * (above - below)), self.low, self.high)
+
+
+@dataclass(frozen=True)
+class Shifted:
+    """A law moved by a number: of a deviation in place of a value."""
+
+    law: Distribution
+    by: float
+
+    @property
+    def mean(self) -> float:
+        """Its mean."""
+        return self.law.mean + self.by
+
+    @property
+    def variance(self) -> float:
+        """Its variance."""
+        return self.law.variance
+
+    def at(self, share: Array) -> Array:
+        """Return the quantiles (members,) of shares (members,)."""
+        return self.law.at(share) + self.by
+
+
+MIDPOINTS = (np.arange(2000) + 0.5) / 2000
+"""Shares over which moments of a logarithm are taken."""
+
+
+@dataclass(frozen=True)
+class Logarithm:
+    """The logarithm of a positive law over a number."""
+
+    law: Distribution
+    over: float
+
+    @property
+    def mean(self) -> float:
+        """Its mean."""
+        return float(self.at(MIDPOINTS).mean())
+
+    @property
+    def variance(self) -> float:
+        """Its variance."""
+        return float(self.at(MIDPOINTS).var())
+
+    def at(self, share: Array) -> Array:
+        """Return the quantiles (members,) of shares (members,)."""
+        return np.asarray(np.log(self.law.at(share) / self.over))
+
+
+def _density(z: float) -> float:
+    return float(np.exp(-0.5 * z * z) / np.sqrt(2.0 * np.pi))
+
+
+def _times_density(z: float) -> float:
+    return z * _density(z) if np.isfinite(z) else 0.0
+
+
+DISTRIBUTIONS = {kind.__name__: kind for kind in (Normal, LogNormal, Uniform, Choice, Cut, Shifted, Logarithm)}
+"""Name of a distribution in a values file -> its class."""
+
+
+def uniforms(seed: int, name: str, first: int, members: int) -> Array:
+    """Return numbers (members,) between 0 and 1 of the members from `first` on, of the stream of a name. [-]
+
+    The generator counts (Philox: Salmon et al., Parallel random numbers: as easy as 1, 2, 3, SC11, 2011), one stream per name, one count
+    per member. A draw depends on the seed, the name and the member's index alone: not on how many members there are, what else is drawn, or
+    which process draws it.
+    """
+    key = int.from_bytes(hashlib.sha256(f"{seed} {name}".encode()).digest()[:16], "big")
+    raw = np.random.Philox(key=key, counter=first).random_raw(4 * members)[::4]
+    out: Array = ((raw >> np.uint64(11)).astype(float) + 0.5) * 2.0**-53
+    return out
+
+
+@dataclass(frozen=True)
+class Source:
+    """A named cause of uncertainty.
+
+    Parameters
+    ----------
+    name : str      Unique; that of a fit's noise holds the key of its stage, so that branches above one component share it.
+    kind : str      data (noise of one fit), instrument (a constant error), stated, structural, misfit or variant.
+    law : Distribution  Standard normal where values respond to it by their standard deviation.
+    words : str     What it is, for people.
+    """
+
+    name: str
+    kind: Kind
+    law: Distribution
+    words: str = ""
+
+
+@dataclass(frozen=True)
+class LeftOut:
+    """Something uncertain that an answer does not count.
+
+    Parameters
+    ----------
+    what : str      What is left out, for people.
+    kelvin : float  The standard deviation that it might add, where that is known; NaN otherwise. [K]
+    listed : bool   Whether it stands in the list alone: true of most answers, and so no news in a first line.
+    """
+
+    what: str
+    kelvin: float = float("nan")
+    listed: bool = False
+
+
+@dataclass(frozen=True)
+class ValueOrigin:
+    """Who gave a value.
+
+    Parameters
+    ----------
+    kind : str          deck, hand (tuned by hand), fit, split, or twin (taken from another instance).
+    stage : str         The stage.
+    records : tuple     The records that it was fitted to.
+    key : str           Hash of everything that the result of the stage depends on.
+    date : str          When.
+    """
+
+    kind: Literal["deck", "hand", "fit", "split", "twin"]
+    stage: str = ""
+    records: tuple[str, ...] = ()
+    key: str = ""
+    date: str = ""
+
+    def __str__(self) -> str:
+        """Who, for people."""
+        return f"stage '{self.stage}'" if self.stage else self.kind
+
+
+@dataclass(frozen=True)
+class State:
+    """The current state of one value.
+
+    Parameters
+    ----------
+    path : str              The first place where the value stands in the store's model; of an instrument its name.
+    value : float           [SI]
+    log : bool              Whether its error is that of its logarithm.
+    unit : str              For people.
+    bounds : (float, float) [SI]
+    origin : ValueOrigin         Who gave it.
+    kind : str              parameter, or as in `FittedValue`: sensor, instrument, shared (all three of instruments), level.
+    paths : tuple of str    Every place where it stands.
+    hidden : tuple of str   Those where a [set] hides it.
+    at : str                The submodel over whose deck it is laid; empty for the model itself.
+    deck : str              Text of the deck's value that it stands for; empty where unknown.
+    history : tuple         Who gave the values that this one replaced, the first one first.
+    standing : Standing     How far it may be trusted.
+    start : float           Where its fit started. [SI]
+    random : float          Scatter that the noise of the readings alone would give in a repeat. [SI]
+    prior : (float, float)  Mean and standard deviation, fitted form, of what was stated of it before any data; None for nothing.
+    known : bool            Whether its error is known; otherwise it is unlimited, and its row is zero.
+    """
+
+    path: str
+    value: float
+    log: bool
+    unit: str
+    bounds: tuple[float, float]
+    origin: ValueOrigin
+    kind: str = "parameter"
+    paths: tuple[str, ...] = ()
+    hidden: tuple[str, ...] = ()
+    at: str = ""
+    deck: str = ""
+    history: tuple[ValueOrigin, ...] = ()
+    standing: Standing = UNJUDGED
+    start: float = 0.0
+    random: float = 0.0
+    prior: tuple[float, float] | None = None
+    known: bool = True
+
+    @property
+    def acts(self) -> tuple[str, ...]:
+        """Every place where it acts: no [set] hides it there."""
+        return tuple(p for p in self.paths if p not in self.hidden)
+
+    @property
+    def fitted(self) -> float:
+        """The fitted form of the value: its logarithm where `log`."""
+        return float(np.log(self.value)) if self.log else self.value
+
+    def as_parameter(self) -> Parameter:
+        """Return it as a parameter of a model."""
+        return exact(self.value, self.unit, str(self.origin))
+
+    def under(self, part: str) -> State:
+        """Return it as it is in a model that has this one as a part; instruments keep their names."""
+        if self.kind != "parameter":
+            return self
+        ahead = f"{part}."
+        paths, hidden = (tuple(ahead + p for p in several) for several in (self.paths, self.hidden))
+        return replace(self, path=ahead + self.path, at=ahead + self.at if self.at else part, paths=paths, hidden=hidden)
+
+    def same(self, other: State) -> bool:
+        """Whether both are one state: given by the same stage, with the same value."""
+        return (self.origin, self.value, self.kind) == (other.origin, other.value, other.kind)
+
+    def replaces(self, other: State) -> bool:
+        """Whether it was found with the other one known."""
+        return other.origin in self.history
+
+
+@dataclass(frozen=True, eq=False)
+class Store:
+    """Everything known of the values of one model.
+
+    The error of a value is a row of `root`: its response to named sources, each of unit variance. So the covariance of any values is that
+    of their rows, also between values of different stages, and a source that two values share counts once.
+
+    Parameters
+    ----------
+    states : dict               Path or name of an instrument -> State.
+    sources : tuple of Source   The columns of `root`.
+    root : array (states, sources)   Responses in the fitted form (of the logarithm where `log`).
+    seen : dict                 Checksum -> who used the record.
+    provenance : dict           Stage -> version, date, records, conditions and misfit of its fit.
+    cuts : tuple of str         Instances and values that share with no other.
+    dropped : tuple             States that no longer apply.
+    left_out : tuple            What is uncertain and not in `root`.
+    """
+
+    states: Mapping[str, State] = field(default_factory=dict)
+    sources: tuple[Source, ...] = ()
+    root: Array = field(default_factory=lambda: np.zeros((0, 0)))
+    seen: Mapping[str, str] = field(default_factory=dict)
+    provenance: Mapping[str, Mapping[str, Any]] = field(default_factory=dict)
+    cuts: tuple[str, ...] = ()
+    dropped: tuple[Dropped, ...] = ()
+    left_out: tuple[LeftOut, ...] = ()
+
+    def __eq__(self, other: object) -> bool:
+        """Whether another store knows the same, to the last bit."""
+        if not isinstance(other, Store):
+            return NotImplemented
+        plain = (f.name for f in fields(self) if f.name not in ("root", "left_out"))
+        same = repr(self.left_out) == repr(other.left_out)  # it may hold numbers that are none
+        return same and np.array_equal(self.root, other.root) and all(getattr(self, n) == getattr(other, n) for n in plain)
+
+    __hash__ = None  # type: ignore[assignment]
+
+    def __getitem__(self, path: str) -> State:
+        """Return the state of a value.
+
+        Raises
+        ------
+        NameNotFoundError   With the nearest path.
+        """
+        found = self.states.get(path) or next((s for s in self.states.values() if path in s.paths), None)
+        if found is None:
+            raise NameNotFoundError(f"no fit or file gives '{path}'.{nearest(path, self.states)}")
+        return found
+
+    @property
+    def parameters(self) -> dict[str, State]:
+        """Path -> state, of those that are parameters of the model."""
+        return {p: s for p, s in self.states.items() if s.kind == "parameter"}
+
+    def rows(self, paths: Iterable[str], kinds: Sequence[Kind] | None = None) -> Array:
+        """Return the responses (paths, sources) of some values, those to sources of other kinds at zero."""
+        order = {p: k for k, p in enumerate(self.states)}
+        out = self.root[[order[self[p].path] for p in paths]]
+        return out if kinds is None else out * np.array([s.kind in kinds for s in self.sources], dtype=float)
+
+    def covariance(self, paths: Iterable[str], kinds: Sequence[Kind] = KNOWN) -> Array:
+        """Return the covariance of some values in the fitted form, by sources of some kinds."""
+        rows = self.rows(paths, kinds)
+        return np.asarray(rows @ rows.T)
+
+    def error(self, path: str, kinds: Sequence[Kind] = KNOWN) -> float:
+        """Return the standard error of a value. [SI]"""
+        state = self[path]
+        if not state.known:
+            return float("inf")
+        return float(np.linalg.norm(self.rows([path], kinds))) * (state.value if state.log else 1.0)
+
+    def only(self, keep: Callable[[State], bool]) -> Store:
+        """Return what it knows of some values; the others are marginalised."""
+        kept = [k for k, s in enumerate(self.states.values()) if keep(s)]
+        names = list(self.states)
+        return replace(self, states={names[k]: self.states[names[k]] for k in kept}, root=self.root[kept]).trimmed()
+
+    def drop(self, place: str) -> Store:
+        """Return it without what stands at a path or inside a part; twins keep what they shared with it, and instruments stay."""
+        left = self.only(lambda s: s.kind != "parameter" or not all(inside(p, place) for p in s.paths))
+
+        def outside(s: State) -> State:
+            paths, hidden = (tuple(p for p in several if not inside(p, place)) for several in (s.paths, s.hidden))
+            return s if paths == s.paths else replace(s, path=paths[0], paths=paths, hidden=hidden)
+
+        return replace(left, states={s.path: s for s in map(outside, left.states.values())})
+
+    def at(self, part: str) -> Store:
+        """Return what it knows inside a part, by paths of the part, instruments among it."""
+        inner = self.only(lambda s: s.kind != "parameter" or any(inside(p, part) for p in s.paths))
+        cut = len(part) + 1
+
+        def moved(s: State) -> State:
+            paths = tuple(p[cut:] for p in s.paths if inside(p, part))
+            hidden = tuple(p[cut:] for p in s.hidden if inside(p, part))
+            return replace(s, path=paths[0], paths=paths, hidden=hidden, at=s.at[cut:]) if s.kind == "parameter" else s
+
+        states = [moved(s) for s in inner.states.values()]
+        return replace(inner, states={s.path: s for s in states})
+
+    def on(self, model: Model) -> Model:
+        """Return the model with every state laid over it, each over the deck that its stage was of: a [set] above still wins.
+
+        Raises
+        ------
+        NameNotFoundError   When the model has no such value.
+        """
+        layers: dict[tuple[str, str], dict[str, State]] = {}
+        for s in self.parameters.values():
+            layers.setdefault((s.at, str(s.origin)), {}).update(dict.fromkeys(s.paths, s))
+        for (at, origin), values in sorted(layers.items(), key=lambda item: -depth(item[0][0])):
+            ahead = len(at) + 1 if at else 0
+            inner = {p[ahead:]: s for p, s in values.items()}
+            part = model.submodel(at) if at else model
+            known = parameter_table(part)
+            missing = next((p for p in inner if part.canonical(p) not in known), None)
+            if missing is not None:
+                raise NameNotFoundError(f"{origin} gives '{missing}', which '{part.title}' does not have.{nearest(missing, known)}")
+            model = model.with_values(inner, origin, at=at)
+        return model
+
+    def matching(self, model: Model) -> Store:
+        """Return it without states of values that the decks of a model give otherwise by now; these are listed as dropped."""
+        tables: dict[str, Mapping[str, Entry]] = {}
+        gone: dict[str, Dropped] = {}
+        for name, s in self.parameters.items():
+            table = tables.setdefault(s.at, parameter_table(model.submodel(s.at) if s.at else model))
+            ahead = len(s.at) + 1 if s.at else 0
+            now = deck_text(table[path]) if s.deck and (path := s.path[ahead:]) in table else s.deck
+            if not _alike(s.deck, now):
+                gone[name] = Dropped(
+                    name, s.as_parameter().text, str(s.origin), f"the deck has {now}, but had {s.deck} when this value was fitted"
+                )
+        return replace(self.only(lambda s: s.path not in gone), dropped=(*self.dropped, *gone.values())) if gone else self
+
+    def acting_in(self, laid: Model) -> tuple[Store, tuple[str, ...]]:
+        """Return it with what a [set] hides marked, and a remark for each; `laid` is the model with the states over it."""
+        table = parameter_table(laid)
+        states, remarks = dict(self.states), []
+        for name, s in self.parameters.items():
+            hidden = tuple(p for p in s.paths if table[p].origin != str(s.origin))
+            remarks += [
+                f"'{p}' is {table[p].parameter.text} by {table[p].origin}, which overrides the result of {s.origin}." for p in hidden
+            ]
+            states[name] = replace(s, hidden=hidden)
+        return replace(self, states=states), tuple(remarks)
+
+    def judged(self, now: Mapping[str, Standing]) -> Store:
+        """Return it with what is now thought of who gave its values, by their words (``stage 'name'``)."""
+        return replace(self, states={p: replace(s, standing=now.get(str(s.origin), s.standing)) for p, s in self.states.items()})
+
+    def trimmed(self) -> Store:
+        """Return it without sources that nothing responds to."""
+        used = [bool(column.any()) for column in self.root.T]
+        return replace(self, sources=tuple(s for s, u in zip(self.sources, used, strict=True) if u), root=self.root[:, used])
+
+
+def model_standing(model: Model) -> Standing:
+    """Return the worst standing of the values that act in a model; unjudged where all are those of its decks.
+
+    A value that was laid over the model carries its standing; one that a [set] hides does not act.
+    """
+    laid = [s for e in parameter_table(model).values() if (s := e.parameter.standing) is not None]
+    return worst(laid) if laid else UNJUDGED
+
+
+def _alike(one: str, other: str) -> bool:
+    """Return whether two written values are the same number, or the same text."""
+    if one == other:
+        return True
+    a, b = parse(one).literal, parse(other).literal
+    return a is not None and b is not None and a.unit.dimension == b.unit.dimension and math.isclose(a.value, b.value, rel_tol=1e-12)
+
+
+def graft(model: Model, below: Sequence[tuple[str, Store]]) -> tuple[Store, tuple[str, ...]]:
+    """Return the stores of parts as one store of the whole, and remarks on values of which two states arrive.
+
+    Parameters
+    ----------
+    model : Model       The whole.
+    below : sequence    Part (``.`` for the model itself) and store, in any order.
+
+    Of two states of one value the one nearer the root of the assembly holds, or the one that was found with the other known. What several
+    stages say of one instrument is combined by generalised least squares.
+
+    Raises
+    ------
+    DeckError   When two stages give one value at the same depth, and neither knew of the other.
+    """
+    parts = [("" if part == "." else model.canonical(part), store) for part, store in below]
+    sources = tuple({s.name: s for _, store in parts for s in store.sources}.values())
+    place = {s.name: k for k, s in enumerate(sources)}
+    offered: dict[str, list[tuple[str, State, Array]]] = {}
+    for part, store in sorted(parts, key=lambda item: (depth(item[0]), item[0])):
+        columns = [place[s.name] for s in store.sources]
+        for state, own in zip(store.states.values(), store.root, strict=True):
+            row = np.zeros(len(sources))
+            row[columns] = own
+            moved = state.under(part) if part else state
+            offered.setdefault(moved.path, []).append((part, moved, row))
+    chosen, remarks = {}, []
+    for path, several in offered.items():
+        state, row, remark = _chosen(path, several)
+        chosen[path] = (state, row)
+        remarks += remark
+    whole = Store(
+        {p: s for p, (s, _) in chosen.items()},
+        sources,
+        np.array([row for _, row in chosen.values()]).reshape(len(chosen), len(sources)),
+        {sha: who for _, store in parts for sha, who in store.seen.items()},
+        {stage: _provenance(known, part) for part, store in parts for stage, known in store.provenance.items()},
+        tuple(dict.fromkeys(_under(c, part) for part, store in parts for c in store.cuts)),
+        tuple(dict.fromkeys(replace(d, path=_under(d.path, part)) for part, store in parts for d in store.dropped)),
+        tuple(dict.fromkeys(x for _, store in parts for x in store.left_out)),
+    )
+    return whole.trimmed(), tuple(remarks)
+
+
+def _chosen(path: str, several: Sequence[tuple[str, State, Array]]) -> tuple[State, Array, list[str]]:
+    """Return the state of a value of which several arrive, its row, and a remark where another was set aside."""
+    kept: list[tuple[str, State, Array]] = []
+    for part, state, row in several:
+        if any(s.same(state) or s.replaces(state) for _, s, _ in kept):
+            continue
+        kept = [k for k in kept if not state.replaces(k[1])] + [(part, state, row)]
+    if kept[0][1].kind != "parameter":
+        return *_combined([s for _, s, _ in kept], np.array([r for _, _, r in kept])), []
+    nearest_root = [k for k in kept if depth(k[0]) == depth(kept[0][0])]
+    if len(nearest_root) > 1:
+        one, two = nearest_root[0][1].origin, nearest_root[1][1].origin
+        raise DeckError(
+            f"{one} and {two} both give '{path}' independently of each other. Inherit one of them, or leave the value out of one by "
+            f'without = ["{path}"].'
+        )
+    _, state, row = kept[0]
+    return (
+        state,
+        row,
+        [f"'{path}': the value of {state.origin} is used, not that of {s.origin}, which is deeper in the model." for _, s, _ in kept[1:]],
+    )
+
+
+def _combined(states: Sequence[State], rows: Array) -> tuple[State, Array]:
+    """Return what several stages say of one instrument as one state: the best linear unbiased estimate, and its row."""
+    if len(states) == 1:
+        return states[0], rows[0]
+    order = sorted(range(len(states)), key=lambda k: states[k].origin.stage)
+    states, rows = [states[k] for k in order], rows[order]
+    scores = symmetric_inverse(rows @ rows.T).sum(axis=0)
+    shares = scores / scores.sum() if scores.sum() > 0 else np.full(len(states), 1.0 / len(states))
+    fitted = float(shares @ [s.fitted for s in states])
+    history = tuple(dict.fromkeys(o for s in states for o in (*s.history, s.origin)))
+    value = float(np.exp(fitted)) if states[0].log else fitted
+    return replace(states[0], value=value, history=history), shares @ rows
+
+
+def _under(path: str, part: str) -> str:
+    return f"{part}.{path}" if part else path
+
+
+def _provenance(known: Mapping[str, Any], part: str) -> Mapping[str, Any]:
+    """Return what is known of a fit, its places by their paths in the model above."""
+    moved = {n: {_under(p, part): x for p, x in known[n].items()} for n in ("conditions", "misfit") if n in known}
+    structural = {"structural": structural_under(known["structural"], f"{part}.")} if part and "structural" in known else {}
+    regimes = {"regimes": regimes_under(known["regimes"], f"{part}.")} if part and "regimes" in known else {}
+    return {**known, **moved, **structural, **regimes}
+
+
+def regimes_under(kept: Mapping[str, Any], ahead: str) -> dict[str, Any]:
+    """Return what a fit keeps of kinds of run (`Regimes.to_dict`), its places by their paths in the model above; `ahead` as above."""
+
+    def moved(name: str) -> str:
+        head = next((h for h in ("scale.", "initial.") if name.startswith(h)), "")
+        return name if " " in name else f"{head}{ahead}{name.removeprefix(head)}"
+
+    places = {n: [moved(p) for p in kept[n]] for n in ("names", "free")}
+    own = [{**o, "name": moved(o["name"])} for o in kept["own"]]
+    return {**kept, **places, "own": own, "noise": {moved(n): x for n, x in kept["noise"].items()}}
+
+
+def structural_under(kept: Mapping[str, Any], ahead: str) -> dict[str, Any]:
+    """Return what a fit keeps of structural errors (`Discrepancy.to_dict`), its places by their paths in the model above.
+
+    Parameters
+    ----------
+    kept : dict
+    ahead : str     What paths begin with there, such as ``unit.``; names of instruments hold a space and stay.
+    """
+    placed = {n: {ahead + p: x for p, x in kept[n].items()} for n in ("conditions", "misfit", "surfaces")}
+    modes = [{**m, "path": ahead + m["path"]} for m in kept["modes"]]
+    names = [n if " " in n else ahead + n for n in kept["names"]]
+    assumed, said = ({ahead + p: own for p, own in kept.get(key, {}).items()} for key in ("assumed", "of_assumed"))
+    separated = [ahead + p for p in kept["separated"]]
+    own = kept.get("accounted")
+    noise = {n if " " in n else ahead + n: x for n, x in own["noise"].items()} if own else {}
+    more = {"accounted": {**own, "noise": noise, "misfit": {ahead + p: x for p, x in own["misfit"].items()}}} if own else {}
+    return {**kept, **placed, "modes": modes, "names": names, "separated": separated, "assumed": assumed, "of_assumed": said, **more}

@@ -1,0 +1,83 @@
+"""The command line in this process: arguments in, exit code, standard output and standard error out."""
+
+from __future__ import annotations
+
+import json
+import shutil
+import sys
+from collections.abc import Callable
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from thermid.app.cli.app import main
+from unit.fit.project import make_project
+
+EXAMPLES = Path(__file__).parents[4] / "examples"
+
+
+@dataclass(frozen=True)
+class Said:
+    """What a command said."""
+
+    code: int
+    out: str
+    err: str
+
+    @property
+    def object(self) -> dict[str, Any]:
+        """The one JSON object on standard output; NaN and Infinity, which are no JSON, are refused."""
+
+        def never(word: str) -> float:
+            raise AssertionError(f"{word} is no JSON")
+
+        found = json.loads(self.out, parse_constant=never)
+        assert isinstance(found, dict)
+        return found
+
+
+Call = Callable[..., Said]
+
+
+@pytest.fixture
+def call(monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]) -> Call:
+    """``call("simulate", deck, "--json")``."""
+    monkeypatch.delenv("THERMID_DATA", raising=False)
+
+    def run(*arguments: object) -> Said:
+        monkeypatch.setattr(sys, "argv", ["thermid", *map(str, arguments)])
+        capsys.readouterr()
+        with pytest.raises(SystemExit) as caught:
+            main()
+        done = capsys.readouterr()
+        code = caught.value.code
+        return Said(0 if code is None else int(code), done.out, done.err)
+
+    return run
+
+
+@pytest.fixture(scope="session")
+def made(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """A project that no test writes to."""
+    return make_project(tmp_path_factory.mktemp("made"))
+
+
+@pytest.fixture
+def campaign(made: Path, tmp_path: Path) -> Path:
+    """A copy of it to be changed."""
+    shutil.copytree(made.parent, tmp_path / "p")
+    return tmp_path / "p" / "campaign.toml"
+
+
+@pytest.fixture
+def accelerometer() -> Path:
+    """The deck of the first lesson."""
+    return EXAMPLES / "01_accelerometer" / "accelerometer.toml"
+
+
+@pytest.fixture
+def stack() -> Path:
+    """The deck of the second lesson."""
+    return EXAMPLES / "02_stack" / "m_PrE.toml"

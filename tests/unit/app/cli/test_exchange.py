@@ -1,0 +1,189 @@
+"""``thermid import, export, equations, htc``: from a script to a run and to other tools, and what is refused."""
+
+from __future__ import annotations
+
+import subprocess
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+import thermid as td
+from unit.app.cli.conftest import Call
+from unit.interop.programs import STRICT, c99, octave
+
+SCRIPT = """TempC = 24; % Ambient temperature [Celsius].
+SpH = 480; % Spec. heat [J/(kg*K)].
+Acc_SpH = SpH;
+R = Inf; % Open [K/W].
+P = 15*0.015; h = 6; % Power [W], coefficient [W/(m^2 K)].
+m = 0.054; % Mass [kg].
+A = ... % Area [m^2]
+    0.001406 + 1.08*0.002592;
+"""
+
+
+@pytest.fixture
+def script(tmp_path: Path) -> Path:
+    file = tmp_path / "Acc.m"
+    file.write_text(SCRIPT, encoding="utf-8")
+    return file
+
+
+def test_a_script_becomes_a_deck_that_runs(call: Call, script: Path) -> None:
+    deck = script.with_name("Acc.toml")
+    said = call("import", script, "--block", "--to", deck)
+    assert (said.code, said.err) == (0, "")
+    assert said.out.splitlines()[0] == "TempC    24 [degC]                       Ambient temperature"
+    assert said.out.splitlines()[-1].startswith("written: ")
+    run = call("simulate", deck, "--boundary", "air=24", "--for", "5 [h]", "--json").object
+    assert run["nodes"]["case"]["steady_C"] == pytest.approx(32.917191, abs=1e-6)
+    assert call("check", deck).code == 0
+
+
+def test_without_a_block_the_values_are_written_alone(call: Call, script: Path) -> None:
+    deck = script.with_name("values.toml")
+    said = call("import", script, "--to", deck)
+    assert said.out.splitlines()[-1].endswith("its nodes, surfaces and loads are still to be written")
+    assert td.load_model(deck).parameters["Acc_SpH"].text == "SpH"
+
+
+def test_the_object_of_an_import(call: Call, script: Path) -> None:
+    found = call("import", script, "--json").object
+    assert found["parameters"]["P"] == {"text": "15*0.015 [W]", "number": 0.225, "note": "Power , coefficient"}
+    assert found["parameters"]["R"]["number"] is None  # infinite
+    assert (found["status"], found["remarks"]) == ("ok", [])
+
+
+def test_an_import_does_not_write_over_a_deck(call: Call, script: Path) -> None:
+    deck = script.with_name("Acc.toml")
+    deck.write_text("title = 'mine'\n", encoding="utf-8")
+    said = call("import", script, "--to", deck)
+    assert said.code == 2
+    assert said.err.startswith(
+        f"error: {deck}: this file exists already. It was not written by thermid as deck Acc, or was changed since. Give another name"
+    )
+    assert deck.read_text(encoding="utf-8") == "title = 'mine'\n"
+
+
+def test_a_line_that_is_not_understood_is_named(call: Call, script: Path) -> None:
+    script.write_text(SCRIPT + "x = sqrt(2);\n", encoding="utf-8")
+    said = call("import", script)
+    assert said.code == 2
+    assert said.err.startswith("error: Acc.m:9: 'sqrt(2)': 'sqrt(' calls a function")
+
+
+def test_a_model_goes_to_octave(call: Call, accelerometer: Path, tmp_path: Path) -> None:
+    said = call("export", accelerometer, "--boundary", "air=24", "--for", "5 [h]", "--load", "electronics=0.45", "--to", tmp_path / "acc.m")
+    assert (said.code, said.err) == (0, "")
+    found = octave(tmp_path / "acc.m", np.array([18000.0]))
+    assert found[0, 0] - 24.0 == pytest.approx(2 * 8.917191, abs=2e-6)
+
+
+def test_a_model_goes_to_spice(call: Call, accelerometer: Path) -> None:
+    said = call("export", accelerometer, "--as", "spice", "--boundary", "air=24", "--for", "5 [h]", "--param", "area=0.005 [m^2]")
+    assert "R_skin case air 33.3333333333" in said.out
+    assert (
+        call("export", accelerometer, "--as", "spice", "--boundary", "air=24", "--for", "5 [h]", "--json").object["text"].endswith(".end\n")
+    )
+
+
+def test_a_model_goes_to_c(call: Call, accelerometer: Path, tmp_path: Path) -> None:
+    """The page's program runs with the header that the page's command writes."""
+    held = ("export", accelerometer, "--as", "c", "--boundary", "air=24", "--load", "electronics=0.45", "--for", "5 [h]")
+    said = call(*held, "--to", tmp_path / "acc.h")
+    assert (said.code, said.err, said.out) == (0, "", f"written: {tmp_path / 'acc.h'}\n")
+    found = c99(tmp_path / "acc.h", np.array([18000.0]))
+    assert found[0, 0] - 297.15 == pytest.approx(2 * 8.917191, abs=2e-3)
+    page = (Path(__file__).parents[4] / "docs/exchange.md").read_text(encoding="utf-8")
+    (tmp_path / "main.c").write_text(page.partition("```c file main.c\n")[2].partition("```")[0], encoding="ascii")
+    subprocess.run(["gcc", *STRICT, "main.c", "-o", "main", "-lm"], cwd=tmp_path, check=True)
+    shown = subprocess.run([str(tmp_path / "main")], capture_output=True, text=True, check=True).stdout
+    assert 273.15 + 24.0 < float(shown) < 273.15 + 60.0
+    assert call(*held, "--step", "5 [s]", "--to", tmp_path / "acc.h", "--force").code == 0
+    assert "#define acc_STEP 5.0 " in (tmp_path / "acc.h").read_text()
+
+
+def test_a_fitted_model_and_a_vacuum_go_out(call: Call, accelerometer: Path, tmp_path: Path) -> None:
+    from thermid.values.fitted import FittedValue, FittedValues
+
+    value = FittedValue("area", 0.005, 1e-5, 1e-5, True, "m^2", 0.0042, (0.003, 0.006))
+    FittedValues("s", {"area": value}, np.array([[1e-6]])).save(tmp_path / "v.toml")
+    plain = ("export", accelerometer, "--as", "spice", "--boundary", "air=24", "--for", "5 [h]")
+    assert "R_skin case air 33.3333333333" in call(*plain, "--values", tmp_path / "v.toml").out
+    assert "* skin: no conductance, an open path\n" in call(*plain, "--as-printed").out
+    assert "the coefficient of 'skin' is effective" in call(*plain, "--vacuum").err
+    assert "give one of them" in call(*plain, "--vacuum", "--as-printed").err
+
+
+def test_equations_are_written(call: Call, stack: Path, tmp_path: Path) -> None:
+    pytest.importorskip("sympy", reason="sympy is not installed (thermid[symbolic])")
+    said = call("equations", stack, "--name", "stack.gap=R_cn3", "--name", "cv=T_amb")
+    assert "R_cn3*(T_proc_case - T_ele_case)/Delta" in said.out
+    assert call("equations", stack, "--as", "latex", "--to", tmp_path / "eq.tex").code == 0
+    assert (tmp_path / "eq.tex").read_text(encoding="utf-8").startswith("\\begin{align}")
+    assert call("equations", stack, "--json").object["symbols"]["R_stack_gap"] == "resistance of stack.gap [K/W]"
+    for form in ("python", "octave"):
+        assert "derivatives(t, T, p)" in call("equations", stack, "--as", form).out
+
+
+def test_coefficients_are_compared(call: Call) -> None:
+    printed = ("--power", "2.168", "--area", "0.082241", "--surface", "35.938", "--ambient", "24", "--height", "24.92 [mm]")
+    said = call("htc", *printed, "--air", "0.026", "1.6e-5", "0.71", "--part", "coil=20 [mm], 0.25", "--drift", "0.7")
+    assert said.err == ""
+    lines = said.out.splitlines()
+    assert lines[0].startswith("effective       2.208 W/(m^2 K)   +- 0.13")
+    assert lines[1].startswith("theoretical     6.798 W/(m^2 K)   vertical plate")
+    assert lines[2] == "Biot number      0.18 at the effective, 0.54 at the theoretical coefficient   coil"
+    found = call(
+        "htc", *printed, "--box", "0.18", "0.18", "--capacitance", "707.5", "--settled-after", "5 [h]", "--emissivity", "0.3", "--json"
+    ).object
+    assert found["correlations"][-1] == {"name": "whole box, mean over its six faces", "htc": found["theoretical"], "rayleigh": None}
+    assert found["settling"]["differs"] is False
+
+
+@pytest.mark.parametrize(
+    ("arguments", "message"),
+    [
+        (
+            ("export", "DECK", "--as", "spyce"),
+            "error: --as: a model is not written as 'spyce'. Did you mean 'spice'? "
+            "There are octave, c, modelica, spice, sinda, esatan, fmu.",
+        ),
+        (
+            ("export", "DECK", "--as", "spice", "--step", "5 [s]"),
+            "error: --step: a step is of a C header; 'spice' has no steps of its own.",
+        ),
+        (
+            ("export", "DECK", "--boundary", "air=24"),
+            'error: command line: an export of a run needs a duration above zero: duration = "5 [h]"',
+        ),
+        (("equations", "DECK", "--as", "tex"), "error: --as: equations are not written as 'tex'. Did you mean 'text'?"),
+        (
+            ("htc", "--power", "2", "--area", "0.1", "--surface", "20", "--ambient", "24", "--height", "0.1"),
+            "error: compare_htc: 2 W and a surface -4 K from its ambient are inconsistent: heat",
+        ),
+        (
+            ("htc", "--power", "2", "--area", "0.1", "--surface", "30", "--ambient", "24", "--height", "0.1", "--part", "coil=20"),
+            "error: --part coil: '20' must be LENGTH,CONDUCTIVITY",
+        ),
+    ],
+)
+def test_refusals(call: Call, accelerometer: Path, arguments: tuple[str, ...], message: str) -> None:
+    said = call(*(accelerometer if a == "DECK" else a for a in arguments))
+    assert (said.code, said.out) == (2, "")
+    assert said.err.startswith(message)
+
+
+def test_a_change_without_a_number_of_its_own_is_said_first(call: Call, tmp_path: Path) -> None:
+    case = tmp_path / "strap.inp"
+    case.write_text("HEADER NODE DATA, A\n  -1, 20., 0.\n  2, 20., 5.\n  3, 20., 5.\nHEADER CONDUCTOR DATA, A\n  1, 1, 2, 2, 3, 0.5\n")
+    assert call("import", case, "--to", tmp_path / "strap.toml").code == 0
+    back = ("write-back", case, tmp_path / "strap.toml", "--to", tmp_path / "back")
+    said = call(*back, "--param", "A_G1_2.conductance=0.8 [W/K]", "--param", "A.T2.capacitance=6 [J/K]")
+    assert said.out.splitlines()[0] == (
+        "INCOMPLETE: 1 changed value without a number of its own in the deck, not written: A_G1_2.conductance"
+    )
+    assert "  2, 20., 6 $ fitted, was 5." in (tmp_path / "back" / "strap.inp").read_text()
+    found = call(*back, "--param", "A_G1_2.conductance=0.8 [W/K]", "--json").object
+    assert (found["files"], found["not_written"]) == ([], ["A_G1_2.conductance"])

@@ -1,0 +1,161 @@
+"""The live table: one rule with one meaning, in every width, with faults first where not all channels fit."""
+
+from __future__ import annotations
+
+import os
+import time
+from collections.abc import Iterator
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+import thermid as td
+from thermid.app.cli.bench import Judge, live_table, plain_line
+from thermid.base.errors import RecordError
+from thermid.bench._wire import sealed
+from thermid.bench.bench_files import MappedSensor
+from thermid.bench.board import made_up_rom
+from thermid.bench.logger import Logger
+from thermid.measure.sensors import ICE, SensorCertificate
+from thermid.measure.steadiness import channel_stability, rule_of
+from thermid.qualify.steadiness import forecast
+
+pytestmark = pytest.mark.skipif(os.name != "posix", reason="a log is locked by posix means")
+
+
+class Fed:
+    """A logger that is fed line by line, and a judge that looks when it is asked."""
+
+    def __init__(self, folder: Path, count: int, name: str = "part {}") -> None:
+        self.roms = [made_up_rom(k) for k in range(count)]
+        sensors = {
+            rom: MappedSensor(name.format(k), rom, SensorCertificate(0.25, 0.05, ICE, "2026-01-01")) for k, rom in enumerate(self.roms)
+        }
+        self.log = Logger(folder / "bench.log", lambda: "none", sensors, sync=False)
+        self.number = 0
+        self.judge = Judge(self.log, "3 C/h")
+
+    def say(self, ms: int, body: str, kind: str = "D") -> None:
+        self.log._take(sealed(f"{kind},{self.number},{ms},{body}").encode() + b"\n")
+        self.number += 1
+
+    def cycle(self, second: int, celsius: list[float], duty: int = 0) -> None:
+        for rom, value in zip(self.roms, celsius, strict=True):
+            self.say(1000 * second, f"{rom},{round(value * 16)},ok")
+        self.say(1000 * second, f"H1,{duty},ok")
+
+    def look(self) -> None:
+        for rom in self.log.history:
+            self.judge._seen[rom] = (self.log.state.changed, self.judge.look(rom))
+
+    def lines(self, width: int = 80, height: int = 23) -> list[str]:
+        return live_table(self.log, self.judge, width, height).plain.splitlines()
+
+
+@pytest.fixture
+def warm(tmp_path: Path) -> Iterator[Fed]:
+    """A part that settles with 600 s, and one that stands."""
+    made = Fed(tmp_path, 2)
+    rng = np.random.default_rng(2)
+    for t in range(0, 1500, 3):
+        made.cycle(t, [40.0 - 15.0 * np.exp(-t / 600.0) + rng.normal(0, 0.03), 21.0 + rng.normal(0, 0.03)])
+    made.look()
+    yield made
+    made.log.store.close()
+
+
+def test_it_says_what_settle_would_say_of_the_log(warm: Fed) -> None:
+    record = td.read_record(warm.log.store.path, {"part 0": "part 0", "part 1": "part 1"})
+    last = record.times[-1] - warm.log.state.seconds
+    for k, name in enumerate(("part 0", "part 1")):
+        found = warm.judge.of(warm.roms[k])
+        assert found is not None
+        whole = channel_stability(record, name, rule_of("3 C/h"))
+        assert found.verdict == whole.verdict
+        assert found.rate == pytest.approx(whole.rate, abs=1e-9)
+        assert found.error == pytest.approx(whole.error, rel=0.02)
+        told = forecast(record, name)
+        assert found.forecast is not None
+        assert found.forecast.final.value == pytest.approx(told.final.value, abs=0.05)
+        if told.holds is not None:
+            assert found.forecast.holds == pytest.approx(told.holds - last, abs=30.0)
+    text = "\n".join(warm.lines())
+    assert "in " in text.split("part 0")[1].splitlines()[0]
+    assert text.split("part 1")[1].splitlines()[0].split()[4] == "stable"
+    assert "20.75" in text  # 21 less what its certificate says it shows too much
+
+
+def test_a_heater_that_changes_begins_a_new_stretch(warm: Fed) -> None:
+    assert warm.judge.of(warm.roms[0]) is not None
+    warm.cycle(1500, [38.9, 21.0], duty=500)
+    assert warm.judge.of(warm.roms[0]) is None
+    for t in range(1501, 1520):
+        warm.cycle(t, [39.0, 21.0], duty=500)
+    warm.look()
+    found = warm.judge.of(warm.roms[0])
+    assert found is not None
+    assert found.forecast is None  # too few readings under the new power
+    assert "heater1 50 %" in "\n".join(warm.lines())
+    assert "heaters as they are for 19 s" in "\n".join(warm.lines())
+
+
+@pytest.mark.parametrize(("width", "height"), [(60, 24), (80, 24), (120, 40), (40, 10), (30, 8)])
+def test_it_stays_inside_the_terminal(tmp_path: Path, width: int, height: int) -> None:
+    made = Fed(tmp_path, 30, "a name that is far too long for a table, channel {}")
+    for t in range(20):
+        made.cycle(t, [20.0 + 0.1 * k + (0.05 * t if k == 7 else 0.0) for k in range(30)])
+    made.say(20_000, f"{made.roms[20]},,lost")
+    made.look()
+    lines = made.lines(width, height - 1)
+    assert len(lines) <= height - 1
+    assert max(map(len, lines)) <= width
+    if height >= 24:
+        assert sum("FAULT" in line for line in lines) == 1  # the fault is seen though 20 comes after what fits
+    if height == 24:
+        assert any(line.startswith("... and ") for line in lines)
+    if width >= 60:
+        names = [line.split("  ")[0] for line in lines if line.startswith("a name")]
+        assert len(set(names)) == len(names) >= 10  # names that differ at their ends stay apart
+    made.log.store.close()
+
+
+def test_sensors_without_a_name_stay_apart(tmp_path: Path) -> None:
+    made = Fed(tmp_path, 16)
+    made.log.sensors.clear()
+    made.cycle(0, [20.0] * 16)
+    rows = [line for line in made.lines(60, 40) if line.startswith("28")]
+    assert len({row.split()[0] for row in rows}) == 16
+    made.log.store.close()
+
+
+def test_a_fault_is_a_word_and_no_temperature(warm: Fed) -> None:
+    warm.say(1_500_000, f"{warm.roms[1]},,crc")
+    text = plain_line(warm.log, warm.judge)
+    assert "part 1 FAULT crc" in text
+    assert "part 0 38." in text
+    styles = {str(span.style) for span in live_table(warm.log, warm.judge, 80, 23).spans}
+    assert {"bold red", "yellow"} <= styles
+
+
+def test_a_rule_that_readings_cannot_answer_is_refused(warm: Fed) -> None:
+    with pytest.raises(RecordError, match="stored heat, which readings alone do not show"):
+        Judge(warm.log, "stored 2 %")
+    with pytest.raises(RecordError, match=r"is not a rule of stability\."):
+        Judge(warm.log, "soon")
+
+
+def test_a_rule_that_looks_back_further_than_the_log_is_too_early(warm: Fed) -> None:
+    judge = Judge(warm.log, "0.2 C/h over 5 h")
+    assert judge.look(warm.roms[0]).verdict == "too early"
+
+
+def test_the_thread_looks_and_ends(warm: Fed) -> None:
+    with Judge(warm.log, "3 C/h") as judge:
+        until = time.monotonic() + 60.0
+        while judge.of(warm.roms[1]) is None and time.monotonic() < until:
+            time.sleep(0.05)
+        found = judge.of(warm.roms[1])
+    assert found is not None
+    assert found.verdict == "stable"
+    assert not judge._thread.is_alive()

@@ -1,0 +1,163 @@
+"""``thermid log``: what a user types, also wrongly."""
+
+from __future__ import annotations
+
+import os
+import signal
+import threading
+import time
+from pathlib import Path
+
+import pytest
+
+import thermid as td
+from thermid.bench.board import made_up_rom
+from unit.app.cli.conftest import Call
+
+pytest.importorskip("serial", reason="pyserial is not installed: thermid[log]")
+
+PROGRAMME = 'end = "40 [s]"\nsteps = [{ at = "5 [s]", heater1 = "50 [%]" }]\n'
+
+
+def test_a_step_test_without_hardware(call: Call, tmp_path: Path) -> None:
+    (tmp_path / "sensors.toml").write_text(f'[sensors.plate]\nrom = "{made_up_rom(0)}"\n')
+    (tmp_path / "step.toml").write_text(PROGRAMME)
+    log = tmp_path / "bench.log"
+    said = call("log", log, "--simulate", "--sensors", tmp_path / "sensors.toml", "--programme", tmp_path / "step.toml")
+    assert (said.code, "0 missing" in said.out) == (0, True)
+    record = td.read_record(log, {"plate": "plate", "heater1": {"command": "heater"}})
+    plate = record["plate"]
+    assert plate.values[plate.valid][-1] - plate.values[plate.valid][0] > 0.5
+    assert record["heater1"].values[record["heater1"].valid].max() == 0.5
+
+
+def test_what_was_too_hot_is_heated_again_only_if_somebody_says_so(call: Call, tmp_path: Path) -> None:
+    (tmp_path / "step.toml").write_text('end = "25 [s]"\nsteps = [{ at = "2 [s]", heater1 = "100 [%]" }]\n')
+    asked = ("log", tmp_path / "bench.log", "--simulate", "--programme", tmp_path / "step.toml")
+    assert "Marks: overtemp 1." in call(*asked, "--limit", "21.5 [degC]").out
+    said = call(*asked)
+    assert said.code == 2
+    assert f"heaters 1 and 2 off: over-temperature of {made_up_rom(0)}, " in said.err
+    assert "--clear-latch" in said.err
+    assert "cleared 1" in call(*asked, "--clear-latch").out
+
+
+@pytest.mark.parametrize(
+    ("options", "word"),
+    [
+        (("--interval", "1 [K]"), "--interval"),
+        (("--bits", "13"), "bits = 13 is outside 9 to 12"),
+        (("--limit", "400 [degC]"), "limit = 400 is outside -55 to 125"),
+        (("--sensors", "none.toml", "--simulate"), "none.toml: there is no such sensor map. Make one with `thermid log --identify`."),
+        (("--programme", "none.toml", "--simulate"), "none.toml: the heater programme does not exist. Check the path."),
+        (("--identify", "--simulate"), "--sensors sensors.toml"),
+    ],
+)
+def test_a_mistake_is_named(call: Call, tmp_path: Path, options: tuple[str, ...], word: str) -> None:
+    said = call("log", tmp_path / "bench.log", *options)
+    assert said.code == 2
+    assert word in said.err
+    assert not (tmp_path / "bench.log").exists()
+
+
+def test_no_board_is_an_error_and_not_a_wait(call: Call, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    from serial.tools import list_ports
+
+    monkeypatch.setattr(list_ports, "comports", list)
+    said = call("log", tmp_path / "bench.log")
+    assert said.code == 2
+    assert "no board found (ports: none)" in said.err
+    named = call("log", tmp_path / "bench.log", "--port", tmp_path / "ttyUSB9")
+    assert named.code == 2
+    assert "the port does not exist. Connect" in named.err
+    assert not (tmp_path / "bench.log").exists()
+
+
+def test_several_boards_are_asked_about(call: Call, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    from serial.tools import list_ports
+    from serial.tools.list_ports_common import ListPortInfo
+
+    found = [ListPortInfo("ttyA"), ListPortInfo("ttyB")]
+    for each in found:
+        each.vid = 0x2341
+    monkeypatch.setattr(list_ports, "comports", lambda: found)
+    assert "several boards: ttyA (Arduino), ttyB (Arduino)" in call("log", tmp_path / "bench.log").err
+
+
+@pytest.mark.skipif(os.name != "posix", reason="devices of posix")
+def test_a_port_that_is_none_is_an_error_and_not_a_wait(call: Call, tmp_path: Path) -> None:
+    (tmp_path / "notes.txt").write_text("no port")
+    said = call("log", tmp_path / "bench.log", "--port", tmp_path / "notes.txt")
+    assert said.code == 2
+    assert "it is not a serial port" in said.err
+    assert not (tmp_path / "bench.log").exists()
+    missing = call("log", tmp_path / "bench.log", "--port", "ttyX")
+    assert missing.code == 2
+    assert "the port does not exist. Connect" in missing.err
+
+
+@pytest.mark.skipif(os.name != "posix", reason="a board without hardware needs pseudo-terminals")
+def test_a_port_that_is_in_use_is_named(call: Call, tmp_path: Path) -> None:
+    from pseudo_terminal import Terminal
+    from thermid.bench.board import Board
+    from thermid.bench.port import Port
+
+    with Terminal(Board(lambda t, d: [20.0], 1)) as terminal:
+        held = Port(terminal.port)
+        said = call("log", tmp_path / "bench.log", "--port", terminal.port)
+        held.close()
+    assert said.code == 2
+    assert "another program uses it. Close" in said.err
+
+
+def test_a_log_that_exists_is_continued_and_that_is_said(call: Call, tmp_path: Path) -> None:
+    for _ in range(2):
+        said = call("log", tmp_path / "bench.log", "--simulate", "--for", "5 [s]")
+    assert (said.code, "is continued: start 2 of it" in said.err) == (0, True)
+    assert "0 faulty values. Marks: " in said.out
+
+
+@pytest.mark.skipif(os.name != "posix", reason="a board without hardware needs pseudo-terminals")
+@pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM, signal.SIGHUP])
+def test_a_signal_ends_the_log_between_two_lines(call: Call, tmp_path: Path, number: signal.Signals) -> None:
+    (tmp_path / "step.toml").write_text('steps = [{ at = "1 [s]", heater1 = "50 [%]" }]\n')
+
+    def late(number: int, frame: object) -> None:
+        """Take a signal that comes when the command is over."""
+
+    own = signal.signal(number, late)
+    log = tmp_path / "bench.log"
+
+    def ask() -> None:
+        until = time.monotonic() + 60.0
+        while time.monotonic() < until and not (log.exists() and ",H1,500,ok" in log.read_text()):
+            time.sleep(0.02)
+        for _ in range(2):
+            os.kill(os.getpid(), number)
+            time.sleep(0.02)
+
+    asker = threading.Thread(target=ask)
+    asker.start()
+    said = call("log", log, "--simulate", "--programme", tmp_path / "step.toml")
+    asker.join()
+    after = signal.signal(number, own)
+    assert after is late
+    assert said.code == 0
+    assert "stopped; heaters off" in said.out
+    text = log.read_text()
+    assert " 0 missing" in text.splitlines()[-1]
+    assert ",H1,0,ok" in text.rpartition(",H1,500,ok")[2]
+
+
+def test_several_boards_want_a_choice(call: Call, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    from serial.tools import list_ports
+    from serial.tools.list_ports_common import ListPortInfo
+
+    boards = []
+    for name, maker in (("/dev/ttyACM0", 0x2341), ("/dev/ttyUSB0", 0x1A86), ("/dev/ttyS0", None)):
+        boards.append(ListPortInfo(name, skip_link_detection=True))
+        boards[-1].vid = maker
+    monkeypatch.setattr(list_ports, "comports", lambda: boards)
+    said = call("log", tmp_path / "bench.log")
+    assert said.code == 2
+    assert "several boards: /dev/ttyACM0 (Arduino), /dev/ttyUSB0 (CH340). Give one with --port." in said.err

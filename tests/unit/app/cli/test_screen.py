@@ -1,0 +1,272 @@
+"""The screen: lines that fit, colours by severity, progress with the time left, packages that are asked for before the work."""
+
+from __future__ import annotations
+
+import os
+import re
+import subprocess
+import sys
+import time
+from pathlib import Path
+
+import pytest
+
+from thermid.app.cli import options, screen
+from thermid.app.cli.screen import LONGEST, Progress, folded, severity, spoken, working
+from thermid.base.errors import MissingExtraError
+from thermid.base.extensions import missing, modules_of, require
+from thermid.reporting._blocks import extras
+from unit.app.cli.conftest import Call
+
+pty = pytest.importorskip("pty", reason="a pseudo-terminal needs a posix system")
+ESCAPES = re.compile(r"\x1b\[[0-9;?]*[A-Za-z]")
+
+
+def in_a_terminal(*arguments: object, columns: int = 80, **environment: str) -> str:
+    """What a command shows in a terminal of so many columns, escape sequences included."""
+    master, slave = pty.openpty()
+    around = {k: v for k, v in os.environ.items() if k not in ("NO_COLOR", "THERMID_DATA")}
+    around |= {"COLUMNS": str(columns), "TERM": "xterm", "OMP_NUM_THREADS": "1", **environment}
+    command = [sys.executable, "-m", "thermid", *map(str, arguments)]
+    process = subprocess.Popen(command, stdin=slave, stdout=slave, stderr=slave, env=around, close_fds=True)
+    os.close(slave)
+    parts = []
+    while True:
+        try:
+            part = os.read(master, 65536)
+        except OSError:
+            break
+        if not part:
+            break
+        parts.append(part)
+    process.wait(timeout=120)
+    os.close(master)
+    return b"".join(parts).decode().replace("\r\n", "\n")
+
+
+def plain(text: str) -> str:
+    return ESCAPES.sub("", text)
+
+
+@pytest.mark.parametrize("columns", [60, 80, 200])
+def test_no_line_is_longer_than_the_terminal_or_100(accelerometer: Path, columns: int) -> None:
+    said = plain(in_a_terminal("check", accelerometer, "-v", columns=columns))
+    assert max(map(len, said.splitlines())) <= min(columns, LONGEST)
+    said = plain(in_a_terminal("simulate", accelerometer, "--boundary", "air=24", "--for", "1 [h]", "--vacuum", columns=columns))
+    assert said.startswith("error: accelerometer.toml:15, surfaces.skin: ")
+    assert max(map(len, said.splitlines())) <= min(columns, LONGEST)
+
+
+class Terminal:
+    """A terminal of which each write is kept, and takes a while."""
+
+    def __init__(self) -> None:
+        self.kept: list[str] = []
+
+    def write(self, text: str) -> int:
+        self.kept.append(text)
+        time.sleep(0.01)
+        return len(text)
+
+    def flush(self) -> None:
+        pass
+
+    def isatty(self) -> bool:
+        return True
+
+
+def test_no_progress_stands_before_a_text_that_stays(monkeypatch: pytest.MonkeyPatch) -> None:
+    terminal = Terminal()
+    monkeypatch.setattr(sys, "stderr", terminal)
+    monkeypatch.setattr(screen, "PATIENCE", 0.0)
+    monkeypatch.setenv("TERM", "xterm")
+
+    def slowly(text: str, err: bool = False, whole: bool = True) -> None:
+        time.sleep(0.7)  # longer than the line of progress rests
+        terminal.write(f"{text}\n")
+
+    monkeypatch.setattr(screen, "show", slowly)
+    with Progress("work") as progress:
+        progress.say("a text that stays")
+    before = terminal.kept[terminal.kept.index("a text that stays\n") - 1]
+    assert before == "\r\x1b[2K"
+
+
+def test_colour_in_a_terminal_and_none_where_it_is_not_wanted(accelerometer: Path) -> None:
+    refused = ("simulate", accelerometer, "--boundary", "air=24", "--for", "1 [h]", "--vacuum")
+    assert "\x1b[1;31merror: " in in_a_terminal(*refused)
+    bare = in_a_terminal(*refused, NO_COLOR="1")
+    assert bare.startswith("error: ") or bare.startswith("\x1b[1merror: ")
+    assert "31m" not in bare
+    assert (
+        "\x1b["
+        not in subprocess.run([sys.executable, "-m", "thermid", *map(str, refused)], capture_output=True, text=True, check=False).stderr
+    )
+
+
+def test_not_credible_is_red_and_first(call: Call, tmp_path: Path) -> None:
+    from unit.fit.test_contradicted import project
+
+    path = project(tmp_path, 180.0)
+    assert call("calibrate", path).code == 1
+    said = in_a_terminal("calibrate", path)
+    answer = said.rpartition("\r\x1b[2K")[2]  # after the line of progress, where there was one
+    assert answer.startswith("\x1b[1;31mNOT CREDIBLE: stage 'box'")
+    assert max(map(len, plain(answer).splitlines())) <= 80
+
+
+@pytest.mark.parametrize("columns", [80, 120])
+def test_a_campaign_fits_on_a_screen(made: Path, tmp_path: Path, columns: int) -> None:
+    # each line of progress is wiped before the next one, so that only the last text of a line is seen
+    said = plain(re.sub(r"[^\n]*\r\x1b\[2K", "", in_a_terminal("calibrate", made, "--to", tmp_path, columns=columns))).replace("\r", "")
+    lines = said.splitlines()
+    assert len(lines) <= 45
+    assert max(map(len, lines)) <= min(columns, LONGEST)
+    assert "pair on pair_two: PASSED" in said
+
+
+@pytest.mark.parametrize(
+    ("line", "style"),
+    [
+        ("NOT CREDIBLE: stage 'box'", "bold red"),
+        ("pair on two: FAILED; T_A", "bold red"),
+        ("  T_A: max error 0.9 K, limit 0.5 K: NOT met", "bold red"),
+        ("error: no such file", "bold red"),
+        ("NOT ADEQUATE: stage", "yellow"),
+        ("  warning: residuals are not white", "yellow"),
+        ("box: likely mistake: the clock", "yellow"),
+        ("pair on two: PASSED", "green"),
+        ("  T_A: max error 0.2 K, limit 0.5 K: met", "green"),
+        ("note: air=300 is read in degC", "dim"),
+        ("case 24.0 degC", ""),
+        ("the metal warning lamp", ""),
+    ],
+)
+def test_severity(line: str, style: str) -> None:
+    assert severity(line) == style
+
+
+def test_folded_lines_hang_and_lose_nothing() -> None:
+    line = "  warning: " + " ".join(f"word{k}" for k in range(40)) + " /a/very/long/path" * 8
+    parts = folded(line, 50)
+    assert all(len(p) <= 50 for p in parts)
+    assert all(p.startswith("    ") for p in parts[1:])
+    assert "".join("".join(parts).split()) == "".join(line.split())
+    assert folded("short", 50) == ["short"]
+    assert folded("", 50) == [""]
+
+
+def test_time_left_is_in_the_line(monkeypatch: pytest.MonkeyPatch) -> None:
+    progress = Progress("work")
+    now = time.monotonic()
+    monkeypatch.setattr(screen.time, "monotonic", lambda: now + 30.0)
+    progress._begun = now
+    assert progress.line() == "work: 30 s"
+    progress.now("more", 0.25)
+    assert progress.line() == "more: 30 s, about 1 min 30 s left"
+    with working("search", 60.0) as search:
+        monkeypatch.setattr(screen.time, "monotonic", lambda: now + 45.0)
+        assert search.line() == "search: 15 s, about 45 s left"
+
+
+def test_progress_of_a_campaign_never_goes_back() -> None:
+    progress = options.CampaignProgress({"a": 3.0, "b": 5.0})
+    seen = []
+    for stage, count in [("a", 1), ("a", 5), ("b", 1), ("b", 9), ("verdict on c", 0)]:
+        progress(stage, count, 1.0)
+        seen.append(progress.done)
+    assert seen == sorted(seen)
+    assert 0.0 < seen[0] < 3.0 / 8.0 <= seen[2] < seen[3] < 1.0
+    assert seen[-1] == 1.0
+
+
+@pytest.mark.parametrize(
+    ("seconds", "words"), [(0.4, "0 s"), (59.4, "59 s"), (60, "1 min"), (61, "1 min 1 s"), (1234, "21 min"), (7322, "2 h 2 min")]
+)
+def test_durations(seconds: float, words: str) -> None:
+    assert spoken(seconds) == words
+
+
+class TestExtras:
+    def test_the_packages_are_those_of_the_project(self) -> None:
+        assert modules_of("report") == ["matplotlib", "jinja2"]
+        assert modules_of("log") == ["serial"]
+        assert modules_of("readers")[0] == "nptdms"
+
+    def test_the_command_installs_the_packages_by_their_own_names(self) -> None:
+        text = missing(["serial", "nptdms"], "the bench")
+        assert text.startswith("the bench needs 'pyserial' and 'npTDMS', which are not installed. Install with: ")
+        assert text.endswith(f"{sys.executable} -m pip install pyserial npTDMS")
+
+    def test_it_is_refused_as_an_import_error_too(self, monkeypatch: pytest.MonkeyPatch) -> None:
+        require("report", "a report")
+        monkeypatch.setitem(sys.modules, "jinja2", None)
+        with pytest.raises(MissingExtraError, match=r"a report needs 'jinja2'"):
+            require("report", "a report")
+        with pytest.raises(ImportError):
+            require("report", "a report")
+
+    def test_it_is_told_before_the_work(self, call: Call, campaign: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+        monkeypatch.setitem(sys.modules, "jinja2", None)
+        said = call("report", campaign, "--to", tmp_path / "page.html")
+        assert (said.code, said.out) == (2, "")
+        assert said.err.endswith("-m pip install jinja2\n")
+        assert not (campaign.parent / "results").exists()
+
+
+class TestBrief:
+    def text(self, stages: int) -> list[str]:
+        blocks = [[f"stage {k}", f"  a {k}", f"  warning: w {k}", f"  b {k}", ""] for k in range(stages)]
+        return ["answer", *(line for block in blocks for line in block), "end"]
+
+    def test_what_fits_is_whole(self) -> None:
+        assert screen.brief(self.text(2), 12, 80) == self.text(2)
+
+    def test_first_and_last_then_warnings_then_heads_then_what_fits(self) -> None:
+        assert screen.brief(self.text(3), 6, 80) == ["answer", *(f"  warning: w {k}" for k in range(3)), "end", "9 more lines: -v"]
+        assert screen.brief(self.text(3), 10, 80) == [
+            *("answer", "stage 0", "  a 0", "  warning: w 0", "stage 1", "  warning: w 1", "stage 2", "  warning: w 2", "end"),
+            "5 more lines: -v",
+        ]
+
+    @pytest.mark.parametrize("most", [4, 7, 20, 45])
+    @pytest.mark.parametrize("columns", [30, 80])
+    def test_it_never_fills_more_lines_than_there_are_and_counts_what_is_left_out(self, most: int, columns: int) -> None:
+        lines = [line * (1 + k % 3) for k, line in enumerate(self.text(12))]
+        found = screen.brief(lines, most, columns)
+        assert sum(len(folded(line, columns)) for line in found) <= most
+        assert found[-1] == f"{sum(map(bool, lines)) - len(found) + 1} more lines: -v"
+
+    def test_a_terminal_gets_what_fits_and_a_pipe_the_whole(
+        self, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+    ) -> None:
+        text = "\n".join(self.text(40))
+        screen.show(text, whole=False)
+        assert capsys.readouterr().out == text + "\n"
+        monkeypatch.setattr(sys.stdout, "isatty", lambda: True)
+        screen.show(text, whole=False)
+        shown = capsys.readouterr().out.splitlines()
+        assert len(shown) <= screen.SCREEN
+        assert shown[-1].endswith("more lines: -v")
+        screen.show(text)
+        assert len(capsys.readouterr().out.splitlines()) == len(self.text(40))
+
+
+class TestReportAsPdf:
+    def test_it_is_a_pdf_or_refused(self, call: Call, campaign: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+        made: list[Path] = []
+
+        def pdf(page: Path, to: Path) -> Path:
+            made.append(to)
+            to.write_bytes(b"%PDF-1.7\n")
+            return to
+
+        monkeypatch.setattr(extras, "browser", lambda: "browser")
+        monkeypatch.setattr(extras, "page_to_pdf", pdf)
+        said = call("report", campaign, "--to", tmp_path / "x.pdf")
+        assert said.code == 0
+        assert made == [tmp_path / "x.pdf"]
+        assert [p.name for p in tmp_path.glob("x.*")] == ["x.pdf"]
+        both = call("report", campaign, "--to", tmp_path / "y.pdf", "--pdf", tmp_path / "z.pdf")
+        assert both.code == 2
+        assert "are both PDFs" in both.err

@@ -1,0 +1,331 @@
+"""``thermid simulate``: every option, the JSON object to the letter, and refusals."""
+
+from __future__ import annotations
+
+import csv
+import math
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from thermid.model.deck import load_model
+from thermid.simulation.runs import simulate
+from thermid.simulation.scenarios import Scenario
+from unit.app.cli.conftest import Call
+
+RISE, TAU = 0.225 / (6 * 0.00420536), 25.92 / (6 * 0.00420536)
+
+
+def case(call: Call, deck: Path, *more: object) -> dict[str, object]:
+    """The object of node `case` after an hour in 24 degC, with more options."""
+    said = call("simulate", deck, "--boundary", "air=24", "--for", "1 [h]", "--json", *more)
+    assert said.code == 0, said.out
+    return said.object["nodes"]["case"]
+
+
+def expected(seconds: float, air: float = 24.0, start: float = 24.0, rise: float = RISE) -> float:
+    return air + rise + (start - air - rise) * math.exp(-seconds / TAU)
+
+
+class TestJson:
+    def test_the_object_is_that_of_the_description(self, call: Call, accelerometer: Path) -> None:
+        said = call("simulate", accelerometer, "--boundary", "air=24 [degC]", "--for", "5 [h]", "--at", "1 [h]", "--at", "600", "--json")
+        assert (said.code, said.err) == (0, "")
+        assert said.out.count("\n") == 1
+        found = said.object
+        assert list(found) == [
+            "schema",
+            "status",
+            "title",
+            "scenario",
+            "nodes",
+            "time_constants_s",
+            "heat_balance",
+            "steady_of",
+            "warnings",
+            "standing",
+        ]
+        assert (found["schema"], found["status"], found["warnings"]) == (1, "ok", [])
+        assert set(found["nodes"]) == {"case", "air"}
+        node = found["nodes"]["case"]
+        assert set(node) == {"final_C", "max_C", "max_time_s", "min_C", "min_time_s", "at_C", "steady_C"}
+        assert node["at_C"] == pytest.approx([expected(3600.0), expected(600.0)], abs=1e-4), "in the order of --at"
+        assert node["final_C"] == pytest.approx(expected(18000.0), abs=1e-4)
+        assert node["max_C"] == pytest.approx(node["final_C"], abs=1e-4)
+        assert node["steady_C"] == pytest.approx(24.0 + RISE, abs=1e-8)
+        assert found["time_constants_s"] == pytest.approx([TAU], rel=1e-9)
+        balance = found["heat_balance"]
+        assert set(balance) == {"loads", "boundaries", "stored", "residual", "relative"}
+        assert balance["loads"] == pytest.approx(0.225 * 18000.0)
+        assert balance["stored"] == pytest.approx(25.92 * (node["final_C"] - 24.0), rel=1e-6)
+        assert balance["loads"] - balance["boundaries"] - balance["stored"] == pytest.approx(balance["residual"], abs=1e-9)
+        assert abs(balance["relative"]) < 1e-6
+
+    def test_at_is_met_between_stored_samples(self, call: Call, accelerometer: Path) -> None:
+        assert case(call, accelerometer, "--at", "1234.5")["at_C"] == pytest.approx([expected(1234.5)], abs=1e-4)
+
+    def test_at_the_ends(self, call: Call, accelerometer: Path) -> None:
+        assert case(call, accelerometer, "--at", "0", "--at", "3600")["at_C"] == pytest.approx([24.0, expected(3600.0)], abs=1e-4)
+
+    def test_a_submodel_by_its_canonical_path_and_its_massless_node(self, call: Call, stack: Path) -> None:
+        said = call("simulate", stack, "--boundary", "cv=24", "--for", "5 [h]", "--json").object
+        assert {"proc.case", "ele.case", "cv"} <= set(said["nodes"])
+        # the reference case of the acceptance sheet, section 2.2
+        assert said["nodes"]["proc.case"]["final_C"] == pytest.approx(36.077771, abs=1e-4)
+        assert said["nodes"]["ele.case"]["final_C"] == pytest.approx(35.821535, abs=1e-4)
+        assert said["nodes"]["proc.case"]["steady_C"] == pytest.approx(36.252540, abs=1e-5)
+        assert said["time_constants_s"] == pytest.approx([4223.721, 1048.561], rel=1e-6)
+
+    def test_vacuum_as_printed_has_no_steady_state_and_no_time_constant(self, call: Call, accelerometer: Path) -> None:
+        said = call("simulate", accelerometer, "--boundary", "air=24", "--for", "5 [h]", "--as-printed", "--at", "1 [h]", "--json")
+        assert "NaN" not in said.out
+        assert "Infinity" not in said.out
+        found = said.object
+        node = found["nodes"]["case"]
+        assert node["steady_C"] is None
+        assert found["time_constants_s"] == [None]
+        assert node["at_C"] == pytest.approx([24.0 + 31.25], abs=1e-6)
+        assert node["final_C"] == pytest.approx(180.25, abs=1e-6)
+        assert "'case' has no path to a boundary: warms at 31.25 K/h without limit" in found["warnings"]
+        assert any(w.startswith("vacuum as printed") for w in found["warnings"])
+
+    def test_vacuum_is_refused_where_a_coefficient_hides_radiation(self, call: Call, accelerometer: Path) -> None:
+        said = call("simulate", accelerometer, "--boundary", "air=24", "--for", "5 [h]", "--vacuum", "--json")
+        assert (said.code, said.err) == (2, "")
+        assert list(said.object) == ["schema", "status", "message", "where"]
+        assert (said.object["schema"], said.object["status"]) == (1, "error")
+        assert "is effective: it includes radiation," in said.object["message"]
+        assert said.object["where"] == "accelerometer.toml:15, surfaces.skin"
+
+    def test_vacuum_where_it_is_known(self, call: Call) -> None:
+        from unit.app.cli.conftest import EXAMPLES
+
+        deck = EXAMPLES / "05_vacuum" / "accelerometer.toml"
+        node = case(call, deck, "--vacuum", "--for", "24 [h]")
+        sigma, kelvin = 5.670374419e-8, 297.15
+        steady = (kelvin**4 + 0.225 / (0.3 * sigma * 0.00420536)) ** 0.25 - 273.15
+        assert node["steady_C"] == pytest.approx(steady, abs=1e-6)
+        assert node["final_C"] == pytest.approx(steady, abs=1e-2)
+
+
+class TestOptions:
+    def test_param(self, call: Call, accelerometer: Path) -> None:
+        assert case(call, accelerometer, "--param", "area=0.005 [m^2]")["steady_C"] == pytest.approx(24 + 0.225 / 0.03, abs=1e-8)
+
+    def test_param_wins_over_values(self, call: Call, accelerometer: Path, tmp_path: Path) -> None:
+        from thermid.values.fitted import FittedValue, FittedValues
+
+        value = FittedValue("area", 0.004, 1e-5, 1e-5, True, "m^2", 0.0042, (0.003, 0.006))
+        FittedValues("s", {"area": value}, np.array([[1e-6]])).save(tmp_path / "v.toml")
+        laid = case(call, accelerometer, "--values", tmp_path / "v.toml")["steady_C"]
+        both = case(call, accelerometer, "--values", tmp_path / "v.toml", "--param", "area=0.005 [m^2]")["steady_C"]
+        assert laid == pytest.approx(24 + 0.225 / 0.024, abs=1e-8)
+        assert both == pytest.approx(24 + 0.225 / 0.03, abs=1e-8)
+
+    @pytest.mark.parametrize("text", ["electronics=0.45 [W]", "electronics=450 [mW]", "electronics=0.45"])
+    def test_load(self, call: Call, accelerometer: Path, text: str) -> None:
+        assert case(call, accelerometer, "--load", text)["steady_C"] == pytest.approx(24 + 2 * RISE, abs=1e-8)
+
+    @pytest.mark.parametrize("text", ["air=30", "air=30 [degC]", "air = 303.15 [K]", "air=3e1"])
+    def test_boundary(self, call: Call, accelerometer: Path, text: str) -> None:
+        found = call("simulate", accelerometer, "--boundary", text, "--for", "3600", "--json").object["nodes"]["case"]
+        assert found["final_C"] == pytest.approx(expected(3600.0, 30.0, 30.0), abs=1e-4)
+
+    def test_a_cold_boundary_without_a_unit(self, call: Call, accelerometer: Path) -> None:
+        found = call("simulate", accelerometer, "--boundary", "air=-40", "--for", "3600", "--json").object["nodes"]
+        assert found["air"]["final_C"] == pytest.approx(-40.0)
+
+    @pytest.mark.parametrize(("start", "first"), [("50", 50.0), ("50 [degC]", 50.0), ("air", 24.0), ("steady", 24.0 + RISE)])
+    def test_start(self, call: Call, accelerometer: Path, start: str, first: float) -> None:
+        found = case(call, accelerometer, "--start", start, "--at", "0", "--at", "1800")
+        assert found["at_C"] == pytest.approx([first, expected(1800.0, start=first)], abs=1e-4)
+
+    def test_every_and_csv(self, call: Call, accelerometer: Path, tmp_path: Path) -> None:
+        file = tmp_path / "run.csv"
+        case(call, accelerometer, "--every", "10 [min]", "--csv", file)
+        rows = list(csv.reader(line for line in file.read_text().splitlines() if not line.startswith("#")))
+        assert [float(r[0]) for r in rows[1:]] == [600.0 * k for k in range(7)]
+        assert float(rows[-1][1]) == pytest.approx(expected(3600.0), abs=1e-3)
+
+    def test_netcdf(self, call: Call, accelerometer: Path, tmp_path: Path) -> None:
+        xarray = pytest.importorskip("xarray")
+        pytest.importorskip("h5netcdf")
+        pytest.importorskip("h5py")
+        case(call, accelerometer, "--netcdf", tmp_path / "run.nc")
+        with xarray.open_dataset(tmp_path / "run.nc", engine="h5netcdf") as found:
+            assert found.sizes
+
+    def test_a_scenario_file_with_options_over_it(self, call: Call, accelerometer: Path, tmp_path: Path) -> None:
+        file = tmp_path / "s.toml"
+        file.write_text('duration = "1 [h]"\nstart = "20 [degC]"\n[boundaries]\nair = "24 [degC]"\n')
+        plain = call("simulate", accelerometer, "--scenario", file, "--json").object
+        assert plain["scenario"] == "s"
+        assert plain["nodes"]["case"]["final_C"] == pytest.approx(expected(3600.0, start=20.0), abs=1e-4)
+        over = call(
+            "simulate", accelerometer, "--scenario", file, "--boundary", "air=30", "--start", "30", "--for", "1800", "--json"
+        ).object
+        assert over["nodes"]["case"]["final_C"] == pytest.approx(expected(1800.0, 30.0, 30.0), abs=1e-4)
+
+    def test_the_same_as_from_python(self, call: Call, stack: Path) -> None:
+        found = call("simulate", stack, "--boundary", "cv=24", "--for", "5 [h]", "--json").object
+        run = simulate(load_model(stack), Scenario("x", boundaries={"cv": "24 [degC]"}, duration="5 [h]"))
+        assert {n: v["final_C"] for n, v in found["nodes"].items()} == pytest.approx({n: run[n].final for n in run.nodes}, abs=1e-9)
+
+    def test_text(self, call: Call, accelerometer: Path) -> None:
+        said = call("simulate", accelerometer, "--boundary", "air=24", "--for", "1 [h]", "--at", "1800")
+        assert said.code == 0
+        assert f"at 1800 s: case {expected(1800.0):.3f}, air 24.000 degC" in said.out
+        assert "time constants: 1027.26 s" in said.out
+        assert "heat: loads 810 J" in said.out
+
+
+REFUSED = [
+    (["--param", "areaa=1 [m^2]"], r"no parameter 'areaa'. Did you mean 'area'?"),
+    (["--param", "area=1 [m^2]"], "1 lies above its maximum 0.006 [m^2]"),
+    (["--param", "area=0.005 [m]"], "is a length; an area [m^2] is needed here"),
+    (["--param", "area"], "'area' must be written as PATH=VALUE"),
+    (["--param", "=1 [m^2]"], "must be written as PATH=VALUE"),
+    (["--load", "electronic=1 [W]"], "no load 'electronic'. Did you mean 'electronics'?"),
+    (["--load", "electronics=1 [K]"], "a power [W] is needed here"),
+    (["--boundary", "airr=24"], "no node 'airr'. Did you mean 'air'?"),
+    (["--boundary", "case=24"], "case"),
+    (["--boundary", "air=24 [W]"], "'[W]' is a power"),
+    (["--boundary", "air=warm"], "'warm'"),
+    (["--start", "airr"], "'airr' is neither a temperature nor a boundary. Did you mean 'air'?"),
+    (["--at", "2 [h]"], "7200 s lies outside the run of 3600 s"),
+    (["--at", "-1"], "-1 s lies outside the run of 3600 s"),
+    (["--at", "noon"], "'noon' must be a number with a unit"),
+    (["--at", "1 [K]"], "a time [s] is needed here"),
+    (["--for", "0"], "a run needs a duration above zero"),
+    (["--for", "-1 [h]"], "the duration is below zero."),
+    (["--for", "1 [kg]"], "a time [s] is needed here"),
+    (["--every", "0 [s]"], "the interval of output must be above zero"),
+    (["--vacuum", "--as-printed"], "give one of them"),
+    (["--values", "gone.toml"], "there is no values file 'gone.toml'"),
+    (["--scenario", "gone.toml"], "there is no file 'gone.toml'"),
+    (["--csv", "no/such/folder/run.csv"], "'no/such/folder/run.csv' cannot be reached: there is no folder 'no/such/folder'. Make it"),
+    (["--csv", "."], "'.' is a folder; the path of a file is needed"),
+    (["--every", "1e-9 [s]"], "an interval of 1e-09 s would store 3.6e+12 samples, of at most 10,000,000"),
+    (["--for", "inf [h]"], "a duration of inf s has no end"),
+    (["--boundary", "air=-300"], "command line, boundaries.air: -300 degC lies below 0 K"),
+    (["--boundary", "air=22,5"], "write numbers with a decimal point: '22.5'."),
+    (["--boundary", "air=22 C"], "Write a number with its unit, '22 [degC]'"),
+    (["--boundary", "air=22 [Celsius]"], "'[Celsius]' is not a known unit. Write [degC]"),
+    (["--param", "area=0.005"], 'a plain number; an area [m^2] is needed here. Write its unit with it: "2.5 [m^2]"'),
+    (["--bogus"], "No such option: --bogus"),
+    (["--for"], "'--for' requires an argument"),
+]
+
+
+@pytest.mark.parametrize(("options", "words"), REFUSED, ids=[" ".join(o) for o, _ in REFUSED])
+def test_refusals(call: Call, accelerometer: Path, options: list[str], words: str) -> None:
+    start = ["simulate", accelerometer, "--boundary", "air=24", "--for", "3600"]
+    said = call(*start, "--json", *options)
+    assert (said.code, said.err) == (2, "")
+    assert set(said.object) == {"schema", "status", "message", "where"}
+    assert words in ": ".join(filter(None, (said.object["where"], said.object["message"])))
+    plain = call(*start, *options)
+    assert (plain.code, plain.out) == (2, "")
+    assert words in " ".join(plain.err.replace("│", " ").split())
+
+
+def test_a_package_that_is_not_installed_is_named(call: Call, accelerometer: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    import sys
+
+    monkeypatch.setitem(sys.modules, "xarray", None)
+    said = call("simulate", accelerometer, "--boundary", "air=24", "--for", "60", "--netcdf", tmp_path / "x.nc", "--json")
+    assert said.code == 2
+    assert "xarray" in said.object["message"]
+    assert said.object["message"].endswith("-m pip install xarray")
+
+
+def test_a_deck_that_is_not_there(call: Call, tmp_path: Path) -> None:
+    said = call("simulate", tmp_path / "gone.toml", "--for", "1", "--json")
+    assert (said.code, said.object["message"][:33]) == (2, "there is no file 'gone.toml' in " + tmp_path.name[:1])
+
+
+def test_a_run_that_cannot_end_is_the_solvers(call: Call, tmp_path: Path) -> None:
+    deck = tmp_path / "deck.toml"
+    deck.write_text(
+        'title = "Away"\nneeds = ["air"]\n[nodes]\ncase = { capacitance = "1 [J/K]" }\n'
+        '[conductors]\nc = { kind = "conduction", between = ["case", "air"], conductance = "0.001 [W/K]" }\n'
+        '[loads]\nq = { into = "case", power = "1 [W]", exponential_coefficient = "0.05 [1/K]", reference_temperature = "20 [degC]" }\n'
+    )
+    said = call("simulate", deck, "--boundary", "air=20", "--for", "1 [h]", "--json")
+    assert said.code == 3
+    assert "the temperature rises without limit at " in said.object["message"]
+    assert " at 'case': a power grows faster with temperature than the heat removed" in said.object["message"]
+
+
+def test_as_flown_leaves_out_what_is_for_the_test_only(call: Call, tmp_path: Path) -> None:
+    deck = tmp_path / "wired.toml"
+    deck.write_text(
+        'title = "wired"\nneeds = ["air"]\n[nodes]\nbox = { capacitance = "100 [J/K]" }\n[surfaces]\n'
+        'skin = { of = "box", to = "air", area = "0.02 [m^2]", htc = "5 [W/(m^2 K)]" }\n[conductors]\n'
+        'leads = { kind = "lead", between = ["box", "air"], conductivity = "390 [W/(m K)]", diameter = "1 [mm]", length = "0.3 [m]", '
+        'htc = "20 [W/(m^2 K)]", to = "air", count = 4, test_only = true }\n[loads]\nheat = { into = "box", power = "1 [W]" }\n'
+    )
+    run = ["simulate", deck, "--boundary", "air=20", "--for", "5 [h]", "--json"]
+    bench, flown = (call(*run, *more).object["nodes"]["box"]["final_C"] for more in ([], ["--as-flown"]))
+    assert flown == pytest.approx(30.0, abs=1e-3)
+    assert bench < 29.6
+
+
+def test_intervals_may_be_plain_seconds(call: Call, accelerometer: Path, tmp_path: Path) -> None:
+    call("simulate", accelerometer, "--boundary", "air=24", "--for", "60", "--every", "20", "--csv", tmp_path / "run.csv")
+    times = [line.partition(",")[0] for line in (tmp_path / "run.csv").read_text().splitlines() if line[:1].isdigit()]
+    assert [float(t) for t in times] == [0.0, 20.0, 40.0, 60.0]
+
+
+def test_a_room_that_looks_like_kelvin_is_remarked(call: Call, accelerometer: Path) -> None:
+    said = call("simulate", accelerometer, "--boundary", "air=297.15", "--for", "60")
+    assert said.code == 0
+    assert said.err == "note: air=297.15 is read in degC; in kelvin it is written 'air=297.15 [K]'.\n"
+    for plain in ("air=24", "air=297.15 [K]", "air=250 [degC]"):
+        assert call("simulate", accelerometer, "--boundary", plain, "--for", "60").err == ""
+
+
+def test_version_and_short_help(call: Call) -> None:
+    from importlib.metadata import version
+
+    assert call("--version").out == f"thermid {version('thermid')}\n"
+    assert call("-h").out == call("--help").out
+    assert call("check", "-h").code == 0
+
+
+@pytest.mark.parametrize(
+    ("text", "words"),
+    [
+        (
+            "duration = '2 [h]'\nboundaries = { air = '20 [degC]' }\n",
+            "this is a scenario, not a deck. Give the deck, and this file with --scenario.",
+        ),
+        ("[limits.a]\n[[tests]]\n", "this is a qualification plan, not a deck. Run `thermid plan` on it."),
+        ("needs = [air]\n", "other.toml: this is not valid TOML: Invalid value"),
+    ],
+)
+def test_another_file_than_a_deck(call: Call, tmp_path: Path, text: str, words: str) -> None:
+    (tmp_path / "other.toml").write_text(text)
+    said = call("check", tmp_path / "other.toml")
+    assert said.code == 2
+    assert words in said.err
+
+
+@pytest.mark.parametrize(
+    ("line", "words"),
+    [
+        ("duration = '2 h'", "cold.toml:1, duration: '2 h' cannot be read"),
+        ("duration = '2 [h]'\nboundaries = { air = '20 [W]' }", "boundaries.air: '[W]' is a power"),
+        (
+            "title = 'x'\n[boundaries.air]\ntimes = ['1 [h]', '0 [h]']\nvalues = ['1 [degC]', '2 [degC]']",
+            "cold.toml:2, boundaries.air: times",
+        ),
+    ],
+)
+def test_a_scenario_file_is_named_with_its_line(call: Call, accelerometer: Path, tmp_path: Path, line: str, words: str) -> None:
+    (tmp_path / "cold.toml").write_text(f"{line}\n")
+    said = call("simulate", accelerometer, "--scenario", tmp_path / "cold.toml")
+    assert said.code == 2
+    assert said.err.startswith("error: cold.toml:")
+    assert words in said.err

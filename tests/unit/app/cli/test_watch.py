@@ -1,0 +1,133 @@
+"""`thermid watch`: a log that grew, looked at as it did."""
+
+from __future__ import annotations
+
+import json
+import os
+import threading
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from thermid.bench._wire import sealed
+from thermid.campaign.stages import run_stages
+from unit.fit.planted import planted
+from unit.qualify.watch.test_watch import ICE, rising
+
+Call = Callable[..., Any]
+
+
+@contextmanager
+def board(line: Callable[[int], str]) -> Iterator[str]:
+    """Yield the name of a pseudo-terminal that plays a serial port, on which a board prints a line every 10 ms for at most 10 s."""
+    pytest.importorskip("serial")
+    pty, tty = pytest.importorskip("pty"), pytest.importorskip("tty")
+    master, port = pty.openpty()
+    tty.setraw(port)
+    done = threading.Event()
+
+    def play() -> None:
+        k = 0
+        while not done.wait(0.01) and k < 1000:
+            os.write(master, (line(k) + "\r\n").encode())
+            k += 1
+        if not done.is_set():
+            os.close(master)  # the test hangs: the port is gone
+
+    thread = threading.Thread(target=play)
+    thread.start()
+    try:
+        yield os.ttyname(port)
+    finally:
+        over = not thread.is_alive()
+        done.set()
+        thread.join()
+        os.close(port)
+        if not over:
+            os.close(master)
+
+
+@pytest.fixture(scope="module")
+def running(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """A finished campaign of three levels."""
+    root = tmp_path_factory.mktemp("running")
+    run_stages(planted(root, bias=0.0), cache=root / "results").save(root / "results")
+    return root
+
+
+def test_columns_and_model_are_those_of_a_campaign(call: Call, running: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.chdir(running)
+    given = ("watch", "logs/whole_two.csv", "--campaign", "campaign.toml", "--once")
+    look = call(*given, "--record", "whole_one", "--json").object
+    assert set(look["ends"]) == {"T_PB", "T_C"}
+    assert [n for n, node in look["nodes"].items() if not node["measured"]] == ["p.a.case"]
+    assert look["standing"]["state"] in ("credible", "unjudged")
+    for more, words in (((), "Name the one that the log is like"), (("--record", "nobody"), "no record 'nobody'")):
+        said = call(*given, *more)
+        assert (said.code, words in said.err) == (2, True)
+
+
+class TestCommand:
+    def written(self, folder: Path, size: int = 240) -> Path:
+        record = rising(size)
+        rows = [f"{t:.0f},{v - ICE:.3f}" for t, v in zip(record.times, record["T"].values, strict=True)]
+        path = folder / "bench.csv"
+        path.write_text("\n".join(["time_s,T [degC]", *rows]) + "\n")
+        return path
+
+    def test_replay_stops(self, call: Call, tmp_path: Path) -> None:
+        said = call("watch", self.written(tmp_path), "--slowest", "30 [min]", "--within", "2.5 [K]", "--replay", "--every", "300")
+        assert said.code == 0
+        assert "stop now: waiting longer does not change the" in said.out
+        assert "no model is given" in said.out
+
+    def test_json_lines(self, call: Call, tmp_path: Path) -> None:
+        said = call("watch", self.written(tmp_path, 90), "--once", "--json")
+        assert said.code == 4
+        lines = [json.loads(line) for line in said.out.splitlines()]
+        assert [line["advice"] for line in lines] == ["declined"]
+
+    def test_a_serial_port(self, call: Call, tmp_path: Path) -> None:
+        kept = tmp_path / "lines.txt"
+        more = ("--slowest", "10 [s]", "--every", "0.6 [s]", "--capture", kept, "--json", "--within", "5 [K]")
+        with board(lambda k: f"chip: {30.0 + 0.01 * (k % 3):.2f} C  case: {25.0 + 0.01 * (k % 5):.2f} C") as port:
+            said = call("watch", port, *more)
+        looks = [json.loads(line) for line in said.out.splitlines()]
+        assert said.code == 0, said.err
+        assert looks[-1]["advice"] == "stop"
+        assert looks[-1]["ends"]["chip"]["final_C"] == pytest.approx(30.0, abs=0.2)
+        assert kept.read_text().splitlines()[1].partition(" -> ")[2].startswith("chip: 30.0")
+        with board(lambda k: "1") as port:
+            assert "exists already" in call("watch", port, "--capture", kept).err
+
+    @pytest.mark.parametrize(
+        ("line", "words"),
+        [("30.1,25.0", "Name them with --channel"), (sealed("B,0,4,atmega328p,thermid-bench 1,power"), "Start 'thermid log' on this port")],
+        ids=["values without names", "the bench"],
+    )
+    def test_lines_of_a_port_that_are_refused(self, call: Call, line: str, words: str) -> None:
+        with board(lambda k: line) as port:
+            said = call("watch", port, "--every", "0.5 [s]")
+        assert said.code not in (0, 1)
+        assert words in said.err
+
+    @pytest.mark.parametrize(
+        ("more", "word"),
+        [
+            (("--every", "0"), "above zero"),
+            (("--rule", "soon"), "is not a rule of stability."),
+            (("--limit", "U=40"), "'U'"),
+            (("--channel", "Q"), "Q"),
+        ],
+    )
+    def test_what_is_refused(self, call: Call, tmp_path: Path, more: tuple[str, ...], word: str) -> None:
+        said = call("watch", self.written(tmp_path, 90), "--once", *more)
+        assert said.code not in (0, 1)
+        assert word in said.err
+
+    def test_a_log_that_is_not_there(self, call: Call, tmp_path: Path) -> None:
+        said = call("watch", tmp_path / "none.csv", "--once")
+        assert said.code not in (0, 1)

@@ -1,0 +1,140 @@
+"""A file that its author changes is noticed and used, one that is broken is said, and a mended one works, without a new start."""
+
+from __future__ import annotations
+
+import time
+from pathlib import Path
+
+import pytest
+
+import thermid as td
+from planted import campaign
+from thermid.app.studio.project import Project
+from thermid.app.studio.work import Work
+from thermid.base.errors import ThermidError
+
+
+@pytest.fixture(scope="module")
+def made(tmp_path_factory: pytest.TempPathFactory) -> tuple[Project, Work]:
+    """Three levels, all of them run, in a studio without its page."""
+    project = Project(campaign(tmp_path_factory.mktemp("disk")))
+    work = Work(project)
+    idle(work)
+    work.run("whole", below=True)
+    idle(work)
+    assert states(project) == ["done", "done", "done"]
+    return project, work
+
+
+def idle(work: Work) -> None:
+    end = time.monotonic() + 60.0
+    while not work.state()["ended"] or (work._thread is not None and work._thread.is_alive()):
+        assert time.monotonic() < end
+        time.sleep(0.005)
+
+
+def states(project: Project) -> list[str]:
+    return [project.states[n].state for n in project.stages]
+
+
+def changed(file: Path, old: str, new: str) -> None:
+    text = file.read_text(encoding="utf-8")
+    assert old in text
+    file.write_text(text.replace(old, new), encoding="utf-8")
+
+
+def test_a_changed_deck_is_stale_and_used(made: tuple[Project, Work]) -> None:
+    project, work = made
+    deck, before = project.path.parent / "pair.toml", work.fresh()
+    assert work.fresh() == before  # nothing was written, so nothing moves
+    changed(deck, '"1200 [J/K]"', '"1300 [J/K]"')
+    begun = time.perf_counter()
+    after = work.fresh()
+    took = time.perf_counter() - begun
+    print(f"a changed deck is stale after {1e3 * took:.0f} ms")
+    assert took < 1.0  # the page asks every second, so two seconds hold
+    assert states(project) == ["done", "stale", "waiting"]
+    assert after["part"] == before["part"]  # a page that shows it need not draw it anew
+    assert after["pair"] != before["pair"]
+    slider = next(s for s in project.desk("pair").sliders if s.path == "plate.capacitance")
+    assert slider.value == pytest.approx(1300.0)
+    work.run("whole", below=True)
+    idle(work)
+    assert states(project) == ["done", "done", "done"]
+    assert project.done["whole"].model.submodels["pair"].model.nodes["plate"] == td.load_model(deck).nodes["plate"]
+    changed(deck, '"1300 [J/K]"', '"1200 [J/K]"')
+    work.run("whole", below=True)  # without a look in between: what runs is what lies on the disk
+    idle(work)
+    assert project.done["pair"].model.nodes["plate"] == td.load_model(deck).nodes["plate"]
+
+
+def test_a_broken_deck_is_said_and_a_mended_one_works(made: tuple[Project, Work]) -> None:
+    project, work = made
+    deck = project.path.parent / "pair.toml"
+    changed(deck, "[nodes]", "[nodess]")
+    work.fresh()
+    assert states(project) == ["done", "failed", "waiting"]
+    assert "'nodess' is not a field here." in project.states["pair"].why
+    with pytest.raises(ThermidError, match="nodess"):
+        project.desk("pair")
+    changed(deck, "[nodess]", "[nodes]")
+    work.fresh()
+    assert states(project) == ["done", "done", "done"]
+    assert project.desk("pair").curves({})
+
+
+def test_a_broken_campaign_is_said_and_a_mended_one_works(made: tuple[Project, Work]) -> None:
+    project, work = made
+    changed(project.path, 'title = "three levels"', 'title = "three levels')
+    work.fresh()
+    assert states(project) == ["failed", "failed", "failed"]
+    assert "campaign.toml" in project.states["part"].why
+    changed(project.path, 'title = "three levels', 'title = "three levels"')
+    work.fresh()
+    assert states(project) == ["done", "done", "done"]
+
+
+def test_a_deck_that_is_missing_for_a_while_is_found_again(made: tuple[Project, Work]) -> None:
+    project, work = made
+    deck = project.path.parent / "part.toml"
+    text = deck.read_text(encoding="utf-8")
+    deck.unlink()
+    work.fresh()
+    assert project.states["part"].state == "failed"
+    deck.write_text(text, encoding="utf-8")
+    work.fresh()
+    assert states(project) == ["done", "done", "done"]
+
+
+def test_a_changed_log_and_a_new_stage_are_noticed(made: tuple[Project, Work]) -> None:
+    project, work = made
+    log = project.path.parent / "whole.csv"
+    text = log.read_text(encoding="utf-8")
+    log.write_text("\n".join(text.splitlines()[:-5]) + "\n", encoding="utf-8")
+    work.fresh()
+    assert states(project) == ["done", "done", "stale"]
+    log.write_text(text, encoding="utf-8")
+    changed(project.path, 'name = "whole"', 'name = "all"')
+    work.fresh()
+    assert project.stages == ("part", "pair", "all")
+    changed(project.path, 'name = "all"', 'name = "whole"')
+    work.fresh()
+    assert states(project) == ["done", "done", "done"]
+
+
+def test_a_deck_alone_is_followed_too(tmp_path: Path) -> None:
+    file = campaign(tmp_path).parent / "part.toml"
+    project = Project(file)
+    work = Work(project)
+    idle(work)
+    first = project.desk("part").curves({})[0].curves[0].simulated[-1]
+    changed(file, '"6 [W]"', '"7 [W]"')
+    work.fresh()
+    assert project.desk("part").curves({})[0].curves[0].simulated[-1] > first + 0.5
+    changed(file, "[loads]", "[loadss]")
+    work.fresh()
+    assert project.states["part"].state == "failed"
+    changed(file, "[loadss]", "[loads]")
+    changed(file, 'title  = "part"', 'title  = "piece"')
+    work.fresh()
+    assert project.desk("piece").curves({})[0].curves[0].simulated[-1] > first + 0.5

@@ -1,0 +1,227 @@
+"""The studio's server: answers to its own page on loopback, and to nobody else; hostile names stay text."""
+
+from __future__ import annotations
+
+import http.client
+import json
+import socket
+import threading
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+pytest.importorskip("uvicorn", reason="the studio's extra is not installed")
+pytest.importorskip("starlette", reason="the studio's extra is not installed")
+
+import uvicorn
+
+from thermid.app.studio import server as serving
+from thermid.app.studio.project import Project
+from thermid.app.studio.server import application, limited, serve
+from thermid.base.errors import DeckError
+from thermid.fit.problem import Unknown
+
+EXAMPLES = Path(__file__).parents[4] / "examples"
+EVIL = '"><script>alert(1)</script><b x="'
+JSON = {"content-type": "application/json", "x-thermid-studio": "1"}
+
+
+@pytest.fixture(scope="module")
+def port(tmp_path_factory: pytest.TempPathFactory) -> Iterator[int]:
+    """A studio on a deck with a hostile title, in a thread of this process."""
+    root = tmp_path_factory.mktemp("deck")
+    deck = (EXAMPLES / "01_accelerometer" / "accelerometer.toml").read_text(encoding="utf-8")
+    first = deck.index("title")
+    (root / "deck.toml").write_text(deck[:first] + f"title = '''{EVIL}'''\n" + deck[deck.index("\n", first) + 1 :], encoding="utf-8")
+    (root / "secret.txt").write_text("not for pages", encoding="utf-8")
+    listener = socket.socket()
+    listener.bind(("127.0.0.1", 0))
+    listener.listen()
+    taken = listener.getsockname()[1]
+    server = uvicorn.Server(limited(application(Project(root / "deck.toml"), taken), log_level="error"))
+    thread = threading.Thread(target=server.run, kwargs={"sockets": [listener]}, daemon=True)
+    thread.start()
+    yield taken
+    server.should_exit = True
+    thread.join(10)
+
+
+def asked(port: int, path: str, body: Any = None, headers: dict[str, str] | None = None) -> tuple[int, dict[str, str], str]:
+    connection = http.client.HTTPConnection("127.0.0.1", port, timeout=20)
+    text = None if body is None else body if isinstance(body, str) else json.dumps(body)
+    connection.request("GET" if body is None else "POST", path, text, headers or ({} if body is None else JSON))
+    answer = connection.getresponse()
+    found = answer.status, {k.lower(): v for k, v in answer.getheaders()}, answer.read().decode()
+    connection.close()
+    return found
+
+
+def test_the_page_and_its_policy(port: int) -> None:
+    status, headers, text = asked(port, "/")
+    assert status == 200
+    assert "default-src 'none'" in headers["content-security-policy"]
+    assert "script-src 'self'" in headers["content-security-policy"]
+    assert "http://" not in text
+    assert "https://" not in text
+    for name in ("studio.js", "chart.js", "studio.css"):
+        status, _, text = asked(port, f"/static/{name}")
+        assert status == 200
+        assert "http" not in text.replace("http-", "")
+
+
+@pytest.mark.parametrize(
+    "headers",
+    [
+        {"host": "thermid.example"},
+        {"host": "127.0.0.1"},
+        {"host": "localhost:1"},
+        {"origin": "http://thermid.example"},
+        {"origin": "null"},
+        {"origin": "https://127.0.0.1:1"},
+    ],
+)
+def test_a_foreign_host_or_origin_is_refused(port: int, headers: dict[str, str]) -> None:
+    given = {"host": f"127.0.0.1:{port}", **headers}
+    for path in ("/", "/api/project", "/static/studio.js"):
+        assert asked(port, path, None, given)[0] == 403
+    assert asked(port, "/api/save", {"stage": "", "values": {}}, {**JSON, **given})[0] == 403
+
+
+def test_a_request_without_the_pages_header_changes_nothing(port: int) -> None:
+    status, _, text = asked(port, "/api/save", {"stage": "x", "values": {}}, {"content-type": "application/json"})
+    assert status == 400
+    assert "must come from the studio's page" in text
+
+
+@pytest.mark.parametrize(
+    "path",
+    [
+        "/static/../project.py",
+        "/static/%2e%2e/project.py",
+        "/static/..%2f..%2fsecret.txt",
+        "/static/secret.txt",
+        "/secret.txt",
+        "//etc/passwd",
+    ],
+)
+def test_no_file_but_the_pages_own_is_read(port: int, path: str) -> None:
+    status, _, text = asked(port, path)
+    assert status == 404
+    assert "not for pages" not in text
+
+
+def test_a_hostile_name_stays_text(port: int) -> None:
+    _, headers, text = asked(port, "/api/project")
+    assert headers["content-type"].startswith("application/json")
+    assert json.loads(text)["title"] == EVIL
+    assert "<script" not in text
+    _, _, drawn = asked(port, "/api/picture", {"stage": EVIL, "values": {}})
+    svg = json.loads(drawn)["svg"]
+    assert "<script" not in svg
+    assert "&lt;script&gt;" in svg
+
+
+@pytest.mark.parametrize(
+    ("path", "body", "message"),
+    [
+        ("/api/curves", {"stage": EVIL, "values": {"area": "wide"}, "gas": "air"}, "give values as numbers by path."),
+        ("/api/curves", {"stage": EVIL, "values": {"area": True}, "gas": "air"}, "give values as numbers by path."),
+        ("/api/curves", {"stage": EVIL, "values": {}, "gas": "soup"}, "'soup' is not one of air, vacuum, printed."),
+        ("/api/curves", {"stage": 3, "values": {}, "gas": "air"}, "'stage' is not a text."),
+        ("/api/curves", {"stage": "other", "values": {}, "gas": "air"}, "no stage 'other'"),
+        ("/api/curves", {"stage": EVIL, "values": {"area": 1e400}, "gas": "air"}, ""),
+        ("/api/picture", {"stage": EVIL, "values": {}, "folded": ["engine"]}, "unknown part 'engine'."),
+        ("/api/picture", {"stage": EVIL, "values": {}, "run": "first"}, "give a run as a whole number"),
+        ("/api/swap", {"part": "case", "deck": "../secret.txt"}, "a swap needs a campaign"),
+        ("/api/save", {"stage": EVIL, "values": {}, "name": "x"}, "nothing to save"),
+        ("/api/fit", "{", "the body is not JSON."),
+        ("/api/fit", [1], "the body is not a JSON object."),
+    ],
+)
+def test_what_makes_no_sense_is_answered_in_words(port: int, path: str, body: Any, message: str) -> None:
+    status, _, text = asked(port, path, body)
+    assert status in (200, 400)
+    found = json.loads(text)
+    assert message in found["error"]
+
+
+def test_a_fit_without_logs_ends_with_its_reason(port: int) -> None:
+    asked(port, "/api/fit", {"stage": EVIL, "values": {}, "free": ["area"]})
+    for _ in range(100):
+        job = json.loads(asked(port, "/api/job")[2])
+        if job["what"] == "fit" and job["ended"]:
+            break
+        threading.Event().wait(0.05)
+    assert "a deck has no log, so a fit" in job["error"]
+
+
+def test_a_taken_port_is_said(port: int) -> None:
+    with pytest.raises(DeckError, match=f"port {port} is in use"):
+        serve(Project(EXAMPLES / "01_accelerometer" / "accelerometer.toml"), port)
+
+
+def test_a_body_beyond_measure_is_not_read(port: int) -> None:
+    status, _, text = asked(port, "/api/fit", '{"stage": "' + "x" * 2_000_000 + '"}')
+    said = "the body has more than 1 MB. The cap 'body' is 1e+06; the environment variable THERMID_CAPS=body=NUMBER raises it."
+    assert (status, json.loads(text)["error"]) == (413, said)
+    status, _, text = asked(port, "/api/fit", "[" * 100_000)
+    assert (status, json.loads(text)["error"]) == (400, "the body is not JSON.")
+
+
+def raw(port: int, data: bytes, more: bytes = b"") -> bytes:
+    """Return the first line of the answer to some bytes; nothing where the studio closes without a word."""
+    with socket.create_connection(("127.0.0.1", port), timeout=20) as s:
+        s.sendall(data)
+        if more:
+            s.sendall(more)
+        return s.recv(1000).partition(b"\r\n")[0]
+
+
+def test_who_brings_no_request_in_time_is_let_go(port: int, monkeypatch: pytest.MonkeyPatch) -> None:
+    """A connection that stays silent, headers without an end, a body by drops, headers beyond measure."""
+    monkeypatch.setattr(serving, "PATIENCE", 0.3)
+    host = f"host: 127.0.0.1:{port}\r\n".encode()
+    begun = b"POST /api/fit HTTP/1.1\r\n" + host
+    assert raw(port, b"") == b""
+    assert raw(port, begun + b"x-") == b""
+    assert raw(port, begun + b"x-thermid-studio: 1\r\ncontent-length: 100\r\n\r\n", b'{"st').startswith(b"HTTP/1.1 408")
+    assert raw(port, begun + b"x-long: " + b"y" * 60_000 + b"\r\n\r\n").startswith(b"HTTP/1.1 400")
+
+
+def test_more_at_once_than_the_studio_answers_wait_for_another_time(port: int) -> None:
+    """32 connections that say nothing; the next one is told that the service is not there, and works once they are gone."""
+    silent = [socket.create_connection(("127.0.0.1", port), timeout=20) for _ in range(32)]
+    assert asked(port, "/api/job")[0] == 503
+    for each in silent:
+        each.close()
+    assert any(asked(port, "/api/job")[0] == 200 for _ in range(50))
+
+
+@pytest.mark.parametrize(
+    ("order", "body", "message"),
+    [
+        ("curves", {"stage": "deck", "window": [0, 10**400]}, "too many digits"),
+        ("picture", {"stage": "deck", "folded": 3}, "'folded' is no list of texts"),
+        ("picture", {"stage": "deck", "values": {"file": 1.0}}, "there is no slider 'file'"),
+        ("picture", {"stage": "deck", "time": float("nan")}, "a time as a number"),
+        ("curves", {"stage": "deck", "values": {"x": float("inf")}}, "give values as numbers by path"),
+        ("fit", {"stage": "deck", "free": 1.5}, "'free' is no list of texts"),
+        ("curves", {"values": [[[0]]] * 2 + [json.loads("[" * 80 + "]" * 80)]}, "nested too deeply"),
+    ],
+)
+def test_what_a_hostile_client_made_of_an_order_is_answered_in_words(port: int, order: str, body: Any, message: str) -> None:
+    stage = json.loads(asked(port, "/api/project")[2])["stages"][0]["name"]
+    status, _, text = asked(port, f"/api/{order}", body | ({"stage": stage} if "stage" in body else {}))
+    assert status in (200, 400)
+    assert message in json.loads(text)["error"]
+
+
+def test_a_value_without_a_logarithm_is_refused_with_its_name() -> None:
+    """A slider of a hostile client at -1: math domain error, an answer of 500."""
+    unknown = Unknown("skin.htc", "parameter", (), 5.0, log=True)
+    for value in (-1.0, 0.0, float("nan")):
+        with pytest.raises(DeckError, match=r"skin\.htc: the value must be above zero"):
+            unknown.to_fitted(value)
+    assert unknown.to_fitted(1.0) == 0.0

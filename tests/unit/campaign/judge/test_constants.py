@@ -1,0 +1,129 @@
+"""Constants that decide a verdict of judge, each against its clause or formula: a tenth more or less is seen here."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from types import SimpleNamespace
+from typing import Any
+
+import numpy as np
+import pytest
+
+import thermid as td
+from thermid.base.errors import IdentificationError, ScenarioError
+from thermid.campaign._judge.correlation import Overlay, correlate
+from thermid.campaign._judge.criteria import Criteria
+from thermid.campaign._judge.limits import Limits
+from thermid.campaign._judge.margins import flat_margin, heater_duty, margins
+from thermid.campaign._judge.metrics import METRICS, Residuals
+from thermid.prediction.bands import Known, foresee
+from unit.qualify.things import soak, unit
+
+TIMES = np.arange(0.0, 7200.1, 60.0)
+SETTLED = {"hot": [(0.0, 7200.0)]}
+
+
+def seen(*shifts: float, swing: float = 0.0) -> list[Overlay]:
+    """Sensors that read so much more than is simulated, and swing about that."""
+    wave = swing * np.where(np.arange(TIMES.size) % 2, 1.0, -1.0)
+    return [Overlay("hot", f"T{k}", "", TIMES, 300.0 + shift + wave, np.full(TIMES.size, 300.0), 0.3) for k, shift in enumerate(shifts)]
+
+
+class TestClauses:
+    """2 K of the mean, 3 K of spread and 5 K of every sensor by the practice for balance tests; 3 K by MIL-HDBK-340, 8.7.3."""
+
+    @pytest.mark.parametrize(
+        ("name", "within", "beyond"),
+        [
+            ("ECSS", (1.95, 1.95), (2.05, 2.05)),
+            ("ECSS", (2.95, -2.95), (3.05, -3.05)),
+            ("ECSS", (4.9, 0.0, 0.0, 0.0), (5.1, 0.0, 0.0, 0.0)),
+            ("MIL-HDBK-340", (2.95, 0.0), (3.05, 0.0)),
+            ("MIL-HDBK-340, transient", (2.95, 0.0), (3.05, 0.0)),
+        ],
+    )
+    def test_limits(self, name: str, within: tuple[float, ...], beyond: tuple[float, ...]) -> None:
+        assert correlate(seen(*within), [name], steady=SETTLED).passed(name) is True
+        assert correlate(seen(*beyond), [name], steady=SETTLED).passed(name) is False
+
+    def test_the_spread_of_a_transient_counts_that_over_time(self) -> None:
+        """Variances add: 1 K between sensors, 2 K over time in each. A settled case is judged by means, and those spread by 1 K."""
+        sizes = {}
+        for kind in ("steady", "transient"):
+            criteria = Criteria("own", spread="3 [K]", kinds=(kind,))
+            (gate,) = correlate(seen(1.0, -1.0, swing=2.0), [criteria], steady=SETTLED).gates
+            sizes[kind] = gate.found
+        assert sizes["transient"] == pytest.approx(np.hypot(1.0, 2.0), rel=1e-3)
+        assert sizes["steady"] == pytest.approx(1.0, rel=0.02)
+
+
+@pytest.fixture(scope="module")
+def fit() -> td.Calibration:
+    times = np.arange(0.0, 6 * 3600.0, 120.0)
+    run = td.simulate(unit().with_values({"out.conductance": "1.1 [W/K]"}), soak(25.0), times=times)
+    rng = np.random.default_rng(4)
+    made = {
+        n: td.Channel.of(n, run[n].kelvin + 0.1 * rng.standard_normal(times.size), role="node", target=n, noise=0.1, accuracy=0.3)
+        for n in ("proc", "ele", "plate")
+    }
+    return td.calibrate(unit(), td.Record.from_arrays("log", times, made), ["out.conductance"], scenario=soak(25.0))
+
+
+def test_a_margin_of_another_level_has_that_quantile(fit: td.Calibration) -> None:
+    """0.95 of a normal distribution lie within 1.96 standard deviations, 0.5 within 0.674; the instant is the tightest by the former."""
+    run = foresee(Known.of(fit), soak(55.0))
+    limit = Limits("processor", "proc", (253.15, 343.15), loads=("cpu",))
+    hot = margins({"hot": run}, [limit])[1]
+    at = int(np.argmax(run.prediction["proc"].kelvin + 1.959964 * run.prediction["proc"].error))
+    assert hot.time == run.prediction.times[at]
+    half = replace(hot, policy=replace(hot.policy, level=0.5))
+    assert half.uncertainty == pytest.approx(0.6744898 * hot.error)
+    assert half.bought == pytest.approx(0.6744898 * (hot.before - hot.error))
+    assert hot.error == pytest.approx(run.prediction["proc"].error[at], rel=1e-6)
+
+
+def test_a_heater_is_judged_by_the_second_half_of_its_run() -> None:
+    """1 W in the first half, then 3 W of 4 W."""
+    times = np.linspace(0.0, 6 * 3600.0, 361)
+    solution = SimpleNamespace(times=times, load_powers={"cpu": np.where(times < 3 * 3600.0, 1.0, 3.0)}, title="run")
+    told = heater_duty(SimpleNamespace(solution=solution, scenario=SimpleNamespace(title="run")), "cpu", 4.0)  # type: ignore[arg-type]
+    assert told.window == (3 * 3600.0, 6 * 3600.0)
+    assert told.duty == pytest.approx(0.75)
+
+
+@pytest.mark.parametrize(("late", "covered"), [(1.95, True), (2.05, False)])
+def test_readings_may_begin_two_intervals_after_a_settled_stretch(late: float, covered: bool) -> None:
+    settled = {"hot": [(-60.0 * late, 7200.0)]}
+    if covered:
+        assert correlate(seen(0.1), ["ECSS"], steady=settled).passed("ECSS")
+    else:
+        with pytest.raises(IdentificationError, match="has readings of 'T0'"):
+            correlate(seen(0.1), ["ECSS"], steady=settled)
+
+
+@pytest.mark.parametrize("step", range(10))
+def test_the_flat_margin_shrinks_by_a_kelvin_every_32_fahrenheit(step: int) -> None:
+    """SMC-S-016, Table 4.4-2: 11 K down to -70 degC, and a kelvin less for every 17.9 K below."""
+    edge = 273.15 - 70.0 - 17.9 * step
+    assert flat_margin(edge + 1.0, True).value == 11.0 - step
+    assert flat_margin(edge - 1.0, True).value == (10.0 - step if step < 9 else 1.0)
+
+
+def test_a_model_that_no_balance_test_correlated_needs_17_kelvin() -> None:
+    """SMC-S-016, 4.4.2.1: 11 K and the 6 K that a balance test is worth."""
+    assert flat_margin(300.0, False).value - flat_margin(300.0, True).value == 6.0
+
+
+def test_a_window_of_two_stored_times_is_enough_for_a_duty() -> None:
+    solution = SimpleNamespace(times=np.array([0.0, 60.0, 120.0]), load_powers={"cpu": np.array([1.0, 2.0, 4.0])}, title="run")
+    run: Any = SimpleNamespace(solution=solution, scenario=SimpleNamespace(title="run"))
+    assert heater_duty(run, "cpu", 4.0, window=(50.0, 130.0)).duty == pytest.approx(0.75)
+    with pytest.raises(ScenarioError, match="fewer than two stored times"):
+        heater_duty(run, "cpu", 4.0, window=(70.0, 130.0))
+
+
+def test_the_final_error_is_the_mean_over_the_last_twentieth() -> None:
+    times = np.arange(0.0, 10001.0)
+    for begins, expected in ((9480.0, 1.0), (9520.0, 481.0 / 501.0)):
+        found = Residuals(times, np.where(times >= begins, 1.0, 0.0), np.full(times.size, 1.0 / times.size))
+        assert METRICS["final"].of(found) == pytest.approx(expected)

@@ -1,0 +1,131 @@
+"""Verdicts: limits met or not, on data that no fit has seen, with nothing fitted to them unless it is said."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from thermid.base.errors import IdentificationError, ScenarioError, UnitError
+from thermid.campaign._judge.criteria import Criteria
+from thermid.campaign._judge.verdict import validate
+from thermid.fit.calibration import Calibration, calibrate
+from thermid.measure.records import Record
+from unit.fit.bench import HTC, MASS, box, log, metered
+
+
+def run(name: str, seed: int, **more: object) -> Record:
+    bias = {"T": 0.6}
+    data = log(box(), {HTC: "5 [W/(m^2 K)]"}, {"T": "case"}, name=name, seed=seed, accuracy=0.5, bias=bias, noise=0.02, **more)  # type: ignore[arg-type]
+    return data.with_channels(replace(data["ROOM"], accuracy=0.3))
+
+
+@pytest.fixture(scope="module")
+def found() -> Calibration:
+    return calibrate(
+        box(), [run("a", 1), run("b", 2, loads={"heat": 4.0}, start="45 [degC]")], [HTC, MASS], priors={MASS: ("1.5 [kg]", "1 [%]")}
+    )
+
+
+WIDE = Criteria(rmse="1 [K]")
+
+
+def test_it_passes_and_fails_by_its_limits(found: Calibration) -> None:
+    held = run("held", 3)
+    good = validate(found, held, Criteria(rmse="0.5 [K]", max_error="2 [K]", mean_error="0.5 [K]"))
+    assert good.passed
+    assert [c.criterion for c in good.checks] == ["rmse", "max_error", "mean_error"]
+    for check in good.checks:
+        own = Criteria(**{check.criterion: f"{check.found * 0.999!r} [K]"})
+        assert not validate(found, held, own).passed
+        own = Criteria(**{check.criterion: f"{check.found!r} [K]"})
+        assert validate(found, held, own).passed, "a limit that is just met is met"
+
+
+def test_found_is_what_the_residuals_are(found: Calibration) -> None:
+    verdict = validate(found, run("held", 3), Criteria(rmse="1 [K]", max_error="2 [K]", mean_error="1 [K]"))
+    (block,) = verdict.prediction.blocks
+    left = block.measured - block.predicted
+    expected = {"rmse": np.sqrt(np.mean(left**2)), "max_error": np.abs(left).max(), "mean_error": abs(left.mean())}
+    assert {c.criterion: c.found for c in verdict.checks} == pytest.approx(expected, rel=1e-12)
+
+
+def test_nothing_is_fitted_to_the_record_that_is_judged(found: Calibration) -> None:
+    # a room sensor that has gone wrong since, and a meter that was not there: neither is explained away
+    held = run("held", 3)
+    wrong = held.with_channels(replace(held["ROOM"], values=held["ROOM"].values + 1.0))
+    verdict = validate(found, metered(wrong, "heat", 4.0, accuracy=0.4), WIDE)
+    assert dict(verdict.prediction.values) == {}
+    assert verdict.prediction.fitted == {}
+    assert verdict.statistics["T"].mean == pytest.approx(-1.0, abs=0.4)
+    assert not verdict.conditional
+
+
+def test_constant_errors_that_the_fit_found_are_held(found: Calibration) -> None:
+    verdict = validate(found, run("held", 3), WIDE)
+    assert verdict.statistics["T"].bias == found.bias["T"]
+    room = verdict.prediction.experiments[0].scenario.boundaries["air"].values
+    np.testing.assert_allclose(room, run("held", 3)["ROOM"].values + found["ROOM error"].value, rtol=1e-15)
+
+
+def test_the_start_is_the_first_reading_less_the_held_error() -> None:
+    # a sensor 3 K off: a start that forgot it would be 3 K out at once
+    data = log(box(), {}, {"T": "case"}, accuracy=3.0, bias={"T": 3.0}, noise=0.01, swing=0.0)
+    priors = {HTC: ("6 [W/(m^2 K)]", "0.001 [W/(m^2 K)]"), MASS: ("1.5 [kg]", "0.1 [%]")}
+    fitted = calibrate(box(), data, [HTC, MASS], priors=priors)
+    assert fitted.bias["T"] == pytest.approx(3.0, abs=0.05)
+    held = log(box(), {}, {"T": "case"}, name="held", accuracy=3.0, bias={"T": 3.0}, noise=0.01, swing=0.0, seed=5)
+    assert abs(validate(fitted, held, WIDE).statistics["T"].largest) < 0.15
+
+
+def test_a_used_record_is_refused_however_it_was_cut(found: Calibration) -> None:
+    used = run("a", 1)
+    for cut in (used, replace(used, name="other"), used.trim(3600.0, 7200.0), used.resample("2 [min]"), used.mask("T", 0.0, 600.0)):
+        with pytest.raises(IdentificationError, match=r"was used by stage 'Box' as 'a'\. A validation needs a hold-out record: use one"):
+            validate(found, cut, WIDE)
+
+
+def test_local_values_make_it_conditional(found: Calibration) -> None:
+    held = run("held", 3, swing=0.0).select("T")
+    verdict = validate(found, held, WIDE, local={"air": {"start": "24 [degC]", "sd": "2 [K]"}})
+    assert verdict.conditional
+    assert verdict.fitted_locally == ("air",)
+    assert "conditional on air fitted to this record" in str(verdict)
+
+
+def test_criteria_of_a_sensor_stand_in_place_of_the_common_ones(found: Calibration) -> None:
+    strict = Criteria(rmse="1 [K]", sensors={"T": {"rmse": "0.0001 [K]", "max_error": "9 [K]"}})
+    verdict = validate(found, run("held", 3), strict)
+    assert {c.criterion: c.limit for c in verdict.checks} == {"rmse": 1e-4, "max_error": 9.0}
+    assert not verdict.passed
+
+
+@pytest.mark.parametrize(
+    ("table", "error", "words"),
+    [
+        ({}, IdentificationError, r"'T' has no criterion\. Give it at least one limit: rmse, max_error or mean_error"),
+        ({"rms": "1 [K]"}, ScenarioError, r"here: unknown criterion 'rms'\. Did you mean 'rmse'"),
+        ({"sensors": {"T": {"rms": "1 [K]"}}}, ScenarioError, r"here\.sensors\.T: unknown criterion 'rms'\. Did you mean 'rmse'"),
+        ({"sensors": {"T": "1 [K]"}}, ScenarioError, r"here, sensors\.T: a table is needed, not '1 \[K\]'"),
+        ({"rmse": "1 [K]", "sensors": {"TT": {"rmse": "1 [K]"}}}, IdentificationError, r"criteria are given for 'TT'.*Did you mean 'T'"),
+        ({"rmse": 0.8}, UnitError, r"here\.rmse: this is a plain number; a temperature difference \[K\] is needed here"),
+        ({"rmse": "0 [K]"}, ScenarioError, r"a limit must be above zero"),
+        ({"rmse": "inf [K]"}, ScenarioError, r"a limit must be above zero"),
+        ({"rmse": "1 [degC]"}, UnitError, r"here\.rmse"),
+    ],
+)
+def test_refused_criteria(found: Calibration, table: dict[str, object], error: type[Exception], words: str) -> None:
+    with pytest.raises(error, match=words):
+        validate(found, run("held", 3), Criteria.read(table, "here"))
+
+
+def test_the_text_says_the_word_and_every_criterion(found: Calibration) -> None:
+    text = str(validate(found, run("held", 3), Criteria(rmse="1 [K]", max_error="0.0001 [K]"), title="bench"))
+    first, second, third, *bands = text.splitlines()
+    assert first == "Box on held (bench): FAILED"
+    assert second.endswith("limit 1 K: met")
+    assert third.endswith("limit 0.0001 K: NOT met")
+    assert any("inside the 95 % band" in line for line in bands)
+    assert bands[-2].lstrip().startswith("worst stretch: ")
+    assert bands[-1].startswith("  warning: no deck states what carries the heat of 'skin'")  # as a prediction says it

@@ -1,0 +1,152 @@
+"""The next structure of a campaign: written beside it, accepted by the other commands, side by side with the one before."""
+
+from __future__ import annotations
+
+import tomllib
+from pathlib import Path
+
+import numpy as np
+import pytest
+import tomlkit
+
+import thermid as td
+from thermid.base.errors import DeckError, OutputError
+from thermid.campaign._start.improve import Delay, improve, with_step
+
+from .test_init import bench
+
+DECK = """
+title = "plate"
+needs = ["room"]
+[nodes]
+plate = { capacitance = { value = "300 [J/K]", min = 10, max = 5000 } }
+[conductors]
+loss = { kind = "conduction", between = ["plate", "room"], conductance = { value = "0.3 [W/K]", min = 0.01, max = 10 } }
+[loads]
+heater = { into = "plate", power = "0 [W]" }
+"""
+CAMPAIGN = """
+title = "plate"  # a comment that stays
+[records.test]
+file = "test.csv"
+channels = { T_plate_C = { node = "plate", noise = "0.05 [K]" }, T_room_C = { boundary = "room" }, P_heater_W = { load = "heater" } }
+[[stages]]
+name = "plate"
+model = "plate.toml"
+records = ["test"]
+free = ["plate.capacitance", "loss.conductance"]
+"""
+
+
+STILL = """
+[[stages]]
+name = "again"
+model = "plate.toml"
+records = ["*"]
+free = ["loss.conductance"]
+"""
+
+
+def project(folder: Path, hidden: float) -> Path:
+    bench(folder / "test.csv", hidden=hidden)
+    (folder / "thermid.toml").write_text("")
+    (folder / "plate.toml").write_text(DECK)
+    (folder / "campaign.toml").write_text(CAMPAIGN)
+    return folder / "campaign.toml"
+
+
+def test_what_is_proved_becomes_the_next_structure(tmp_path: Path) -> None:
+    path = project(tmp_path, 260.0)
+    made = improve(path, seconds=20.0)
+    assert [f.name for f in made.files] == ["plate.toml", "campaign_next.toml"]
+    (row,) = made.rows()
+    assert row["before_K"] > 1.0
+    assert row["after_K"] == pytest.approx(0.05, rel=0.15)
+    assert "before" in str(made)
+    assert "# a comment that stays" in made.files[1].read_text()
+    assert path.read_text() == CAMPAIGN
+    again = td.run_stages(made.files[1])
+    assert again.stages["plate"].sensors["T_plate_C"].rmse == pytest.approx(row["after_K"], rel=0.01)
+    made.files[1].write_text("mine = 1\n")
+    with pytest.raises(OutputError):
+        improve(path, seconds=20.0)
+
+
+def test_nothing_is_written_where_nothing_is_proved(tmp_path: Path) -> None:
+    made = improve(project(tmp_path, 0.0), seconds=20.0)
+    assert made.files == ()
+    assert not (tmp_path / "campaign_next.toml").exists()
+    assert "No change of the structure is supported" in str(made)
+
+
+def test_a_stage_that_is_not_there(tmp_path: Path) -> None:
+    with pytest.raises(DeckError, match="no stage 'plane'"):
+        improve(project(tmp_path, 0.0), "plane")
+
+
+LATE, SWITCHES = 52.0, [311.0, 1394.0, 2407.0, 3613.0, 4905.0]
+
+
+def late_bench(path: Path) -> Path:
+    """A synthetic log of a plate alone whose heater follows its command 52 s late, sampled every 20 s."""
+    times = np.arange(0.0, 5400.0, 20.0)
+
+    def command(t: float) -> float:
+        return (0.0, 12.0, 5.0, 1.0, 9.0, 0.0)[int(np.searchsorted(SWITCHES, t, side="right"))]
+
+    plate, rng, rows = 22.0, np.random.default_rng(2), ["time_s,T_plate_C,T_room_C,P_heater_W"]
+    for t in times:
+        rows.append(f"{t:g},{plate + 0.05 * rng.standard_normal():.3f},22.0,{command(t):g}")
+        for k in range(20):
+            plate += (command(t + k + 0.5 - LATE) - 0.3 * (plate - 22.0)) / 150.0
+    path.write_text("\n".join(rows) + "\n")
+    return path
+
+
+def test_a_delay_that_is_proved_is_written_into_the_record(tmp_path: Path) -> None:
+    path = project(tmp_path, 0.0)
+    late_bench(tmp_path / "test.csv")
+    prepare = 'prepare = [{ trim = ["1 [min]", "end"] }]  # the first minute is unsettled\n'
+    path.write_text(CAMPAIGN.replace("[[stages]]", prepare + "[[stages]]", 1) + STILL)
+    made = improve(path, "plate", seconds=20.0)
+    assert made.changes == ("logged powers and commands act late",)
+    (delay,) = made.delays
+    ((value, error),) = delay.found.values()
+    assert value == pytest.approx(LATE, abs=2.5 * error)
+    assert error < 5.0
+    assert f"delay: test {value:.3g} +- {error:.2g} s; written into [records.test]." in str(made)
+    assert str(made).count("[records.test]. It also applies in again.") == 1
+    (row,) = made.rows()
+    assert row["before_K"] > 5.0 * row["after_K"]
+    written = made.files[1].read_text()
+    assert "# a comment that stays" in written
+    assert "# the first minute is unsettled" in written
+    first, last = tomllib.loads(written)["records"]["test"]["prepare"]
+    assert first == {"trim": ["1 [min]", "end"]}
+    assert last == delay.step
+    again = td.run_stages(made.files[1]).stages["plate"]
+    assert again.sensors["T_plate_C"].rmse == pytest.approx(row["after_K"], rel=1e-3)
+    assert next(v for v in again.local if v.name == "delay").value == pytest.approx(value, abs=0.1 * error)
+
+
+@pytest.mark.parametrize(
+    ("before", "steps"),
+    [
+        ("", 1),
+        ("prepare = []", 1),
+        ('prepare = [\n  { median = "9 [s]" },  # spikes of the relay\n]', 2),
+        ('[[records.test.prepare]]\nmedian = "9 [s]"  # spikes of the relay', 2),
+    ],
+    ids=["none", "empty", "list", "tables"],
+)
+def test_a_step_is_added_to_any_list_of_steps(before: str, steps: int) -> None:
+    document = tomlkit.parse(f'[records.test]\nfile = "a.csv"\n{before}\n\n[[stages]]\nname = "b"  # last\n')
+    delay = Delay("test", (0.0, 80.0), ("P",), {"test": (40.0, 2.0)})
+    with_step(document["records"]["test"], delay)
+    text = tomlkit.dumps(document)
+    found = tomllib.loads(text)
+    assert len(found["records"]["test"]["prepare"]) == steps
+    assert found["records"]["test"]["prepare"][-1] == {"delay": {"by": ["0 [s]", "80 [s]"], "channels": ["P"]}}
+    assert found["stages"] == [{"name": "b"}]
+    assert "# last" in text
+    assert ("# spikes of the relay" in text) == ("#" in before)

@@ -1,0 +1,168 @@
+"""What residuals say against a model: nothing where it is right, and the planted element where one is missing."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+import thermid as td
+from thermid.inference._explain.criticism import ljung_box, modes_of, periodogram, trace_likelihood
+from unit.fit.bench import HTC, MASS, box, log
+
+BARE = {"surfaces/skin/effective_htc": "6 [W/(m^2 K)]", "nodes/case/mass": "1.5 [kg]"}
+INNER = {
+    "nodes/inner": {"capacitance": "600 [J/K]"},
+    "conductors/path": {"kind": "conduction", "between": ["inner", "case"], "conductance": "1.0 [W/K]"},
+}
+LAG = {
+    "nodes/bulb": {"capacitance": "1 [J/K]"},
+    "conductors/path": {"kind": "conduction", "between": ["bulb", "case"], "conductance": "0.006 [W/K]"},
+}
+SKIN = {"of": "case", "to": "air", "area": "0.05 [m^2]"}
+
+
+def fitted(truth: td.Model, node: str = "case", **more: Any) -> td.Calibration:
+    """A box of one node, fitted to a log of something else."""
+    data = log(truth, {}, {"T": node}, **{"noise": 0.05, **more})
+    data = data.with_channels(replace(data.channel("T"), target="case"))
+    return td.calibrate(box(BARE), data, [HTC, MASS])
+
+
+def test_noise_is_left_alone() -> None:
+    found = td.inference.criticise(fitted(box(BARE)))
+    assert found.traces[0].white
+    assert (found.candidates, found.suggested) == ((), None)
+    assert "1 of 1 traces have white residuals" in str(found)
+
+
+@pytest.mark.parametrize(
+    ("changes", "node", "loads", "name"),
+    [
+        (INNER | {"loads/heat/into": "inner"}, "case", None, "an inner mass that takes the heat of 'heat'"),
+        (INNER | {"conductors/path/conductance": "0.6 [W/K]"}, "case", None, "a second mass behind a resistance at 'case'"),
+        (LAG, "bulb", None, "a lag of the sensor at 'case'"),
+        (
+            {"surfaces/skin": SKIN | {"htc": {"coefficient": "2.2 [W/(m^2 K)]", "exponent": "0.25"}}},
+            "case",
+            {"heat": 8.0},
+            "a coefficient at 'case' that grows with the difference (dT^(1/4))",
+        ),
+    ],
+)
+def test_what_was_left_out_is_suggested(changes: dict[str, Any], node: str, loads: Any, name: str) -> None:
+    fit = fitted(box(changes), node, loads=loads)
+    found = td.inference.criticise(fit)
+    best = found.suggested
+    assert best is not None
+    assert best.name == name
+    assert best.fit is not None
+    assert best.rmse[1] == pytest.approx(0.05, rel=0.1)
+    assert best.rmse[1] < 0.85 * best.rmse[0]
+    assert f"Suggested: {name}" in str(found)
+
+
+def test_a_few_bad_readings_are_seen_by_their_size() -> None:
+    """At 181 readings the lag shows in the first few alone: too few to colour the whole, too large for noise."""
+    (trace,) = td.inference.criticise(fitted(box(LAG), "bulb", samples=181), elements=False).traces
+    assert trace.white
+    assert trace.loud
+    assert "RMSE 0.06 K for a noise of 0.05 K" in str(trace)
+
+
+def test_what_is_found_is_what_was_planted() -> None:
+    best = td.inference.criticise(fitted(box(LAG), "bulb")).suggested
+    assert best is not None
+    tau = float(best.found.split()[4])
+    assert tau == pytest.approx(1 / 0.006, rel=0.4)
+
+
+def test_an_impossible_value_is_said_and_not_suggested() -> None:
+    found = td.inference.criticise(fitted(box(LAG), "bulb"))
+    odd = next(c for c in found.candidates if c.name.startswith("an inner mass"))
+    assert not odd.possible
+    assert "which is not physically possible" in str(odd)
+
+
+def test_an_element_that_the_log_cannot_tell_is_refused_in_words() -> None:
+    # at rest from the first reading a second mass does nothing
+    data = log(box(BARE), {}, {"T": "case"}, start="steady", swing=0.0, samples=101)
+    fit = td.calibrate(box(BARE), data, [HTC], scenario=td.Scenario("s", start="steady"))
+    found = td.inference.criticise(fit, elements=True)
+    refused = [c for c in found.candidates if c.fit is None]
+    assert refused
+    assert any(": could not be tried with these readings:" in str(c) for c in refused)
+
+
+class TestMeasures:
+    def test_hold_their_level_on_white_noise(self) -> None:
+        rng = np.random.default_rng(3)
+        found = [(ljung_box(z)[1] < 0.05, (lambda d: d[0] > d[1])(periodogram(z))) for z in rng.standard_normal((400, 200))]
+        ljung, bartlett = np.mean(found, axis=0)
+        # 5 % of 400 have an error of 1.1 %; one side of Bartlett's band holds half as many
+        assert ljung == pytest.approx(0.05, abs=0.035)
+        assert bartlett < 0.05
+
+    def test_see_colour(self) -> None:
+        rng = np.random.default_rng(4)
+        z = np.cumsum(rng.standard_normal(200))
+        lag, chance = ljung_box(z)
+        assert lag > 0.9
+        assert chance < 1e-6
+        distance, band = periodogram(z)
+        assert distance > 3 * band
+
+    def test_likelihood_of_wandering_residuals_is_that_of_their_covariance(self) -> None:
+        rng = np.random.default_rng(5)
+        t = np.arange(80.0)
+        covariance = 0.04 * np.exp(-np.abs(t[:, None] - t) / 10.0) + 0.01 * np.eye(80)
+        z = np.linalg.cholesky(covariance) @ rng.standard_normal(80)
+        exact = -0.5 * (z @ np.linalg.solve(covariance, z) + np.linalg.slogdet(covariance)[1])
+        best = trace_likelihood(z, modes_of(t), 1e-6)
+        # the best of three free numbers lies above the truth by half a chi-square of three
+        assert exact - 0.3 < best < exact + 6.0
+
+
+def test_picture(tmp_path: Path) -> None:
+    found = td.inference.criticise(fitted(box(LAG), "bulb"), elements=False)
+    assert td.reporting.picture(found, tmp_path / "c.png").stat().st_size > 20_000
+
+
+def test_a_calibration_from_elsewhere() -> None:
+    fit = fitted(box(BARE), samples=51)
+    with pytest.raises(td.ThermidError, match=r"was not made by a fit in this session"):
+        td.inference.criticise(replace(fit, request=None))
+
+
+def rooms(slope: float, count: int = 8) -> td.Calibration:
+    """A box in rooms that no column logs, at powers of 1 to 12 W, whose truth loses less at high power by `slope` [W/K per W]."""
+    rng, records = np.random.default_rng(8), []
+    times = np.arange(0.0, 9000.0, 60.0)
+    for k in range(count):
+        watts = 1.0 + 11.0 * k / (count - 1)
+        truth = box({**BARE, "loads/heat/power": f"{watts!r} [W]", "surfaces/skin/effective_htc": f"{6.0 - slope * watts!r} [W/(m^2 K)]"})
+        air = 22.0 + 0.3 * rng.standard_normal()
+        run = td.simulate(
+            truth, td.Scenario("s", boundaries={"air": f"{air} [degC]"}, start=f"{air} [degC]", duration="9000 [s]"), times=times
+        )
+        channels = {
+            "T": td.Channel.of("T", run["case"].kelvin + 0.05 * rng.standard_normal(times.size), role="node", target="case", noise=0.05),
+            "P": td.Channel.of("P", np.full(times.size, watts), quantity="power", role="load", target="heat"),
+        }
+        records.append(td.Record.from_arrays(f"r{k}", times, channels))
+    return td.calibrate(box(BARE), records, [HTC, MASS], local={"air": {"start": "22 [degC]", "sd": "2 [K]"}}, search="local")
+
+
+def test_an_ambient_that_runs_with_the_power_is_a_failed_check() -> None:
+    found = td.inference.criticise(rooms(0.2), elements=False)
+    assert len(found.checks) == 1
+    assert "'air' of 8 records correlates with the mean of 'heat':" in found.checks[0]
+    assert "failed check" in str(found)
+
+
+def test_ambients_that_only_scatter_pass() -> None:
+    assert td.inference.criticise(rooms(0.0), elements=False).checks == ()
+    assert td.inference.criticise(rooms(0.2, count=4), elements=False).checks == ()  # four records are too few to say so

@@ -1,0 +1,187 @@
+"""Which mistake would explain a bad fit, and courses of powers that no log gives; a good fit and a wrong model are not blamed on one."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+import thermid as td
+from thermid.fit.problem import LocalSpec, Request
+from thermid.inference._explain.mistakes import Mistakes, find_mistakes
+from thermid.model.laws import TableSignal
+
+PAIR = td.model_from_dict(
+    {
+        "title": "Pair",
+        "needs": ["room"],
+        "nodes": {n: {"capacitance": {"value": "700 [J/K]", "min": 100, "max": 5000}} for n in ("amp", "psu")},
+        "conductors": {
+            f"{a}_{b}": {"kind": "conduction", "between": [a, b], "conductance": {"value": "0.4 [W/K]", "min": 0.01, "max": 20}}
+            for a, b in (("amp", "room"), ("psu", "room"), ("amp", "psu"))
+        },
+        "loads": {"heat": {"into": "amp", "power": "8 [W]"}},
+    }
+)
+PATHS = tuple(f"{n}.capacitance" for n in ("amp", "psu")) + tuple(f"{c}.conductance" for c in ("amp_room", "psu_room", "amp_psu"))
+TIMES = np.linspace(0.0, 18000.0, 181)
+
+
+def asked(factor: float = 1.0, exchanged: bool = False, extra: float = 0.0, free: tuple[str, ...] = PATHS) -> Request:
+    """Return a fit of the pair to a log of one that differs a little; its power times a factor, its sensors exchanged, heat at the psu."""
+    power = np.where(TIMES < 9000.0, 8.0, 2.0)
+    model = PAIR.with_values({"amp.capacitance": "900 [J/K]", "amp_psu.conductance": "0.6 [W/K]"})
+    late = {"into": "psu", "power": "1 [W]"}
+    deck = td.model_from_dict({"title": "x", "nodes": {"psu": {"capacitance": "1 [J/K]"}}, "loads": {"late": late}})
+    model = replace(model, loads={**model.loads, "late": deck.loads["late"]})
+    loads = {"heat": TableSignal(TIMES, power, hold=True), "late": TableSignal(TIMES, extra * (TIMES > 6000.0), hold=True)}
+    run = td.simulate(model, td.Scenario("bench", {"room": "22 [degC]"}, start="22 [degC]", loads=loads, duration="5 [h]"), times=TIMES)
+    rng = np.random.default_rng(1)
+    nodes = ("psu", "amp") if exchanged else ("amp", "psu")
+    channels = {
+        f"T{k}": td.Channel.of(f"T{k}", run[n].kelvin + 0.05 * rng.standard_normal(TIMES.size), role="node", target=t, noise=0.05)
+        for k, (n, t) in enumerate(zip(nodes, ("amp", "psu"), strict=True))
+    }
+    watts = td.Channel.of("P", factor * power, quantity="power", role="load", target="heat")
+    scenario = td.Scenario("bench", {"room": "22 [degC]"}, start="22 [degC]")
+    return Request(PAIR, (td.Record.from_arrays("bench", TIMES, channels | {"P": watts}),), free, {"*": scenario}, name="pair")
+
+
+@pytest.mark.parametrize(
+    ("request_", "kind", "words"),
+    [
+        (asked(exchanged=True), "exchanged", "'T0' and 'T1' are exchanged"),
+        (asked(1000.0), "unit", "'P' is in mW but was read in W"),
+        (asked(0.001), "unit", "'P' is in kW but was read in W"),
+    ],
+)
+def test_the_mistake_is_named_with_evidence_and_remedy(request_: Request, kind: str, words: str) -> None:
+    found = find_mistakes(request_)
+    assert found.first is not None
+    assert (found.first.kind, found.bad) == (kind, True)
+    (line, *_) = found.lines()
+    assert line.startswith(f"likely mistake: {words} (")
+    assert line.endswith(found.first.remedy)
+    assert found.to_dict()["named"][0]["kind"] == kind
+
+
+def test_an_unlogged_power_is_named_with_its_size_and_instant() -> None:
+    found = find_mistakes(asked(extra=1.5)).first
+    assert found is not None
+    assert (found.kind, found.name) == ("load", "psu")
+    watts, since = found.words.split(" had ")[1].split(" W ")[0], found.words.split(" from ")[1].split(" min ")[0]
+    assert float(watts) == pytest.approx(1.5, rel=0.15)
+    assert float(since) == pytest.approx(100.0, abs=4.0)
+    assert found.rms[1] < 0.25 * found.rms[0]
+
+
+def test_a_good_fit_is_not_looked_at_and_a_wrong_model_is_not_blamed() -> None:
+    assert find_mistakes(asked()) == Mistakes("pair")
+    small = asked(free=("amp.capacitance",))
+    assert [m.kind for m in find_mistakes(small).named if m.kind in ("unit", "exchanged", "per cent", "node")] == []
+
+
+def test_what_cannot_be_run_names_nothing_and_says_why() -> None:
+    bad = replace(asked(), local={"nowhere": LocalSpec("20 [degC]")})
+    found = find_mistakes(bad)
+    assert found.named == ()
+    assert "'nowhere'" in found.failed
+
+
+GYRO = """
+title = "gyro"
+needs = ["air"]
+[nodes]
+case = { mass = { value = "0.6 [kg]", min = 0.1, max = 3 }, specific_heat = "900 [J/(kg K)]" }
+[surfaces]
+skin = { of = "case", to = "air", area = "0.0365 [m^2]", effective_htc = { value = "6 [W/(m^2 K)]", min = 1, max = 20 } }
+[loads]
+heat = { into = "case", power = "2.74 [W]" }
+"""
+CAMPAIGN = """
+title = "gyro"
+[records.bench]
+file = "gyro.csv"
+time = "time_s"
+[records.bench.channels]
+T = { node = "case", noise = "0.06 [K]", accuracy = "0.1 [K]" }
+T_AIR = { boundary = "air" }
+[[stages]]
+name = "gyro"
+model = "gyro.toml"
+records = ["bench"]
+scenario = { start = "air" }
+free = ["case.mass", "skin.effective_htc"]
+"""
+COURSE = '[stages.courses.start_up]\ninto = "case"\n'
+SHAPES = {"step": lambda t: (t < 900.0) * 1.0, "ramp": lambda t: np.clip(1.0 - t / 900.0, 0.0, None), "decay": lambda t: np.exp(-t / 900.0)}
+
+
+def gyro(folder: Path, shape: str, course: str = "") -> Path:
+    """Write a synthetic gyro that takes 1.6 W more at first, by 900 s, read to a sixteenth of a degree; return its campaign."""
+    times = np.arange(0.0, 5 * 3600.0, 10.0)
+    (folder / "thermid.toml").write_text("")
+    (folder / "gyro.toml").write_text(GYRO)
+    model = td.load_model(folder / "gyro.toml").with_values({"case.mass": "0.743 [kg]", "skin.effective_htc": "5 [W/(m^2 K)]"})
+    power = TableSignal(times, 2.74 + 1.6 * SHAPES[shape](times), hold=shape == "step")
+    scenario = td.Scenario("hidden", {"air": "24 [degC]"}, start="air", loads={"heat": power}, duration=float(times[-1]))
+    run = td.simulate(model, scenario, times=times)
+    seen = np.round((run["case"].celsius + 0.05 * np.random.default_rng(3).standard_normal(times.size)) * 16.0) / 16.0
+    rows = "\n".join(f"{t:.0f},{v:.4f},24.0" for t, v in zip(times, seen, strict=True))
+    (folder / "gyro.csv").write_text(f"# SYNTHETIC\ntime_s,T [degC],T_AIR [degC]\n{rows}\n")
+    (folder / "campaign.toml").write_text(CAMPAIGN + course)
+    return folder / "campaign.toml"
+
+
+@pytest.mark.parametrize("shape", list(SHAPES))
+def test_a_stage_recovers_a_start_up_transient_and_the_mass(tmp_path: Path, shape: str) -> None:
+    fit = td.run_stages(gyro(tmp_path, shape, COURSE))["gyro"]
+    assert fit["case.mass"].value == pytest.approx(0.743, rel=0.02)
+    assert fit["start_up.power"].value == pytest.approx(1.6, rel=0.06)
+    (said,) = [w for w in fit.warnings if w.startswith("course 'start_up'")]
+    assert f": {shape}, " in said
+    assert 14.5 < float(said.split(f": {shape}, ")[1].split(" min")[0]) < 15.5
+    assert fit.reduced_chi_square < 1.5
+
+
+def test_criticism_proposes_the_start_up_transient(tmp_path: Path) -> None:
+    fit = td.run_stages(gyro(tmp_path, "step"))["gyro"]
+    found = td.inference.criticise(fit)
+    assert found.suggested is not None
+    assert found.suggested.name.startswith("a start-up transient of the power at 'case'; to include it write")
+    assert "W more for the first 1" in found.suggested.found
+    assert found.suggested.fit is not None
+    assert found.suggested.fit["case.mass"].value == pytest.approx(0.743, rel=0.05)
+
+
+def test_a_decaying_power_is_told_from_a_second_mass_by_no_single_sensor(tmp_path: Path) -> None:
+    """Both add one exponential to the same reading, so the suggestion names the other one too."""
+    fit = td.run_stages(gyro(tmp_path, "decay"))["gyro"]
+    assert abs(fit["case.mass"].value / 0.743 - 1.0) > 0.05
+    said = str(td.inference.criticise(fit)).splitlines()[-1]
+    assert "Suggested: " in said
+    assert "a start-up transient of the power at 'case'" in said
+    assert "a second mass behind a resistance at 'case'" in said
+
+
+def test_a_course_may_not_have_the_name_of_a_load(tmp_path: Path) -> None:
+    with pytest.raises(td.ThermidError, match=r"'heat' is a load of the deck\. Give the course another name; it adds to the"):
+        td.run_stages(gyro(tmp_path, "step", COURSE.replace("start_up", "heat")))
+
+
+def test_a_search_that_cannot_begin_says_why(monkeypatch: pytest.MonkeyPatch) -> None:
+    """An error of the first run ended without a word, as if a search had found nothing."""
+    from thermid.base.errors import SolverError
+    from thermid.inference._explain import mistakes
+
+    def broken(*_: object, **__: object) -> None:
+        raise SolverError("the run of 'bench' did not reach its end.")
+
+    monkeypatch.setattr(mistakes.RoughFit, "solve", broken)
+    found = find_mistakes(asked())
+    assert found.failed == "the run of 'bench' did not reach its end."
+    (line,) = found.lines()
+    assert line.endswith(f": {found.failed}")
+    assert found.to_dict()["failed"] == found.failed

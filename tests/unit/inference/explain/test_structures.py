@@ -1,0 +1,150 @@
+"""The search of structures: what was planted is found and nothing else, from one evaluation each to refits and held-out readings."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from typing import Any
+
+import numpy as np
+import pytest
+
+import thermid as td
+from thermid.fit.calibration import fit
+from thermid.fit.problem import Request
+from thermid.inference._explain.candidates import Fitted, changes_of
+from thermid.inference._explain.structures import TIE, FittedStructure, HeldOut, adopted, fitted_structure, search_structure
+from unit.fit.bench import HTC, MASS, box, log
+
+BARE = {"surfaces/skin/effective_htc": "6 [W/(m^2 K)]", "nodes/case/mass": "1.5 [kg]"}
+INNER = {
+    "nodes/inner": {"capacitance": "600 [J/K]"},
+    "conductors/path": {"kind": "conduction", "between": ["inner", "case"], "conductance": "1.0 [W/K]"},
+}
+LAG = {
+    "nodes/bulb": {"capacitance": "1 [J/K]"},
+    "conductors/path": {"kind": "conduction", "between": ["bulb", "case"], "conductance": "0.006 [W/K]"},
+}
+SKIN = {"of": "case", "to": "air", "area": "0.05 [m^2]"}
+HOT = {"parameters/power": "20 [W]"}
+"""Radiation bends only where the rise is large."""
+RADIANT = HOT | {"surfaces/skin": SKIN | {"htc": "3 [W/(m^2 K)]", "emissivity": 0.8}}
+
+
+def asked(truth: td.Model, node: str = "case", own: dict[str, Any] = BARE, **more: Any) -> Request:
+    """A box of one node, and a synthetic log of something else."""
+    data = log(truth, {}, {"T": node}, **{"noise": 0.05, **more})
+    data = data.with_channels(replace(data.channel("T"), target="case"))
+    return Request(box(own), (data,), (HTC, MASS))
+
+
+@pytest.mark.parametrize(
+    ("truth", "node", "words"),
+    [(INNER, "case", "second mass"), (LAG, "bulb", "lag"), (RADIANT, "case", "radiation|dT")],
+    ids=["hidden mass", "lag", "radiation"],
+)
+def test_what_was_planted_is_proposed(truth: dict[str, Any], node: str, words: str) -> None:
+    found = search_structure(asked(box(BARE | truth), node, BARE | (HOT if truth is RADIANT else {})))
+    assert found.complete
+    assert len(found.proposed.changes) == 1
+    assert any(w in found.proposed.name for w in words.split("|"))
+    assert found.likelihood(found.proposed) > 2 * TIE
+    assert found.proposed.rmse == pytest.approx(0.05, rel=0.1)
+    assert str(found).startswith("Proposed: ")
+
+
+def test_nothing_is_proposed_where_nothing_is_missing() -> None:
+    found = search_structure(asked(box(BARE)))
+    assert found.proposed is found.start
+    assert "No change of the structure is supported" in str(found)
+    assert found.orders[0] == 1
+
+
+def test_one_more_mass_that_the_readings_cannot_tell_is_said() -> None:
+    """A mass that is tried and changes nothing ties; it stays a tie and is not proposed."""
+    found = search_structure(asked(box(BARE), samples=101))
+    for one in found.ties:
+        assert found.likelihood(one) > found.likelihood(found.proposed) - TIE
+        assert one.nodes >= found.proposed.nodes
+
+
+def test_the_adopted_request_is_a_fit_at_the_found_values() -> None:
+    found = search_structure(asked(box(BARE | INNER)))
+    done = fit(adopted(found.proposed))
+    for path, value in found.proposed.values.items():
+        assert done[path].value == pytest.approx(value, rel=0.1)
+
+
+def test_changes_of_a_pair_reach_both_and_what_is_between() -> None:
+    """Names of elements are free, every change can be laid over the model by itself, and two of them together."""
+    deck = {
+        "title": "Two",
+        "needs": ["room"],
+        "nodes": {"a": {"capacitance": "100 [J/K]"}, "b": {"capacitance": "300 [J/K]"}},
+        "conductors": {
+            "a_loss": {"kind": "conduction", "between": ["a", "room"], "conductance": "0.5 [W/K]"},
+            "b_loss": {"kind": "conduction", "between": ["b", "room"], "conductance": "0.5 [W/K]"},
+        },
+        "loads": {"heat": {"into": "a", "power": "10 [W]"}},
+    }
+    model = td.model_from_dict(deck)
+    run = td.simulate(
+        model, td.Scenario("s", boundaries={"room": "20 [degC]"}, duration="1 [h]", start="20 [degC]"), times=np.arange(0, 3601.0, 60.0)
+    )
+    channels = {n: td.Channel.of(n, run[n].kelvin, role="node", target=n, noise=0.1) for n in ("a", "b")}
+    record = td.Record.from_arrays("r", run.times, channels)
+    request = Request(model, (record,), ("a.capacitance",), {"*": td.Scenario("s", boundaries={"room": "20 [degC]"})})
+    one = fitted_structure((), request, {})
+    changes = {c.name: c for c in changes_of(Fitted.of_problem(request, one.problem, one.end.fitted))}
+    for words in (
+        "a contact between 'a' and 'b'",
+        "a mass that 'a', 'b' stand on",
+        "a lag of every sensor",
+        "depends on direction",
+        "grows with temperature",
+    ):
+        assert any(words in name for name in changes), words
+    for change in changes.values():
+        assert fitted_structure((change,), change.request, one.fitted).nodes == 2 + change.nodes
+    both = changes["a contact between 'a' and 'b'"].beside(changes["a second mass behind a resistance at 'b'"])
+    assert fitted_structure((both,), both.make(request), one.fitted).nodes == 3
+
+
+def test_commands_that_act_late_are_found() -> None:
+    times = np.arange(0.0, 3000.0, 5.0)
+    levels = np.where((times // 300).astype(int) % 2 == 0, 20.0, 0.0)
+    model = td.model_from_dict(
+        {
+            "title": "Late",
+            "needs": ["room"],
+            "nodes": {"a": {"capacitance": "50 [J/K]"}},
+            "conductors": {"loss": {"kind": "conduction", "between": ["a", "room"], "conductance": "0.5 [W/K]"}},
+            "loads": {"heat": {"into": "a", "power": "0 [W]"}},
+        }
+    )
+    from thermid.fit.problem import build_problem, starting_point
+
+    def record(values: Any, watts: Any) -> td.Record:
+        channels = {
+            "T": td.Channel.of("T", values, role="node", target="a", noise=0.05),
+            "P": td.Channel.of("P", watts, quantity="power", role="load", target="heat"),
+        }
+        return td.Record.from_arrays("r", times, channels)
+
+    scenario = {"*": td.Scenario("s", boundaries={"room": "20 [degC]"})}
+    true = build_problem(Request(model, (record(np.full(times.size, 293.15), np.roll(levels, 3)),), (), scenario))
+    clean = true.blocks(starting_point(true.unknowns))[0].predicted
+    noisy = clean + 0.05 * np.random.default_rng(1).standard_normal(times.size)
+    request = Request(model, (record(noisy, levels),), ("a.capacitance", "loss.conductance"), scenario)
+    found = search_structure(request)
+    assert "commands that act 15 s late" in found.proposed.name
+
+
+def test_held_out_squares_of_white_noise_exceed_those_inside_by_twice_the_parameters() -> None:
+    """Expectation of cross-validation for a linear model: each parameter costs one square inside and one outside."""
+    more = []
+    for seed in range(12):
+        one: FittedStructure = fitted_structure((), asked(box(BARE), seed=seed), {})
+        held: HeldOut = one.held
+        more.append(sum(held.squares.values()) - sum(held.inside.values()))
+    free = 3  # two parameters, and the start, which is fitted to all readings
+    assert 0.5 * free < np.mean(more) < 4.0 * free

@@ -1,0 +1,143 @@
+"""A values file over a deck that was changed since: every route that reads one leaves the same out and says so."""
+
+from __future__ import annotations
+
+import json
+import tomllib
+from collections.abc import Callable
+from pathlib import Path
+
+import numpy as np
+import pytest
+from typer.testing import CliRunner
+
+import thermid as td
+from thermid.app.cli.app import app
+from thermid.prediction._hand import filed
+
+G = "loss.conductance"
+DECK = """
+title = "plate"
+needs = ["air"]
+[nodes]
+body = { capacitance = "500 [J/K]", reference_point = true }
+[conductors]
+loss = { kind = "conduction", between = ["body", "air"], conductance = { value = "0.5 [W/K]", min = 0.1, max = 2 } }
+[loads]
+heater = { into = "body", power = { value = "10 [W]", min = 1, max = 20 } }
+"""
+SCENARIO = 'title = "soak"\nstart = "air"\nduration = "6 [h]"\nboundaries = { air = "20 [degC]" }\n'
+HOLD = 'model = "plate.toml"\nscenario = "soak.toml"\nvalues = "fit.toml"\nmembers = 64\nlimits = { body = "90 [degC]" }\n'
+PLAN = """
+title = "plate, qualified"
+objectives = ["limits kept"]
+success = ["every verdict met"]
+[model]
+deck = "plate.toml"
+values = "fit.toml"
+[limits.body]
+node = "body"
+operating = ["-20 [degC]", "90 [degC]"]
+[sensors]
+T = { node = "body", reason = "the only one", accuracy = "0.3 [K]", noise = "0.1 [K]" }
+[[tests]]
+name = "soak"
+kind = "thermal cycling"
+scenario = { boundaries = { air = "20 [degC]" }, start = "20 [degC]", duration = "6 [h]" }
+"""
+
+
+@pytest.fixture(scope="module")
+def fit() -> td.Calibration:
+    times = np.linspace(0.0, 6000.0, 61)
+    model = td.model_from_dict(tomllib.loads(DECK))
+    course = td.Scenario("log", boundaries={"air": "20 [degC]"}, start="20 [degC]", duration=6000.0)
+    run = td.simulate(model.with_values({G: "0.4 [W/K]"}), course, times=times)
+    noise = 0.05 * np.random.default_rng(1).standard_normal(times.size)
+    made = td.Channel.of("T", run["body"].kelvin + noise, role="node", target="body", noise=0.05)
+    return td.calibrate(model, td.Record.from_arrays("log", times, {"T": made}), [G], scenario=course)
+
+
+@pytest.fixture
+def folder(tmp_path: Path, fit: td.Calibration) -> Path:
+    fit.save(tmp_path / "fit.toml")
+    for name, text in (("plate.toml", DECK), ("soak.toml", SCENARIO), ("hold.toml", HOLD), ("plan.toml", PLAN), ("thermid.toml", "")):
+        (tmp_path / name).write_text(text)
+    return tmp_path
+
+
+def command(folder: Path, *given: str) -> tuple[str, str]:
+    said = CliRunner().invoke(app, [x.replace("@", f"{folder}/") for x in given])
+    assert said.exit_code in (0, 5), said.output
+    return said.stdout, said.stderr
+
+
+def by_simulate(folder: Path) -> tuple[float, str]:
+    out, err = command(folder, "simulate", "@plate.toml", "--scenario", "@soak.toml", "--values", "@fit.toml", "--json")
+    return json.loads(out)["nodes"]["body"]["final_C"], err
+
+
+def by_hold(folder: Path) -> tuple[float, str]:
+    runs, found = td.qualify.load_hold(folder / "hold.toml").run()
+    return float(np.median(runs.of("body")[:, -1])) - 273.15, str(found)
+
+
+def by_plan(folder: Path) -> tuple[float, str]:
+    found = td.qualify.run_plan(folder / "plan.toml")
+    assert found.to_dict()["remarks"] == list(found.known.remarks)
+    return float(found["soak"].expected.prediction["body"].celsius[-1]), str(found)
+
+
+def by_deliver(folder: Path) -> tuple[float, str]:
+    to = folder / "out"
+    _, err = command(folder, "deliver", "@plate.toml", "--scenario", "@soak.toml", "--values", "@fit.toml", "--to", str(to))
+    (run,) = json.loads((to / "checks.json").read_text())["runs"].values()
+    return run["temperatures_C"]["body"][-1], err
+
+
+ROUTES = [by_simulate, by_hold, by_plan, by_deliver]
+
+
+@pytest.mark.parametrize("route", ROUTES, ids=lambda r: r.__name__)
+def test_every_route_lays_what_applies_and_leaves_out_what_does_not(folder: Path, route: Callable[[Path], tuple[float, str]]) -> None:
+    laid, said = route(folder)
+    assert laid == pytest.approx(20.0 + 10.0 / 0.4, abs=0.1)
+    assert "left out:" not in said
+
+
+@pytest.mark.parametrize("route", ROUTES, ids=lambda r: r.__name__)
+def test_every_route_tells_that_the_deck_is_another(folder: Path, route: Callable[[Path], tuple[float, str]]) -> None:
+    (folder / "plate.toml").write_text(DECK.replace("0.5 [W/K]", "0.8 [W/K]"))
+    bare, said = route(folder)
+    assert bare == pytest.approx(20.0 + 10.0 / 0.8, abs=0.1)
+    assert f"{G} = " in said
+    assert "the deck has 0.8 [W/K], but had 0.5 [W/K] when this value was fitted." in said
+
+
+def test_a_delivery_keeps_them_if_asked_to(folder: Path) -> None:
+    (folder / "plate.toml").write_text(DECK.replace("0.5 [W/K]", "0.8 [W/K]"))
+    given = ["deliver", "@plate.toml", "--scenario", "@soak.toml", "--values", "@fit.toml", "--to", "@kept", "--keep-values"]
+    _, err = command(folder, *given)
+    (run,) = json.loads((folder / "kept" / "checks.json").read_text())["runs"].values()
+    assert run["temperatures_C"]["body"][-1] == pytest.approx(20.0 + 10.0 / 0.4, abs=0.1)
+    assert err == ""
+
+
+def test_a_file_written_by_hand_does_for_all(folder: Path) -> None:
+    (folder / "fit.toml").write_text(f'"{G}" = {{ value = "0.4 [W/K]", sd = "1 [%]" }}\n')
+    for route in ROUTES:
+        laid, said = route(folder)
+        assert laid == pytest.approx(45.0, abs=0.1)
+        assert "left out:" not in said
+
+
+def test_of_a_part_a_set_above_wins_and_a_line_says_so(folder: Path) -> None:
+    (folder / "rig.toml").write_text(
+        'title = "rig"\nneeds = ["air"]\n[submodels.p]\nuse = "plate.toml"\nbind = { air = "air" }\n'
+        '[set]\n"p.loss.conductance" = "1 [W/K]"\n'
+    )
+    found = filed(folder / "fit.toml", td.load_model(folder / "rig.toml"), at="p")
+    assert found.model.at(f"p.{G}").text == "1 [W/K]"
+    (line,) = found.lines
+    assert line.startswith(f"'p.{G}' is 1 [W/K] by")
+    assert "overrides the result of stage" in line

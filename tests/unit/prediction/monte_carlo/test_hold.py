@@ -1,0 +1,225 @@
+"""How long limits are kept: against closed forms, as a file, on the command line, as a picture."""
+
+from __future__ import annotations
+
+import json
+import math
+import sys
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+import thermid as td
+from thermid.app.cli.app import main
+from thermid.base.errors import DeckError, ScenarioError
+from thermid.prediction._monte_carlo import chunks as campaign_runs
+from thermid.prediction._monte_carlo.hold import HoldQuestion, clock, first_crossings, hold, hold_time, proportion
+
+POWER, G, C = 10.0, 0.5, 500.0
+TAU = C / G
+DECK = """
+title = "plate"
+needs = ["air"]
+[nodes]
+body = { capacitance = "500 [J/K]", reference_point = true }
+[conductors]
+loss = { kind = "conduction", between = ["body", "air"], conductance = { value = "0.5 [W/K]", source = "assumed" } }
+[loads]
+heater = { into = "body", power = "10 [W]" }
+"""
+SCENARIO = 'title = "warm-up"\nstart = "air"\nduration = "1.5 [h]"\nboundaries = { air = "20 [degC]" }\n'
+QUESTION = """
+model = "plate.toml"
+scenario = "warm.toml"
+members = 400
+seed = 2
+limits = { body = "38 [degC]" }
+spread = { air = "2 [K]" }
+"""
+
+
+@pytest.fixture
+def folder(tmp_path: Path) -> Path:
+    for name, text in (("plate.toml", DECK), ("warm.toml", SCENARIO), ("hold.toml", QUESTION)):
+        (tmp_path / name).write_text(text, encoding="utf-8")
+    return tmp_path
+
+
+def asked(folder: Path, text: str = QUESTION) -> td.qualify.Hold:
+    return question(folder, text).run()[1]
+
+
+def question(folder: Path, text: str = QUESTION) -> HoldQuestion:
+    (folder / "hold.toml").write_text(text, encoding="utf-8")
+    return td.qualify.load_hold(folder / "hold.toml")
+
+
+def test_the_hold_time_is_the_closed_form(folder: Path) -> None:
+    """T = air + P/G (1 - e^(-t/tau)): 95 % keep 38 degC until the air of their hottest twentieth, 1.645 sd up, has carried it there."""
+    found = asked(folder, QUESTION.replace("400", "20000"))
+    point = found["body"]
+    high = 20.0 + 1.6448536 * 2.0
+    exact = -TAU * math.log(1.0 - (38.0 - high) / (POWER / G))
+    assert point.between[0] < exact < point.between[1]
+    assert point.hold == pytest.approx(exact, rel=0.02)
+    reach = POWER / G * (1.0 - math.exp(-5400.0 / TAU))
+    never = 0.5 * (1.0 + math.erf((38.0 - 20.0 - reach) / 2.0 / math.sqrt(2.0)))
+    assert point.never_between[0] < never < point.never_between[1]
+    assert point.exceedance[-1] == pytest.approx(1.0 - never, abs=0.01)
+    assert (np.diff(point.exceedance) >= 0.0).all()
+    assert [d.name for d in point.drivers] == ["air"]
+    assert point.drivers[0].share == pytest.approx(1.0, abs=1e-6)
+    assert found.sentence == f"warm-up: {clock(point.hold)} until body's 38 degC, 95 %"
+    assert found.watermark == "demonstration, 1 assumed parameters"
+
+
+def test_its_interval_covers_as_often_as_it_says() -> None:
+    """Order statistics of 400 exponential times, 1000 times over: 95 % within two standard errors of 1.4 %, or more."""
+    rng = np.random.default_rng(4)
+    exact = -math.log(0.95)
+    hits = [low <= exact <= high for _ in range(1000) for _, (low, high) in [hold_time(rng.exponential(size=400), 0.95)]]
+    assert 0.936 < np.mean(hits) <= 0.99
+
+
+def test_the_interval_of_a_probability() -> None:
+    assert proportion(0, 1000) == (0.0, pytest.approx(1.0 - 0.025 ** (1 / 1000)))
+    assert proportion(1000, 1000)[1] == 1.0
+    low, high = proportion(30, 100)  # tables of Clopper and Pearson
+    assert (low, high) == pytest.approx((0.2124, 0.3998), abs=1e-4)
+
+
+def test_crossings_lie_on_the_lines_between_samples() -> None:
+    rows = np.array([[-1.0, -0.5, 0.5, -3.0], [-1.0, -1.0, -1.0, -1.0], [1.0, -1.0, -1.0, 2.0]])
+    assert first_crossings(np.array([0.0, 10.0, 20.0, 30.0]), rows).tolist() == [15.0, math.inf, 0.0]
+
+
+def test_a_lowest_limit_and_the_limit_passed_first(folder: Path) -> None:
+    """Which limit goes first differs from member to member; all together are passed no later than any."""
+    text = QUESTION.replace('limits = { body = "38 [degC]" }', 'limits = { body = { highest = "38 [degC]", lowest = "19 [degC]" } }')
+    found = asked(folder, text)
+    low, high = found.points
+    assert (low.side, low.limit) == ("lowest", 19.0)
+    assert (low.hold, low.never) == (0.0, pytest.approx(0.69, abs=0.05))
+    assert (found.together.crossings <= np.minimum(low.crossings, high.crossings)).all()
+    assert found.together.never < min(low.never, high.never)
+
+
+def test_a_limit_that_nobody_passes(folder: Path) -> None:
+    found = asked(folder, QUESTION.replace("38 [degC]", "90 [degC]"))
+    assert found.sentence == "warm-up: no limit is exceeded in 1 h 30 min, 95 %"
+    assert math.isinf(found["body"].hold)
+    assert found["body"].never == 1.0
+    assert found["body"].drivers[0].name == "air"
+    assert json.loads(json.dumps(found.to_dict()["points"]["body"]["never_between"]))[1] == 1.0
+
+
+@pytest.mark.parametrize(
+    ("old", "new", "words"),
+    [
+        ("seed = 2", "seeds = 2", r"hold.toml:5, seeds: 'seeds' is not a field here. Did you mean 'seed'\?"),
+        ("members = 400", 'members = "400"', r"hold.toml:4, members: a whole number is needed, not '400'"),
+        ("members = 400", "members = 0", "members: .*greater than or equal to 1"),
+        ("members = 400", "members = 10", r"10 members are too few for 95 %. Request 400 or more"),
+        ('limits = { body = "38 [degC]" }', "", "hold.toml, limits: is missing"),
+        ("38 [degC]", "38 [W]", r"limits, body"),
+        ('"38 [degC]"', '{ top = "38 [degC]" }', "limits.body.top: 'top' is not a field here"),
+        ('"38 [degC]"', '{ highest = "1 [degC]", lowest = "2 [degC]" }', "its lowest temperature is not below its highest"),
+        ("{ body =", "{ bode =", r"no node 'bode'. Did you mean 'body'\?"),
+        ("warm.toml", "worm.toml", r"there is no file 'worm.toml'.* Did you mean 'warm.toml'\?"),
+        ("seed = 2", 'unit = "box"', r"no submodel 'box' for the unit\."),
+        ("seed = 2", "confidence = 2.0", "the confidence is 2. Give 0.95 or another"),
+    ],
+)
+def test_mistakes_in_a_question_are_named(old: str, new: str, words: str, folder: Path) -> None:
+    with pytest.raises((DeckError, ScenarioError, td.ThermidError), match=words):
+        asked(folder, QUESTION.replace(old, new))
+
+
+def test_members_that_did_not_finish_count_as_passing_their_limits(folder: Path) -> None:
+    runs, whole = question(folder).run()
+    late = np.argsort(-whole.points[0].crossings)[:12]  # those that keep the limit longest are said to have failed
+    lost = replace(runs, failed={int(m): "a step could not be solved" for m in late})
+    found = hold(lost, {"body": "38 [degC]"})
+    assert (found.members, found.unfinished, found.points[0].crossings.size) == (388, 12, 400)
+    ordered = np.sort(np.append(np.delete(whole.points[0].crossings, late), np.zeros(12)))
+    assert found.points[0].hold == ordered[19] < whole.points[0].hold
+    assert found.points[0].between[0] <= found.points[0].hold
+    assert found.points[0].between[1] >= whole.points[0].between[1]  # had they been kept, the answer would be the old one
+    assert found.points[0].exceedance[0] == 12 / 400
+    never = int(np.isinf(np.delete(whole.points[0].crossings, late)).sum())
+    assert found.points[0].never_between == (proportion(never, 400)[0], proportion(never + 12, 400)[1])
+    assert str(found).splitlines()[1].startswith("  12 of 400 members did not reach the end of the run and count as passing every limit")
+    assert (found.to_dict()["unfinished"], whole.to_dict()["unfinished"]) == (12, 0)
+    assert "did not reach" not in str(whole)
+
+
+def test_more_unfinished_members_than_the_confidence_allows_leave_no_time(folder: Path) -> None:
+    runs, _ = question(folder).run()
+    found = hold(replace(runs, failed=dict.fromkeys(range(40), "a step could not be solved")), {"body": "38 [degC]"})
+    assert found.points[0].hold == found.together.hold == 0.0
+    assert "0 min until" in found.sentence
+
+
+def command(*words: object) -> int:
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(sys, "argv", ["thermid", *map(str, words)])
+        patch.setattr("thermid.app.cli.screen.PATIENCE", 0.0)  # progress is told however fast the machine is
+        with pytest.raises(SystemExit) as left:
+            main()
+    return int(left.value.code or 0)
+
+
+def test_members_that_do_not_reach_the_end_are_counted_with_a_reason(folder: Path) -> None:
+    """'0 members are too few for 95 %' of forty, none of which reached the end: the power grows faster than what leaves."""
+    runs_away = 'heater = { into = "body", power = "10 [W]", exponential_coefficient = "0.5 [1/K]", reference_temperature = "20 [degC]" }'
+    text = (folder / "plate.toml").read_text(encoding="utf-8")
+    (folder / "plate.toml").write_text(text.replace('heater = { into = "body", power = "10 [W]" }', runs_away), encoding="utf-8")
+    said = r"0 of 40 members reached the end of the run, too few for 95 %\. Member 0 did not: .*rises without limit"
+    with pytest.raises(ScenarioError, match=said):
+        asked(folder, QUESTION.replace("400", "40"))
+
+
+def test_the_command_prints_one_object_and_progress_beside_it(folder: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    assert command("hold", folder / "hold.toml", "--json", "--figure", folder / "hold.png") == 0
+    said = capsys.readouterr()
+    found = json.loads(said.out)
+    assert found["sentence"].startswith("warm-up: ")
+    assert found["points"]["body"]["limit_C"] == 38.0
+    assert said.err.splitlines()[-1] == "400 of 400 members"
+    assert (folder / "hold.png").stat().st_size > 10_000
+    assert command("hold", folder / "hold.toml") == 0
+    again = capsys.readouterr()
+    assert again.err.splitlines() == ["400 of 400 members"]  # all of them were kept
+    assert found["sentence"] in again.out
+
+
+def test_an_interrupted_command_says_how_to_go_on(
+    folder: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    honest = campaign_runs.work
+
+    def once(job: campaign_runs.Job, first: int, members: int, threads: int = 1) -> campaign_runs.Chunk:
+        if first:
+            raise KeyboardInterrupt
+        return honest(job, first, members, threads)
+
+    monkeypatch.setattr(campaign_runs, "work", once)
+    assert command("hold", folder / "hold.toml", "--members", 1000) == 3
+    assert "interrupted with 500 of 1000 members done. The same command goes on from there." in capsys.readouterr().err
+
+
+def test_mistakes_are_told_before_anything_runs(folder: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    assert command("hold", folder / "hold.toml", "--members", 10) == 2
+    assert command("hold", folder / "hold.toml", "--figure", "curve.gif") == 2
+    said = capsys.readouterr().err
+    assert "10 members are too few for 95 %. Request 400 or more." in said
+    assert "curve.gif: the ending '.gif' promises a picture in GIF, but the picture is written as .png or .svg or .pdf." in said
+    assert "of 400 members" not in said
+    assert not (folder / "results").exists()
+
+
+def test_a_mistake_on_the_command_line_is_an_object_too(folder: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    assert command("hold", folder / "hole.toml", "--json") == 2
+    assert "Did you mean 'hold.toml'?" in json.loads(capsys.readouterr().out)["message"]

@@ -1,0 +1,338 @@
+"""Runs with everything unknown drawn anew: draws by member, chunks kept and resumed, the same numbers from every executor."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+import thermid as td
+from thermid.base.errors import NameNotFoundError, ScenarioError
+from thermid.prediction._budget import Target
+from thermid.prediction._known import normal_sources
+from thermid.prediction._monte_carlo import chunks as campaign_runs
+from thermid.prediction._monte_carlo.drivers import drivers_of
+from thermid.prediction._monte_carlo.uncertain import begun_at
+from thermid.values.fitted import FittedValue, FittedValues
+from thermid.values.store import Cut, Shifted, Uniform, uniforms
+
+POWER, G, C, ROOM = 10.0, 0.5, 500.0, 293.15
+SPREAD = {"air": "2 [K]", "scale.heater": "5 [%]"}
+
+
+def plate(**more: object) -> td.Model:
+    return td.model_from_dict(
+        {
+            "title": "plate",
+            "needs": ["air"],
+            "nodes": {"body": {"capacitance": f"{C} [J/K]", "reference_point": True}},
+            "conductors": {
+                "loss": {"kind": "conduction", "between": ["body", "air"], "conductance": {"value": f"{G} [W/K]", "min": 0.4, "max": 0.55}}
+            },
+            "loads": {"heater": {"into": "body", "power": {"value": f"{POWER} [W]", "source": "assumed"}}},
+            **more,
+        }
+    )
+
+
+SCENARIO = td.Scenario("warm-up", boundaries={"air": "20 [degC]"}, start="air", duration="1 [h]")
+
+
+def runs(**more: object) -> td.qualify.UncertainRuns:
+    return td.qualify.uncertain_runs(plate(), SCENARIO, **{"spread": SPREAD, "n": 60, "chunk": 16, "seed": 3, **more})
+
+
+def test_a_draw_depends_on_seed_name_and_index_alone() -> None:
+    every = uniforms(5, "air", 0, 100)
+    assert np.array_equal(uniforms(5, "air", 40, 7), every[40:47])
+    assert not np.isin(uniforms(5, "sky", 0, 100), every).any()
+    assert not np.isin(uniforms(6, "air", 0, 100), every).any()
+    assert 0.0 < every.min() < every.max() < 1.0
+
+
+def test_more_members_or_another_spread_leave_the_draws_as_they_are() -> None:
+    few, many, wider = runs(), runs(n=100), runs(spread={"loss.conductance": "5 [%]", **SPREAD})
+    for name in ("air", "scale.heater"):
+        assert np.array_equal(few.draws[name], many.draws[name][:60])
+        assert np.array_equal(few.draws[name], wider.draws[name])
+    assert np.array_equal(few.temperatures[:48], many.temperatures[:48])
+
+
+def test_every_member_is_the_run_that_it_would_be_alone() -> None:
+    found = runs()
+    for member in (0, 17, 59):
+        shift, factor = (found.draws[n][member] for n in ("air", "scale.heater"))
+        alone = td.simulate(
+            plate(),
+            SCENARIO.with_(boundaries={"air": f"{20 + shift} [degC]"}, loads={"heater": f"{POWER * factor} [W]"}),
+            times=found.times,
+        )
+        assert found.of("body")[member] == pytest.approx(alone["body"].kelvin, abs=1e-5)
+
+
+def test_spreads_have_the_moments_that_were_asked_for() -> None:
+    spread = {
+        "air": "2 [K]",
+        "scale.heater": {"log_sd": 0.2},
+        "loss.conductance": "range",
+        "initial.body": {"low": "-1 [K]", "high": "3 [K]"},
+    }
+    draws = runs(spread=spread, n=4000, chunk=4000, every="30 [min]").draws
+    assert draws["air"].mean() == pytest.approx(0.0, abs=0.1)
+    assert draws["air"].std() == pytest.approx(2.0, rel=0.04)
+    assert np.log(draws["scale.heater"]).std() == pytest.approx(0.2, rel=0.04)
+    assert (draws["loss.conductance"].min(), draws["loss.conductance"].max()) == pytest.approx((0.4, 0.55), abs=1e-3)
+    assert (draws["initial.body"].min(), draws["initial.body"].max()) == pytest.approx((-1.0, 3.0), abs=0.01)
+
+
+def test_normals_stay_within_the_bounds_of_their_deck() -> None:
+    draws = runs(spread={"loss.conductance": "20 [%]"}, n=2000, chunk=2000, every="30 [min]").draws["loss.conductance"]
+    assert 0.4 < draws.min() < 0.405
+    assert 0.545 < draws.max() < 0.55
+
+
+def fitted(path: str = "loss.conductance", prefix: str = "") -> FittedValues:
+    def value(name: str, at: float, log: bool, unit: str) -> FittedValue:
+        return FittedValue(name, at, 0.1, 0.1, log, unit, at, (0.0, 1e9), "fit")
+
+    covariance = np.array([[0.0025, 0.004], [0.004, 0.01]])
+    items = {f"{prefix}{path}": value(f"{prefix}{path}", 0.48, True, "W/K"), "heater.power": value("heater.power", 11.0, False, "W")}
+    return FittedValues("bench", items, covariance)
+
+
+def test_what_a_fit_left_open_is_drawn_with_its_covariance() -> None:
+    found = runs(values=fitted(), spread={}, n=4000, chunk=4000, every="30 [min]")
+    log_g, watts = np.log(found.draws["loss.conductance"]), found.draws["heater.power"]
+    assert np.cov(log_g, watts) == pytest.approx(fitted().covariance, rel=0.08)
+    assert (np.exp(log_g.mean()), watts.mean()) == pytest.approx((0.48, 11.0), rel=5e-3)
+
+
+def test_a_calibration_is_drawn_as_its_values_file(tmp_path: Path) -> None:
+    times = np.arange(0.0, 3601.0, 60.0)
+    truth = td.simulate(plate().with_values({"loss.conductance": "0.47 [W/K]"}), SCENARIO, times=times)["body"].kelvin
+    noisy = truth + 0.1 * np.random.default_rng(2).standard_normal(times.size)
+    channel = td.Channel.of("T", noisy, role="node", target="body", noise=0.1)
+    fit = td.calibrate(plate(), td.Record.from_arrays("log", times, {"T": channel}), ["loss.conductance"], scenario=SCENARIO)
+    fit.save(tmp_path / "fit.values.toml")
+    own, filed = (runs(values=v, spread={}) for v in (fit, td.load_values(tmp_path / "fit.values.toml")))
+    assert own.draws["loss.conductance"].mean() == pytest.approx(fit["loss.conductance"].value, abs=fit["loss.conductance"].error)
+    assert own.draws["loss.conductance"].std() == pytest.approx(fit["loss.conductance"].error, rel=0.3)
+    assert np.allclose(own.draws["loss.conductance"], filed.draws["loss.conductance"], rtol=1e-9)
+
+
+def test_values_of_a_unit_reach_it_on_its_host() -> None:
+    host = td.model_from_dict(
+        {"title": "host", "needs": ["out"], "submodels": {"unit": {"use": plate(), "bind": {"air": "out"}}}, "aliases": {"U": "unit.body"}}
+    )
+    scenario = td.Scenario("x", boundaries={"out": "20 [degC]"}, duration="1 [h]")
+    found = td.qualify.uncertain_runs(host, scenario, fitted(), at="unit", n=20, nodes=["U"])
+    assert set(found.draws) == {"unit.loss.conductance", "unit.heater.power"}
+    assert found.draws["unit.heater.power"].mean() == pytest.approx(11.0, abs=0.1)
+
+
+def test_a_root_of_a_covariance_has_a_column_for_each_direction_that_has_a_variance() -> None:
+    some = np.random.default_rng(0).normal(size=(6, 4)) * np.array([1e-6, 1.0, 3.0, 1e4, 1.0, 1.0])[:, None]
+    covariance = some @ some.T  # of rank four
+    sources, root = normal_sources("bench", covariance, "data")
+    assert root.shape == (6, len(sources)) == (6, 4)
+    scale = np.sqrt(np.diag(covariance))
+    assert root @ root.T / np.outer(scale, scale) == pytest.approx(covariance / np.outer(scale, scale), abs=1e-9)
+
+
+def test_a_pattern_reaches_every_number_and_what_is_named_wins() -> None:
+    two = td.model_from_dict(
+        {
+            "title": "two",
+            "needs": ["air"],
+            "submodels": {"a": {"use": plate(), "bind": {"air": "air"}}, "b": {"use": plate(), "bind": {"air": "air"}}},
+        }
+    )
+    job = td.qualify.uncertain_runs(two, SCENARIO, spread={"*.conductance": "range"}, n=2).job
+    # both instances share what one deck says
+    assert job.budget.targets == (Target("a.loss.conductance", "add", ("b.loss.conductance",)),)
+    own = {"*.conductance": "range", "a.loss.conductance": "1 [%]"}
+    budget = td.qualify.uncertain_runs(two, SCENARIO, spread=own, n=2).job.budget
+    laws = {s.name: type(s.law.law) for s in budget.sources if isinstance(s.law, Shifted)}
+    assert laws == {"b.loss.conductance": Uniform, "a.loss.conductance": Cut}
+    assert all(t.also == () for t in budget.targets)
+
+
+def test_weather_and_start_times_are_drawn() -> None:
+    day = SCENARIO.with_(boundaries={"air": {"mean": "20 [degC]", "amplitude": "8 [K]", "period": "24 [h]"}})
+    cold = day.with_(title="cold", boundaries={"air": "5 [degC]"})
+    found = runs(spread={}, n=40, chunk=40)
+    assert np.ptp(found.of("body")[:, -1]) == 0.0  # nothing was drawn
+    found = td.qualify.uncertain_runs(
+        plate(), [day, cold], n=400, spread={"start_time": {"low": "0 [h]", "high": "6 [h]", "step": "2 [h]"}}
+    )
+    (name,) = found.draws
+    assert name == "scenario and start_time"
+    counts = np.bincount(found.draws[name].astype(int))
+    assert counts.size == 8
+    assert counts.min() > 25
+    for member in (0, 5):
+        which = int(found.draws[name][member])
+        alone = td.simulate(plate(), begun_at((day, cold)[which // 4], 7200.0 * (which % 4)), times=found.times)
+        assert found.of("body")[member] == pytest.approx(alone["body"].kelvin, abs=1e-9)
+
+
+def test_a_start_later_keeps_tables_and_what_is_done() -> None:
+    given = SCENARIO.with_(
+        boundaries={"air": {"times": ["0 [h]", "1 [h]", "3 [h]"], "values": ["10 [degC]", "20 [degC]", "40 [degC]"]}},
+        commands={"heater": {"times": ["0 [h]", "0.5 [h]"], "values": [1, 0], "hold": True}},
+    )
+    later = begun_at(given, 5400.0)
+    at = np.array([0.0, 1800.0, 5400.0])
+    assert later.boundaries["air"].at(at) == pytest.approx([298.15, 303.15, 313.15])
+    assert later.commands == given.commands
+
+
+def test_tables_that_end_before_a_run_begun_last_are_refused() -> None:
+    short = SCENARIO.with_(boundaries={"air": {"times": ["0 [h]", "1 [h]"], "values": ["10 [degC]", "20 [degC]"]}})
+    with pytest.raises(ScenarioError, match=r"boundaries\.air: it ends at 1800 s and the run lasts 1 h"):
+        td.qualify.uncertain_runs(plate(), short, spread={"start_time": {"low": "0 [h]", "high": "1 [h]"}}, n=4)
+
+
+# chunks ------------------------------------------------------------------------------------------------------------------------------
+
+
+def test_an_interrupted_run_goes_on_without_repeating(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    whole = runs()
+    worked: list[int] = []
+    honest = campaign_runs.work
+
+    def counted(job: campaign_runs.Job, first: int, members: int, threads: int = 1) -> campaign_runs.Chunk:
+        if len(worked) == 2:
+            raise KeyboardInterrupt
+        worked.append(first)
+        return honest(job, first, members, threads)
+
+    monkeypatch.setattr(campaign_runs, "work", counted)
+    with pytest.raises(KeyboardInterrupt):
+        runs(folder=tmp_path)
+    assert worked == [0, 16]
+    monkeypatch.setattr(campaign_runs, "work", honest)
+    seen: list[tuple[int, int]] = []
+    again = runs(folder=tmp_path, progress=lambda done, members: seen.append((done, members)))
+    assert again.reused == 32
+    assert seen == [(32, 60), (48, 60), (60, 60)]
+    assert np.array_equal(again.temperatures, whole.temperatures)
+    assert runs(folder=tmp_path, n=100).reused == 48  # the last chunk was a part of one
+
+
+@pytest.mark.parametrize("change", [{"seed": 4}, {"spread": {"air": "3 [K]"}}, {"every": "1 [min]"}, {"chunk": 8}])
+def test_another_question_has_another_folder(change: dict[str, object], tmp_path: Path) -> None:
+    runs(folder=tmp_path)
+    assert runs(folder=tmp_path, **change).reused == 0
+    assert len(list(tmp_path.iterdir())) == 2
+
+
+def test_a_spoiled_chunk_is_run_again(tmp_path: Path) -> None:
+    whole = runs(folder=tmp_path)
+    first = min(tmp_path.rglob("*.npz"))
+    first.write_bytes(first.read_bytes()[:200])
+    again = runs(folder=tmp_path)
+    assert again.reused == 44
+    assert np.array_equal(again.temperatures, whole.temperatures)
+
+
+def test_threads_give_the_same_numbers() -> None:
+    assert np.array_equal(runs(threads=2).temperatures, runs().temperatures)
+
+
+@pytest.mark.campaign
+def test_processes_give_the_same_numbers() -> None:
+    assert np.array_equal(runs(workers=2).temperatures, runs().temperatures)
+
+
+@pytest.mark.campaign
+@pytest.mark.filterwarnings("ignore")
+def test_no_cluster_answers(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(campaign_runs, "PATIENCE", "1s")
+    with pytest.raises(ScenarioError, match=r"no cluster responds at 'tcp://127\.0\.0\.1:9'\. Start one: dask scheduler,"):
+        runs(cluster="tcp://127.0.0.1:9")
+
+
+def test_a_missing_package_is_named(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setitem(__import__("sys").modules, "joblib", None)
+    with pytest.raises(td.ThermidError, match=r"needs 'joblib', which is not installed\. Install with: .*pip install joblib"):
+        runs(workers=2)
+
+
+def test_members_that_fail_are_left_out_and_told() -> None:
+    found = runs(spread={"scale.heater": {"sd": "1"}}, options=td.Options(max_steps=2, method="integrator"))
+    assert len(found.failed) > 0
+    assert any("did not reach the end" in w for w in found.warnings) or len(found.failed) == 60
+
+
+# mistakes ----------------------------------------------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize(
+    ("more", "words"),
+    [
+        ({"n": 0}, "at least one member and one process"),
+        ({"spread": {"air": "2 [K]", "loss.conductance": "range"}, "values": fitted()}, r"'loss\.conductance' has two spreads, by fit of"),
+        ({"spread": {"air": {"sdd": "2 [K]"}}}, r"write \{sd\}, \{log_sd\}, \{low, high\} or \"range\".* Did you mean 'sd'\?"),
+        ({"spread": {"air": "2 [%]"}}, "per cent do not apply to a temperature."),
+        ({"spread": {"air": {"low": "2 [K]", "high": "1 [K]"}}}, "its low end is above its high end. Exchange"),
+        ({"spread": {"heater.power": "range"}}, r"'range' needs min and max of the value in its deck\."),
+        ({"spread": {"*.mass": "range"}}, r"the pattern '\*\.mass' matches no number with min and max"),
+        ({"spread": {"airr": "1 [K]"}}, r"Did you mean 'air'\?"),
+        ({"spread": {"loss.conductance": {"sd": "1e-6 [W/K]"}, "start_time": "1 [h]"}}, r"write \{ low = \"0 \[h\]\""),
+        ({"nodes": ["bodi"]}, r"no node 'bodi'. Did you mean 'body'\?"),
+        ({"chunk": 0}, "chunks of at least one member"),
+    ],
+)
+def test_mistakes_are_named(more: dict[str, object], words: str) -> None:
+    with pytest.raises(td.ThermidError, match=words):
+        runs(**more)
+
+
+def test_the_power_of_a_deck_that_the_scenario_gives_is_refused() -> None:
+    with pytest.raises(td.ThermidError, match=r"the scenario gives the power of 'heater'.*Spread 'scale.heater' in per cent"):
+        td.qualify.uncertain_runs(plate(), SCENARIO.with_(loads={"heater": "3 [W]"}), spread={"heater.power": "5 [%]"}, n=4)
+
+
+def test_a_node_that_was_not_kept() -> None:
+    with pytest.raises(NameNotFoundError, match=r"'air' was not stored\."):
+        runs().of("air")
+
+
+# drivers -----------------------------------------------------------------------------------------------------------------------------
+
+
+def test_drivers_share_what_a_line_through_the_ranks_explains() -> None:
+    rng = np.random.default_rng(1)
+    a, b, c = rng.normal(size=(3, 3000))
+    first, second, third = drivers_of({"a": a, "b": b, "c": c, "twin": a.copy()}, 3.0 * a - 1.0 * b)
+    assert (first.name, second.name, third.name) == ("a", "b", "c")
+    assert (first.share, second.share, third.share) == pytest.approx((0.9, 0.1, 0.0), abs=0.03)
+    assert first.direction > 0.9 > 0.0 > second.direction
+    assert first.share + second.share + third.share == pytest.approx(1.0, abs=0.02)
+
+
+def test_too_few_members_have_no_drivers() -> None:
+    rng = np.random.default_rng(1)
+    assert drivers_of({"a": rng.normal(size=20)}, rng.normal(size=20)) == ()
+
+
+def test_sobol_of_a_sum_is_its_variances() -> None:
+    """Settled, T = air + P/G: shares of 2 K and of 20 K times 5 % are 4 to 1."""
+    job = runs(nodes=["body"], every="30 [min]").job
+    found = td.qualify.sobol_of(job, "body", 3600.0, base=256)
+    settled = 1.0 - np.exp(-3600.0 * G / C)
+    by_hand = np.array([2.0**2, (20.0 * settled * 0.05) ** 2])
+    assert [found.total["air"], found.total["scale.heater"]] == pytest.approx(by_hand / by_hand.sum(), abs=0.03)
+    assert found.runs == 256 * 4
+    assert "air" in str(found).splitlines()[1]
+
+
+@pytest.mark.parametrize(
+    ("more", "words"), [({"base": 100}, "a power of two, not 100"), ({"spread": {"air": "1 [K]"}}, "Sobol's indices need at least")]
+)
+def test_sobol_refuses(more: dict[str, object], words: str) -> None:
+    base = {"base": more.pop("base")} if "base" in more else {}
+    with pytest.raises(ScenarioError, match=words):
+        td.qualify.sobol_of(runs(**more).job, "body", **base)

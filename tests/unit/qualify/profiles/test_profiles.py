@@ -1,0 +1,185 @@
+"""Profiles of the standards: numbers, marks, levels, files, remarks, cycles."""
+
+from __future__ import annotations
+
+import pytest
+
+import thermid as td
+from thermid.base.errors import ScenarioError, ThermidError
+from thermid.base.sourced import MARKS
+from thermid.qualify._profiles.profile import EQUIVALENCE
+
+PREDICTED = ("-5 [degC]", "45 [degC]")
+
+
+def unit_cycle(**changes):
+    return td.qualify.profile_of("SMC-S-016", "unit thermal cycle", level="qualification", predicted=PREDICTED, **changes)
+
+
+def test_levels_of_smc_are_the_wider_of_margin_and_least_range():
+    assert unit_cycle()["hot"].text == "71 [degC]"
+    wide = unit_cycle().with_(predicted=("-40 [degC]", "70 [degC]"))
+    assert (wide["cold"].text, wide["hot"].text) == ("-50 [degC]", "80 [degC]")
+    acceptance = td.qualify.profile_of("smc", "unit thermal cycle", level="acceptance", predicted=("-40 [degC]", "70 [degC]"))
+    assert (acceptance["cold"].text, acceptance["hot"].text) == ("-40 [degC]", "70 [degC]")
+
+
+@pytest.mark.parametrize(("level", "count"), [("qualification", 23), ("protoqualification", 16), ("acceptance", 10)])
+def test_counts_of_smc(level, count):
+    profile = td.qualify.profile_of("SMC-S-016", "unit thermal cycle", level=level)
+    assert max(s.cycle for s in profile.steps) == count
+
+
+def test_soaks_off_times_and_starts():
+    first = [s for s in unit_cycle().steps if s.cycle == 1]
+    assert [s.name for s in first[:4]] == ["to hot", "hot dwell", "hot, off", "hot start"]
+    assert [s.dwell for s in first[1:4]] == [3600.0, 1800.0, 16200.0]  # 6 h of soak in all
+    assert [s.power for s in first[:4]] == [True, None, False, True]
+    second = [s for s in unit_cycle().steps if s.cycle == 2]
+    assert [s.dwell for s in second[1:4]] == [3600.0, 1800.0, 3600.0]  # the soak of 1 h is over; 1 h of hot operation is not
+
+
+def test_first_and_last_half_cycles_are_hot_and_a_cold_one_is_remarked():
+    assert not [r for r in unit_cycle().check() if "half cycle" in r]
+    (remark,) = [r for r in unit_cycle(last="cold").check() if "half cycle" in r]
+    assert remark.startswith("the last half cycle is cold")
+    (remark,) = [r for r in unit_cycle(first="cold").check() if "first half cycle" in r]
+    assert "6.3.8.3" in remark
+
+
+def test_marks_are_carried_and_memory_decides_nothing():
+    smc = unit_cycle()
+    heard = smc.with_(dwell={"value": "2 [h]", "mark": "memory"}, ramp={"value": "2 [K/min]", "mark": "secondary"})
+    assert (smc.mark, smc.decides, smc.from_memory) == ("project", True, ())
+    assert (heard.mark, heard.decides, heard.from_memory) == ("memory", False, ("dwell",))
+    assert ". Check them there before any verdict" in heard.trust
+    assert heard.trust in str(heard)
+    read = heard.with_(dwell={"value": "2 [h]", "mark": "read", "clause": "5.1"})
+    assert (read.from_memory, read.decides, read.mark) == ((), True, "secondary")
+
+
+def test_a_rule_from_memory_makes_a_profile_from_memory():
+    profile = unit_cycle().with_(stable="1 K/h")
+    assert profile["stable"].mark == "project"  # chosen by the project, so it is the project's number
+    assert profile.decides
+
+
+def test_every_profile_of_the_library_expands_and_every_number_has_a_mark():
+    seen = 0
+    for standard, profiles in td.qualify.profile_names().items():
+        for name, levels in profiles.items():
+            for level in levels or ("",):
+                profile = td.qualify.profile_of(standard, name, level=level, predicted=PREDICTED)
+                assert profile.steps
+                assert {n.mark for n in profile.numbers.values()} <= set(MARKS)
+                assert all(n.clause for n in profile.numbers.values() if n.mark in ("read", "secondary"))
+                assert profile.decides, f"{profile.title}: read it in its source, or take it out"
+                seen += 1
+    assert seen == 18
+
+
+def test_a_file_is_like_a_standard_with_other_numbers(tmp_path):
+    file = tmp_path / "own.toml"
+    file.write_text(
+        '[profile]\nlike = "SMC-S-016 unit thermal cycle"\nlevel = "acceptance"\ncycles = 2\nhot = "55 [degC]"\n'
+        'predicted = ["-5 [degC]", "45 [degC]"]\ndwell = { value = "2 [h]", note = "by analysis" }\n',
+        encoding="utf-8",
+    )
+    profile = td.qualify.load_profile(file)
+    assert (profile["cycles"].value, profile["hot"].text, profile["cold"].text) == (2.0, "55 [degC]", "-24 [degC]")
+    assert (profile["dwell"].mark, profile["dwell"].note, profile["soak"].mark) == ("project", "by analysis", "read")
+    profile.save(tmp_path / "saved.toml")
+    again = td.qualify.load_profile(tmp_path / "saved.toml")
+    assert again.numbers == profile.numbers
+    assert (again.steps, again.mark) == (profile.steps, profile.mark)
+
+
+def test_written_steps_are_saved_and_read(tmp_path):
+    step = {"name": "warm up", "to": "60 [degC]", "humidity": 0.95, "over": "2 [h]", "power": "off", "mark": "memory"}
+    profile = td.qualify.profile_of("SMC-S-016", "unit humidity").with_(steps=[step, {"name": "hot and humid", "dwell": "6 [h]"}])
+    profile.save(tmp_path / "p.toml")
+    again = td.qualify.load_profile(tmp_path / "p.toml")
+    assert again.steps == profile.steps
+    assert again.decides is False
+
+
+@pytest.mark.parametrize(
+    ("made", "words"),
+    [
+        (lambda: td.qualify.profile_of("DO-160G"), "For another standard write a profile file, each"),
+        (lambda: td.qualify.profile_of("SMS-S-016"), "Did you mean 'smc-s-016'"),
+        (lambda: td.qualify.profile_of("SMC-S-016", "unit thermal cycles"), "Did you mean 'unit thermal cycle'"),
+        (
+            lambda: td.qualify.profile_of("SMC-S-016", "unit thermal cycle", level="flight"),
+            "it has qualification, protoqualification, acceptance",
+        ),
+        (lambda: unit_cycle(dwel="1 [h]"), "Did you mean 'dwell'"),
+        (lambda: unit_cycle(dwell="1 [K]"), "a temperature difference"),
+        (lambda: unit_cycle(dwell="-1 [h]"), "below zero"),
+        (lambda: unit_cycle(stable="3 C"), "is not a rule of stability."),
+        (lambda: unit_cycle(starts="often"), "each, first and last, never"),
+        (lambda: unit_cycle(cycles=2.5).steps, "the number of cycles must be whole, at"),
+        (lambda: unit_cycle(hot="-40 [degC]").check(), "is not below its hot level,"),
+        (lambda: td.qualify.profile_of("SMC-S-016", "vehicle thermal vacuum").steps, "its hot level is not known"),
+        (
+            lambda: td.qualify.profile_of("SMC-S-016", "unit thermal cycle", predicted=("45 [degC]", "-5 [degC]")),
+            "is not below the highest",
+        ),
+        (lambda: unit_cycle(dwell={"value": "1 [h]", "mark": "heard"}), "'heard' is not a mark; use one of"),
+        (lambda: unit_cycle().with_(steps=[{"nam": "x"}]).steps, "Did you mean 'name'"),
+        (lambda: unit_cycle().with_(steps=[{"power": "half"}]).steps, "power: input should be 'on' or 'off'"),
+    ],
+)
+def test_mistakes_are_named(made, words):
+    with pytest.raises(ThermidError, match=words.replace("(", r"\(")):
+        made()
+
+
+def test_a_file_with_a_wrong_key_or_nothing_in_it(tmp_path):
+    file = tmp_path / "p.toml"
+    file.write_text('[profile]\nlike = "SMC-S-016 unit thermal cycle"\ncycle = 2\n', encoding="utf-8")
+    with pytest.raises(ScenarioError, match="Did you mean 'cycles'"):
+        td.qualify.load_profile(file)
+    file.write_text('[profile]\nlike = "XYZ unit"\n', encoding="utf-8")
+    with pytest.raises(ScenarioError, match="does not begin with a known"):
+        td.qualify.load_profile(file)
+    file.write_text("", encoding="utf-8")
+    with pytest.raises(ScenarioError, match=r"the table \[profile\] is missing\."):
+        td.qualify.load_profile(file)
+
+
+@pytest.mark.parametrize(
+    ("level", "exact", "rounded"), [("qualification", 39.51, 40), ("protoqualification", 25.44, 26), ("acceptance", 15.24, 16)]
+)
+def test_cycles_over_80_kelvin(level, exact, rounded):
+    assert EQUIVALENCE[level].exact(80.0) == pytest.approx(exact, abs=0.005)
+    assert td.qualify.equivalent_cycles("-30 [degC]", "50 [degC]", level) == rounded
+
+
+def test_cycles_over_the_range_of_the_standard_are_its_own():
+    assert td.qualify.equivalent_cycles("-34 [degC]", "71 [degC]") == 27
+    assert td.qualify.equivalent_cycles("-24 [degC]", "61 [degC]", "acceptance") == 14
+
+
+def test_cycles_with_levels_in_the_wrong_order_or_of_no_level():
+    with pytest.raises(ScenarioError, match="is not below the hot one,"):
+        td.qualify.equivalent_cycles("50 [degC]", "-30 [degC]")
+    with pytest.raises(ScenarioError, match="Did you mean 'acceptance'"):
+        td.qualify.equivalent_cycles("-30 [degC]", "50 [degC]", "aceptance")
+
+
+def test_a_smaller_range_is_remarked_with_the_count_it_asks_for():
+    (remark,) = [r for r in unit_cycle(hot="50 [degC]", cold="-30 [degC]").check() if "cycles" in r]
+    assert "requires 40 cycles" in remark
+    assert "39.51" in remark
+
+
+def test_cycles_in_other_tests_of_the_plan_count_and_those_that_are_missing_are_named():
+    own = unit_cycle(cycles=2)
+    (alone,) = [r for r in own.check() if "cycles" in r]
+    (both,) = [r for r in own.check(beside=4) if "cycles" in r]
+    (whole,) = [r for r in unit_cycle().check(beside=4) if "cycles" in r]
+    need = int(alone.split("requires ")[1].split()[0])
+    assert alone.endswith(f"the profile runs 2: {need - 2} are missing")
+    assert both.endswith(f"the profile runs 2 and other tests of the plan 4: {need - 6} are missing")
+    assert whole.endswith(f"the profile runs {need - 4} and other tests of the plan 4")

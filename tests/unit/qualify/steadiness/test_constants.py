@@ -1,0 +1,31 @@
+"""Constants that set the width of a forecast, each against the figure that it stands for: a tenth more or less is seen here."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from scipy import stats
+
+from thermid.qualify._steadiness.approach import Approach
+
+
+def approach(worth: float, variance: float) -> Approach:
+    """One exponential that has fallen to half a kelvin, its end known with a variance [K^2]."""
+    covariance = np.zeros((1, 2, 2))
+    covariance[0, 0, 0] = variance
+    return Approach(0.0, 3600.0, np.array([[1800.0]]), np.ones(1), np.array([[300.0, -0.5]]), covariance, 0.0, 0.0, worth, None)
+
+
+def test_what_is_still_to_come_bends_as_natural_convection_does() -> None:
+    """A coefficient that grows with the difference to the power 1/4 changes by 1 - (2/3)^(1/4) while a third of the difference goes."""
+    mixture = approach(1e9, 0.0).at(np.inf)
+    assert float(mixture.spreads[0]) / 0.5 == pytest.approx(1.0 - (2.0 / 3.0) ** 0.25, rel=0.05)
+
+
+@pytest.mark.parametrize("worth", [9.0, 15.0, 65.0])
+def test_few_readings_do_not_know_their_own_noise(worth: float) -> None:
+    """Student's distribution with as many degrees of freedom as medians are left beside five terms, three at least."""
+    plain = approach(1e12, 4.0).at(3600.0)
+    wide = approach(worth, 4.0).at(3600.0)
+    ratio = float(wide.spreads[0]) / float(plain.spreads[0])
+    assert ratio == pytest.approx(stats.t(max(worth - 5.0, 3.0)).std(), rel=1e-6)

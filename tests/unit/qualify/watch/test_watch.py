@@ -1,0 +1,143 @@
+"""Watching a running test: when a stop is advised or declined, and what is said of sensors."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Callable
+from typing import Any
+
+import numpy as np
+import pytest
+
+from thermid.base.errors import ThermidError
+from thermid.measure.records import Record
+from thermid.measure.steadiness import rule_of
+from thermid.qualify._watch.stopping import DECISIONS, Stopping, TemperatureLimit
+from thermid.qualify._watch.watcher import Watcher, sensor_alarms, suspects_of
+from unit.fit.estimation.rig import logged, rig, run, scenario
+
+ICE = 273.15
+RULE = rule_of("3 C/h")
+
+
+def rising(size: int = 400, tau: float = 900.0, seed: int = 1, end: float = 20.0) -> Record:
+    """Return a synthetic approach with one time constant, 10 s apart."""
+    t = 10.0 * np.arange(size)
+    r = np.random.default_rng(seed)
+    return Record.from_arrays("rising", t, {"T": ICE + 22.0 + end * (1.0 - np.exp(-t / tau)) + r.normal(0.0, 0.05, size)})
+
+
+class TestSensors:
+    def values(self, change: Callable[[np.ndarray], None]) -> list[str]:
+        record = rising(300)
+        values = record["T"].values.copy()
+        change(values)
+        return [f"{a.suspect}: {a.because}" for a in sensor_alarms(Record.from_arrays("rising", record.times, {"T": values}), ["T"])]
+
+    def test_a_sensor_that_is_right_says_nothing(self) -> None:
+        assert self.values(lambda v: None) == []
+
+    def test_one_that_is_off_stays_off(self) -> None:
+        def off(v: np.ndarray) -> None:
+            v[200:] = ICE
+
+        assert "jumped by" in self.values(off)[0]
+
+    def test_a_spike_comes_back(self) -> None:
+        def spike(v: np.ndarray) -> None:
+            v[200] += 30.0
+
+        assert self.values(spike) == []
+
+    def test_missing_and_stuck(self) -> None:
+        def gone(v: np.ndarray) -> None:
+            v[290:] = np.nan
+
+        def stuck(v: np.ndarray) -> None:
+            v[200:] = v[200]
+
+        assert "no reading since 2900 s" in self.values(gone)[0]
+        assert "has not changed since 2000 s" in self.values(stuck)[0]
+
+
+class TestStopping:
+    def decided(self, record: Record, **more: Any) -> Any:
+        return Stopping(RULE, more.pop("within", 1.0), more.pop("limits", ()), slowest="30 [min]", **more).decide(record, ("T",))
+
+    def test_stop_is_right_and_leaves_the_rule_to_the_plan(self) -> None:
+        advice = self.decided(rising(200), within=2.5)
+        assert advice.word == "stop"
+        assert advice.ends["T"].final.value == pytest.approx(ICE + 42.0, abs=2.5)
+        assert "is not met yet" in advice.because
+        assert ". Check in the plan whether" in advice.because
+        assert advice.level == pytest.approx(1.0 - 0.01 / DECISIONS)
+
+    def test_where_the_plan_asks_for_its_rule_no_stop_is_advised(self) -> None:
+        assert self.decided(rising(200), within=2.5, required=True).word == "wait"
+        assert self.decided(rising(600), within=2.5, required=True).word == "stop"
+
+    def test_early_readings_are_declined(self) -> None:
+        advice = self.decided(rising(60))
+        assert advice.word == "declined"
+        assert "wider than the +- 1 K requested" in advice.because
+
+    def test_a_limit_on_both_sides_is_declined(self) -> None:
+        limits = (TemperatureLimit("T", False, ICE + 42.0),)
+        assert "either side of its limit T<42 degC" in self.decided(rising(200), within=2.5, limits=limits).because
+        assert self.decided(rising(200), within=2.5, limits=(TemperatureLimit("T", False, ICE + 60.0),)).word == "stop"
+
+    def test_few_readings_wait(self) -> None:
+        assert self.decided(rising(20)).word == "wait"
+
+    def test_looking_again_spends_nothing(self) -> None:
+        """Between decisions the last one stands, however often one looks."""
+        s = Stopping(RULE, 1.0, slowest="30 [min]")
+        first = s.decide(rising(100), ("T",))
+        for size in range(101, 114):
+            assert s.decide(rising(size), ("T",)) is first
+        assert s.decide(rising(120), ("T",)).decisions == 2
+
+    def test_spent_risk_stops_nothing(self) -> None:
+        s = Stopping(RULE, 1.0, slowest="30 [min]")
+        s.count = DECISIONS
+        advice = s.decide(rising(400), ("T",))
+        assert advice.word == "declined"
+        assert "decisions were made, which" in advice.because
+
+    def test_a_model_that_settles_elsewhere_declines(self) -> None:
+        s = Stopping(RULE, 1.0, slowest="30 [min]")
+        advice = s.decide(rising(300), ("T",), {"T": ICE + 45.0})
+        assert advice.word == "declined"
+        assert "K above that. The model lacks a slow mass, or one of its" in advice.because
+
+
+class TestModel:
+    def test_a_node_without_a_sensor_is_inside_its_band(self) -> None:
+        courses = run(rig(), 2400.0, {"start": "22 [degC]"}, 10.0)
+        look = Watcher(Stopping(RULE, 1.0), ("chip", "case"), rig(), scenario()).look(logged(courses, 3))
+        lid = next(n for n in look.nodes if n.name == "lid")
+        assert not lid.measured
+        assert abs(lid.value - courses["lid"][-1]) < 2.0 * lid.half
+        assert look.alarms == ()
+        assert "lid (not measured)" in str(look)
+        assert json.loads(json.dumps(look.as_object()))["nodes"]["lid"]["measured"] is False
+
+    def test_suspects_are_values_of_the_deck(self) -> None:
+        import thermid as td
+
+        found = {s.whose: s.kind for s in suspects_of(td.simulation.compile_network(rig()))}
+        assert found == {"pad": "joint", "screws": "joint", "fins": "air", "lid_air": "air", "heater": "power"}
+
+    def test_an_alarm_ends_advice_to_stop(self) -> None:
+        courses = run(rig(), 4800.0, {"start": "22 [degC]"}, 10.0)
+        courses["case"][300:] = ICE
+        look = Watcher(Stopping(RULE, 1.0), ("chip", "case"), rig(), scenario()).look(logged(courses, 3))
+        assert look.alarms[0].suspect == "case"
+        assert look.advice.word == "declined"
+        assert "there is an alarm" in look.advice.because
+        assert str(look).startswith("ALARM sensor: case: jumped")
+
+
+def test_errors_are_thermids() -> None:
+    with pytest.raises(ThermidError):
+        Stopping(rule_of("never"), 1.0)
