@@ -65,14 +65,21 @@ class Move:
         if f"{module}.{name}" in self.old:
             return f"{module}.{name}", ""
         if module in self.old and self.old[module].name == "__init__.py":
-            for node in ast.parse(self.old[module].read_text(encoding="utf-8")).body:
-                if isinstance(node, ast.ImportFrom) and (node.module or "").startswith("thermid"):
-                    for alias in node.names:
-                        if (alias.asname or alias.name) == name:
-                            return self.origin(node.module or "", alias.name)
+            if (module, name) in self.given_again:
+                return self.origin(*self.given_again[module, name])
             if module in self.public and name in self.public[module]:
                 return self.public[module][name], name
         return module, name
+
+    @cached_property
+    def given_again(self) -> dict[tuple[str, str], tuple[str, str]]:
+        """Old package and a name that it gives -> the old module that it takes it from, and the name there."""
+        out = {}
+        for package, path in self.old.items():
+            for node in ast.parse(path.read_text(encoding="utf-8")).body if path.name == "__init__.py" else ():
+                if isinstance(node, ast.ImportFrom) and (node.module or "").startswith("thermid."):
+                    out |= {(package, a.asname or a.name): (node.module or "", a.name) for a in node.names}
+        return out
 
     @cached_property
     def public(self) -> dict[str, dict[str, str]]:
@@ -215,17 +222,26 @@ class Move:
         return re.compile(r"\bthermid((?:\.[A-Za-z_]\w*)+)")
 
     @cached_property
-    def slashed(self) -> list[tuple[re.Pattern[str], str]]:
-        """Paths of old modules and packages below `thermid`, the longest first -> the new ones."""
-        pairs = {}
-        for name in self.old:
-            if (new := self.new_name(name)) != name and name.count(".") >= 1:
-                pairs[name.removeprefix("thermid.").replace(".", "/")] = new.removeprefix("thermid.").replace(".", "/")
-        out = []
-        for old, new in sorted(pairs.items(), key=lambda item: -len(item[0])):
-            free = "src/thermid/" if "/" not in old else "(?:src/thermid/)?"
-            out.append((re.compile(rf"(?<![\w./-])({free}){re.escape(old)}(?![\w-])(?=(?:\.py)?)"), rf"\g<1>{new}"))
-        return out
+    def slashed(self) -> dict[str, str]:
+        """Paths of old modules and packages below `thermid` -> the new ones."""
+        pairs = {name: self.new_name(name) for name in self.old}
+        return {
+            old.removeprefix("thermid.").replace(".", "/"): new.removeprefix("thermid.").replace(".", "/")
+            for old, new in pairs.items()
+            if new != old
+        }
+
+    @cached_property
+    def paths(self) -> re.Pattern[str]:
+        """Paths of modules, the longest first, after ``src/thermid/`` or alone."""
+        names = "|".join(re.escape(old) for old in sorted(self.slashed, key=len, reverse=True))
+        return re.compile(rf"(?<![\w./-])(src/thermid/)?({names})(?![\w-])")
+
+    @cached_property
+    def test_paths(self) -> re.Pattern[str]:
+        """Folders of tests that move, as paths and as names of modules."""
+        names = "|".join(old.removeprefix("tests/unit/") for old in sorted(self.tests, key=len, reverse=True))
+        return re.compile(rf"(?:tests/unit/(?P<path>{names})(?![\w-]))|(?:(?<=from )unit\.(?P<module>{names})(?=[. ]))")
 
     def texts(self, text: str, path: Path) -> str:
         """A text with dotted names of modules, and paths, as they are now."""
@@ -244,17 +260,17 @@ class Move:
         text = self.dotted_names.sub(name, text)
         for old, new in self.spaces.items():
             text = re.sub(rf"\btd\.{old.removeprefix('thermid.')}\b", f"td.{new.removeprefix('thermid.')}", text)
-        for old, new in sorted(self.tests.items(), key=lambda item: -len(item[0])):
-            text = re.sub(rf"{old}(?![\w-])", f"\0{new.removeprefix('tests/')}", text)
-            dotted_old, dotted_new = (name.removeprefix("tests/").replace("/", ".") for name in (old, new))
-            text = re.sub(rf"(?<=from ){re.escape(dotted_old)}(?=[. ])", f"\2{dotted_new.removeprefix('unit.')}", text)
-        if path.suffix in (".md", ".toml") or path.name == "Makefile":
-            for pattern, new in self.slashed:
-                text = pattern.sub(lambda m, new=new: m.group(1) + "\1" + new.removeprefix(r"\g<1>"), text)
-        else:
-            for pattern, new in self.slashed:
-                text = pattern.sub(lambda m, new=new: (m.group(1) + "\1" + new.removeprefix(r"\g<1>")) if m.group(1) else m.group(0), text)
-        return text.replace("\0", "tests/").replace("\1", "").replace("\2", "unit.")
+        prose = path.suffix in (".md", ".toml") or path.name == "Makefile"
+
+        def place(found: re.Match[str]) -> str:
+            root, old = found.group(1) or "", found.group(2)
+            return root + self.slashed[old] if root or (prose and "/" in old) else found.group(0)
+
+        def tests(found: re.Match[str]) -> str:
+            new = self.tests[f"tests/unit/{found['path'] or found['module']}"]
+            return new if found["path"] else new.removeprefix("tests/").replace("/", ".")
+
+        return self.paths.sub(place, self.test_paths.sub(tests, text))
 
     # the whole
 
