@@ -40,11 +40,13 @@ class Outcome:
     status : str            OK, a status of the kernel, or 'refused' with words.
     traces : array or None  Temperatures (times, nodes), or (members, times, nodes) of an ensemble, when OK. [K]
     why : str               What was said; of a run that is OK, how it was done.
+    slopes : array or None  Sensitivities (times, nodes, values), where they were asked for and the run is OK. [K per unit of the value]
     """
 
     status: str
     traces: np.ndarray | None = None
     why: str = ""
+    slopes: np.ndarray | None = None
 
 
 def _run(case: Case, **options: Any) -> Outcome:
@@ -55,7 +57,7 @@ def _run(case: Case, **options: Any) -> Outcome:
     status = NAMES[found.status]
     if status == "OK":
         assert found.filled == len(case.times)
-        return Outcome(status, found.traces)
+        return Outcome(status, found.traces, slopes=found.sensitivities)
     assert -1 <= found.node < len(case.net.capacity) + len(case.net.boundaries)
     assert np.isfinite(found.time)
     return Outcome(status, None, f"at {found.time:g} s, node {found.node}")
