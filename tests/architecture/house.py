@@ -1,18 +1,22 @@
-"""What makes a house hard to walk through, counted: circles, hidden imports, slices, doubled names, crowded rooms."""
+"""What makes a house hard to walk through: guards that list what offends by name, and budgets of what may only become less."""
 
 from __future__ import annotations
 
 import ast
 import tomllib
-from collections.abc import Iterable, Mapping
+from collections.abc import Callable, Mapping
 from pathlib import Path
 
 import thermid
 
-from .source import Import, Module, within
+from . import decisive, doors, public, size, warm, words
+from .source import Import, Module, is_inner, within
 
 LIST = Path(__file__).parent / "offenders.toml"
 """What offends today, by guard; it may only shrink (`python scripts/house.py --shrink` takes off it what no longer offends)."""
+
+BUDGETS = Path(__file__).parent / "budgets.toml"
+"""How much there may be at most, by table; `--shrink` lowers it to what there is, a decision alone raises it."""
 
 CROWD = 15
 """Files that a package may hold beside its `__init__`."""
@@ -21,10 +25,14 @@ Offenders = dict[str, int]
 """What offends -> how often; 1 where it can only offend or not."""
 
 
-def imports_between(modules: Mapping[str, Module]) -> dict[str, set[str]]:
+def imports_between(modules: Mapping[str, Module], by_text: bool) -> dict[str, set[str]]:
     """Module -> the modules of the package that it imports, wherever the import stands."""
     known = {*modules, "thermid._kernel"}
-    found = {m.name: {t for i in m.imports() for t, _ in within(i, known) if t in modules} - {m.name} for m in modules.values()}
+    found = {
+        m.name: {t for i in (*m.imports(), *(m.imports_by_text(modules) if by_text else ())) for t, _ in within(i, known) if t in modules}
+        - {m.name}
+        for m in modules.values()
+    }
     for space in {f"thermid.{name}" for name in thermid._NAMESPACES} & set(found):  # they offer public names for the package as a whole
         found.setdefault("thermid", set()).update(found[space])
         found[space] = set()
@@ -36,41 +44,14 @@ def own_lazy_imports(module: Module) -> list[Import]:
     return [i for i in module.imports() if i.lazy and i.target.partition(".")[0] == "thermid"]
 
 
-def components(graph: Mapping[str, Iterable[str]]) -> list[list[str]]:
-    """Groups of nodes of which each reaches every other (Tarjan 1972), without those of one node."""
-    index: dict[str, int] = {}
-    low: dict[str, int] = {}
-    stack: list[str] = []
-    groups: list[list[str]] = []
-
-    def visit(node: str) -> None:
-        index[node] = low[node] = len(index)
-        stack.append(node)
-        for other in sorted(graph[node]):
-            if other not in index:
-                visit(other)
-                low[node] = min(low[node], low[other])
-            elif other in stack:
-                low[node] = min(low[node], index[other])
-        if low[node] == index[node]:
-            cut = stack.index(node)
-            groups.append(sorted(stack[cut:]))
-            del stack[cut:]
-
-    for node in sorted(graph):
-        if node not in index:
-            visit(node)
-    return sorted(group for group in groups if len(group) > 1)
-
-
 def short(name: str) -> str:
     """Name of a module or package below `thermid`."""
     return name.removeprefix("thermid.")
 
 
 def circles(modules: Mapping[str, Module]) -> Offenders:
-    """Groups of modules that need one another, imports in functions and for the type checker included."""
-    return {" ".join(map(short, group)): 1 for group in components(imports_between(modules))}
+    """Groups of modules that need one another, imports in functions, for the type checker and by text included."""
+    return {" ".join(map(short, group)): 1 for group in doors.components(imports_between(modules, by_text=True))}
 
 
 def lazy_imports(modules: Mapping[str, Module]) -> Offenders:
@@ -81,7 +62,7 @@ def lazy_imports(modules: Mapping[str, Module]) -> Offenders:
 def slices(modules: Mapping[str, Module]) -> Offenders:
     """Modules with exactly one importer, in the same room: one file would do for both."""
     importers: dict[str, set[str]] = {}
-    for name, targets in imports_between(modules).items():
+    for name, targets in imports_between(modules, by_text=False).items():
         for target in targets:
             importers.setdefault(target, set()).add(name)
     found = {}
@@ -123,13 +104,44 @@ GUARDS = {
     "one_importer": slices,
     "doubled_classes": doubled_classes,
     "crowded_packages": crowded,
+    "long_functions": size.long_functions,
+    "constants_of_several_numbers": words.constants_of_several_numbers,
 }
 """Guard -> what measures it."""
 
 
-def listed() -> dict[str, Offenders]:
-    """What may offend still, by guard."""
-    return tomllib.loads(LIST.read_text(encoding="utf-8"))
+def amounts(modules: Mapping[str, Module], tests: Mapping[str, str], inner: Callable[[str], bool] = is_inner) -> dict[str, dict[str, int]]:
+    """What there is of all that may only become less, as the budgets have it: table -> row -> how much."""
+    arrows = doors.arrows_between_files(modules)
+    return {
+        "map": doors.map_of_rooms(modules, arrows),
+        "inner_imports": doors.inner_imports(arrows, inner),
+        "names_used_outside": {room: len(names) for room, names in doors.names_used_outside(arrows).items()},
+        "statements": size.statements(modules),
+        "numbers_that_decide": decisive.numbers_that_decide(modules),
+        "functions_named_by_dialect": words.dialect_functions(modules),
+        "constants_named_by_dialect": words.dialect_constants(modules),
+        "functions_with_dialect_variables": words.functions_with_dialect_variables(modules),
+        "functions_with_one_use": size.functions_with_one_use(modules, inner),
+        "quoted_prose": words.quoted_prose(tests),
+        "signatures": public.signatures(modules),
+        "warm_calls": warm.walks(),
+    }
+
+
+def over_budget(today: Mapping[str, int], allowed: Mapping[str, int]) -> list[str]:
+    """Rows that have more than their budget, a line each."""
+    return [f"{name}: {n}, and {allowed.get(name, 0)} allowed" for name, n in today.items() if n > allowed.get(name, 0)]
+
+
+def lowered(today: Mapping[str, int], allowed: Mapping[str, int]) -> dict[str, int]:
+    """A budget without what is no longer used of it."""
+    return {name: n for name in allowed if (n := min(allowed[name], today.get(name, 0)))}
+
+
+def listed(path: Path = LIST) -> dict[str, Offenders]:
+    """What may offend still, by guard; or the budgets, by table."""
+    return tomllib.loads(path.read_text(encoding="utf-8"))
 
 
 def against_the_list(today: Offenders, allowed: Offenders) -> list[str]:
@@ -148,8 +160,13 @@ def shrunk(today: Offenders, allowed: Offenders) -> Offenders:
     return dict(sorted((kept | parts).items()))
 
 
-def as_toml(lists: Mapping[str, Offenders]) -> str:
-    """The list as its file holds it."""
-    head = "# What offends today, by guard of test_house.py; it may only shrink: `python scripts/house.py --shrink`.\n"
+HEADS = {
+    LIST: "# What offends today, by guard of test_house.py; it may only shrink: `python scripts/house.py --shrink`.\n",
+    BUDGETS: "# What there may be at most, by table of `amounts`; `scripts/house.py --shrink` lowers it, only a decision raises it.\n",
+}
+
+
+def as_toml(head: str, lists: Mapping[str, Mapping[str, int]]) -> str:
+    """A list as its file holds it."""
     tables = ("\n".join([f"\n[{guard}]", *(f'"{name}" = {n}' for name, n in sorted(rows.items()))]) for guard, rows in lists.items())
     return head + "\n".join(tables) + "\n"

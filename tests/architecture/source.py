@@ -1,15 +1,20 @@
-"""What the architecture tests look at: every module of the package as a syntax tree, and every import in it."""
+"""What the architecture tests look at: every module of the package as a syntax tree, and every import in it, by statement and by text."""
 
 from __future__ import annotations
 
 import ast
-from collections.abc import Iterator
+import re
+from collections.abc import Collection, Iterator
 from dataclasses import dataclass
 from functools import cached_property
 from pathlib import Path
 
 ROOT = Path(__file__).parents[2]
 SOURCE = ROOT / "src"
+TESTS = ROOT / "tests"
+
+FUNCTIONS = (ast.FunctionDef, ast.AsyncFunctionDef)
+_DOTTED = re.compile(r"[A-Za-z_]\w*(\.[A-Za-z_]\w*)*")
 
 
 @dataclass(frozen=True)
@@ -46,6 +51,11 @@ class Module:
         """First name below `thermid`; empty for the package's own `__init__`."""
         return room_of(self.name)
 
+    @property
+    def path(self) -> Path:
+        """Where the file of a module of the package lies."""
+        return SOURCE / Path(*self.name.split("."), *(["__init__.py"] if self.package else [])).with_suffix(".py")
+
     @cached_property
     def gives_names(self) -> bool:
         """Whether the module does nothing but give names of the inside of its room."""
@@ -53,14 +63,49 @@ class Module:
         given = (isinstance(n, ast.ImportFrom) and all(alias.asname == alias.name for alias in n.names) for n in body)
         return bool(body) and not self.package and all(given)
 
-    def imports(self) -> tuple[Import, ...]:
-        """Every import, wherever it stands: at the top, inside a function, for the type checker only, or by text."""
-        return self._all_imports
+    def imports(self, stub: bool = True) -> tuple[Import, ...]:
+        """Every import by a statement or a call, wherever it stands: at the top, inside a function, for the type checker only."""
+        return self._all_imports if stub else self._own_imports
+
+    @cached_property
+    def _own_imports(self) -> tuple[Import, ...]:
+        return tuple(self._imports(self.tree, lazy=False, typing=False))
 
     @cached_property
     def _all_imports(self) -> tuple[Import, ...]:
-        stub = self._imports(ast.parse(self.stub), lazy=False, typing=True)
-        return (*self._imports(self.tree, lazy=False, typing=False), *stub)
+        return (*self._own_imports, *self._imports(ast.parse(self.stub), lazy=False, typing=True))
+
+    def imports_by_text(self, known: Collection[str]) -> tuple[Import, ...]:
+        """Modules of `known` that texts of the module name, alone or with one name in them: whoever has the text can import them.
+
+        A text is a constant (``"thermid.model._deck.schema.Deck"``), a tuple of constants with dots between them
+        (``("thermid.site", "surroundings", "surrounded")``), or a dotted constant after the beginning that a formatted text of the same
+        module gives it (``"fit.swap"`` beside ``f"thermid.app.cli.{module}"``).
+        """
+        imports = []
+        for text, line in self._texts:
+            module, _, name = text.rpartition(".")
+            if text in known:
+                imports.append(Import(text, (), line, lazy=True, typing=False))
+            elif module != "thermid" and module in known:
+                imports.append(Import(module, (name,), line, lazy=True, typing=False))
+        return tuple(imports)
+
+    @cached_property
+    def _texts(self) -> tuple[tuple[str, int], ...]:
+        """Texts that begin as names of the package do, with their lines."""
+        texts = set()
+        beginnings = set()
+        for node in self.nodes:
+            match node:
+                case ast.Constant(value=str(text)) if _DOTTED.fullmatch(text):
+                    texts.add((text, node.lineno))
+                case ast.Tuple(elts=[ast.Constant(value=str(first)), *_]) if first.startswith("thermid."):
+                    texts.add((".".join(str(e.value) for e in node.elts if isinstance(e, ast.Constant)), node.lineno))
+                case ast.JoinedStr(values=[ast.Constant(value=str(first)), *_]) if re.fullmatch(r"thermid\.(\w+\.)+", first):
+                    beginnings.add(first)
+        texts |= {(first + text, line) for text, line in texts for first in beginnings if "." in text}
+        return tuple(sorted((text, line) for text, line in texts if text.startswith("thermid.")))
 
     def _imports(self, node: ast.AST, lazy: bool, typing: bool) -> Iterator[Import]:
         for child in ast.iter_child_nodes(node):
@@ -69,7 +114,7 @@ class Module:
                     yield Import(alias.name, (), child.lineno, lazy, typing)
             elif isinstance(child, ast.ImportFrom):
                 names = tuple(alias.name for alias in child.names)
-                yield Import(self._absolute(child), names, child.lineno, lazy, typing)
+                yield Import(self.absolute(child), names, child.lineno, lazy, typing)
             elif isinstance(child, ast.Call) and (text := _imported_by_text(child)):
                 yield Import(text, (), child.lineno, lazy, typing)
             if isinstance(child, ast.If) and "TYPE_CHECKING" in ast.dump(child.test):
@@ -79,7 +124,8 @@ class Module:
                 inside = isinstance(child, ast.FunctionDef | ast.AsyncFunctionDef | ast.Lambda)
                 yield from self._imports(child, lazy or inside, typing)
 
-    def _absolute(self, node: ast.ImportFrom) -> str:
+    def absolute(self, node: ast.ImportFrom) -> str:
+        """The module that a statement imports from, by its full name."""
         if not node.level:
             return node.module or ""
         parts = self.name.split(".")
@@ -93,8 +139,13 @@ def room_of(name: str) -> str:
 
 
 def is_inner(name: str) -> bool:
-    """Whether a module is inside its room: a part of its dotted name below the room begins with an underscore."""
-    return any(part.startswith("_") and not part.startswith("__") for part in name.split(".")[2:])
+    """Whether a module is inside its room: a part of its name below the room begins with an underscore (`thermid._kernel` has no room)."""
+    return any(part.startswith("_") for part in name.split(".")[2:])
+
+
+def is_below_init(name: str) -> bool:
+    """Whether a module is inside its room as long as no name says so: anything below the room's `__init__`."""
+    return name.count(".") > 1
 
 
 def _imported_by_text(call: ast.Call) -> str:
@@ -104,7 +155,7 @@ def _imported_by_text(call: ast.Call) -> str:
     return ""
 
 
-def within(imported: Import, known: set[str]) -> Iterator[tuple[str, tuple[str, ...]]]:
+def within(imported: Import, known: Collection[str]) -> Iterator[tuple[str, tuple[str, ...]]]:
     """Modules of the package that one import reaches, each with the names taken from it; a submodule taken by name counts as itself."""
     if imported.target.partition(".")[0] != "thermid":
         return
@@ -126,3 +177,8 @@ def read_modules() -> dict[str, Module]:
         stub = path.with_suffix(".pyi")
         found[name] = Module(name, path.read_text(encoding="utf-8"), package, stub.read_text(encoding="utf-8") if stub.exists() else "")
     return found
+
+
+def read_tests() -> dict[str, str]:
+    """The text of every Python file of the tests, by its path below their folder."""
+    return {path.relative_to(TESTS).as_posix(): path.read_text(encoding="utf-8") for path in sorted(TESTS.rglob("*.py"))}

@@ -2,24 +2,17 @@
 
 from __future__ import annotations
 
-import ast
-
+from .size import SCREEN, function_lengths
 from .source import Module
 
-GUIDE, LIMIT = 60, 80
+LIMIT = 80
 
 
 def table(rows: dict[str, int]) -> str:
     """Longest first: what lies above the guide, then the count of the rest."""
-    above = sorted(((lines, name) for name, lines in rows.items() if lines > GUIDE), reverse=True)
+    above = sorted(((lines, name) for name, lines in rows.items() if lines > SCREEN), reverse=True)
     marked = [f"{lines:5d}  {name}{'   <- too long' if lines > LIMIT else ''}" for lines, name in above]
-    return "\n".join([*marked, f"{len(rows) - len(above)} of {len(rows)} lie within {GUIDE} lines; the limit is {LIMIT}."])
-
-
-def function_lengths(module: Module) -> dict[str, int]:
-    """Lines of each function, its documentation included."""
-    functions = (node for node in module.nodes if isinstance(node, ast.FunctionDef | ast.AsyncFunctionDef))
-    return {f"{module.name}.{node.name}:{node.lineno}": (node.end_lineno or 0) - node.lineno + 1 for node in functions}
+    return "\n".join([*marked, f"{len(rows) - len(above)} of {len(rows)} lie within {SCREEN} lines; the limit is {LIMIT}."])
 
 
 def test_functions(modules: dict[str, Module]) -> None:
