@@ -11,6 +11,9 @@ A number is one of a module-level name, of a row of a table, of a default, or a 
 
 A comparison is one of ``< <= > >= == != is in`` or their opposites, outside f-strings.
 
+A draw takes half of each, since two thirds of all are comparisons. It orders them by a hash of the seed and of what they are (room,
+owner, text), not of where they stand: code that moves within its room does not change it.
+
 Published coefficients stand in the files of `PUBLISHED`: correlations, properties of matter, constants of nature, units. They are drawn
 as other numbers are, since a test must repeat what was published, but nobody chose them, so `numbers_that_decide` leaves them out.
 """
@@ -18,11 +21,12 @@ as other numbers are, since a test must repeat what was published, but nobody ch
 from __future__ import annotations
 
 import ast
-from collections.abc import Iterator, Mapping
+import hashlib
+from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import dataclass
 
 from .size import by_room
-from .source import Module
+from .source import Module, room_of
 
 SHAPES = {"swapaxes", "reshape", "zeros", "ones", "full", "combinations", "moveaxis", "round", "short", "digits", "maxsize", "lru_cache"}
 PUBLISHED = {"physics", "_units_table"}
@@ -54,7 +58,7 @@ class Site:
 
     @property
     def changed(self) -> str:
-        """A number moved up by a fifth, a whole one at least by one; a comparison negated."""
+        """What a mutant has in its place: a number moved up by a fifth, a whole one by one at least; a comparison negated."""
         if not self.number:
             return f"(not ({self.text}))"
         value = ast.literal_eval(self.text)
@@ -68,6 +72,20 @@ class Site:
         (first, last), (begin, end) = self.lines, self.columns
         rows[first - 1 : last] = [rows[first - 1][:begin] + self.changed.encode() + rows[last - 1][end:]]
         return b"\n".join(rows).decode()
+
+    def rank(self, seed: int) -> str:
+        """Its place in the draw."""
+        return hashlib.sha256(f"{seed}:{room_of(self.module)}:{self.owner}:{self.text}:{self.nth}".encode()).hexdigest()
+
+
+def in_order(modules: Iterable[Module], seed: int) -> list[Site]:
+    """Every number and every comparison in the order of the draw, by turns; the table of units, which a script writes, apart."""
+    every = [site for module in modules if not module.name.endswith("._units_table") for site in sites(module)]
+    every.sort(key=lambda site: site.rank(seed))
+    numbers, comparisons = ([site for site in every if site.number is kind] for kind in (True, False))
+    pairs = [site for pair in zip(numbers, comparisons, strict=False) for site in pair]
+    shorter = len(pairs) // 2
+    return [*pairs, *numbers[shorter:], *comparisons[shorter:]]
 
 
 def sites(module: Module) -> list[Site]:

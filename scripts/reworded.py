@@ -1,0 +1,107 @@
+"""Tests that fail when every text of the product is worded otherwise: ``python scripts/reworded.py`` counts them and lists where.
+
+In a private copy of the tree each text of at least four words in src/thermid gets its words reversed: messages, remarks, lines of tables.
+Names, numbers, units, codes, what stands in quotes or backticks, docstrings, help texts and templates stay. A test that fails then, and
+passes with the words as they are, quotes prose. Tests of which the product is the prose (tests/docs/messages*) and the guards of
+tests/architecture do not count.
+"""
+
+from __future__ import annotations
+
+import argparse
+import ast
+import re
+import sys
+import tempfile
+from collections import Counter
+from pathlib import Path
+
+ROOT = Path(__file__).parent.parent
+sys.path.insert(0, str(ROOT / "tests"))
+
+from architecture.size import is_documentation
+from architecture.words import OWN_PAGE
+from private_tree import PrivateTree
+
+WORDS = 4
+"""Words that a text has at least; shorter ones are keys, heads of columns and parts of patterns."""
+QUOTED = r"'[^']*'|`[^`]*`|\"[^\"]*\"|\{[^}]*\}|\[[^\]]*\]"
+ALONE = re.compile(rf"({QUOTED})|(?<![\w.\-/\\%])[a-z]{{4,}}(?![\w\-/=(\[]|\.\w)")
+HELP = {"help", "description", "epilog"}
+
+
+def reworded(text: str) -> str:
+    """A text with its words reversed, what is quoted apart.
+
+    >>> reworded("the mass 'case' of 12.5 kg is colder than ambient.")
+    "the ssam 'case' of 12.5 kg is redloc naht tneibma."
+    """
+    return ALONE.sub(lambda match: match[0] if match[1] else match[0][::-1], text)
+
+
+class Rewording(ast.NodeTransformer):
+    """Rewords the texts of a module."""
+
+    def visit_Expr(self, node: ast.Expr) -> ast.AST:
+        """Leave docstrings."""
+        return node if is_documentation(node) else self.generic_visit(node)
+
+    def visit_keyword(self, node: ast.keyword) -> ast.AST:
+        """Leave help texts."""
+        return node if node.arg in HELP else self.generic_visit(node)
+
+    def visit_Constant(self, node: ast.Constant) -> ast.AST:
+        """Reword a text."""
+        return ast.copy_location(ast.Constant(reworded(node.value)), node) if is_prose(node.value) else node
+
+    def visit_JoinedStr(self, node: ast.JoinedStr) -> ast.AST:
+        """Reword the parts of a formatted text."""
+        whole = "{}".join(part.value for part in node.values if isinstance(part, ast.Constant))
+        for part in node.values:
+            if isinstance(part, ast.Constant) and is_prose(whole):
+                part.value = reworded(part.value)
+            elif isinstance(part, ast.FormattedValue):
+                part.value = self.visit(part.value)
+        return node
+
+
+def is_prose(text: object) -> bool:
+    """Whether a value is a text of some words on one line, and no pattern or markup."""
+    return (
+        isinstance(text, str)
+        and not re.search(r"\n.|<|\(\?|\\[bdsw]|^\^", text)
+        and len(re.findall(r"[A-Za-z]{2,}", re.sub(QUOTED, " ", text))) >= WORDS
+    )
+
+
+def failed(tree: PrivateTree, tests: list[str], workers: int) -> set[str]:
+    """Tests of the tree that do not pass."""
+    apart = [f"--ignore-glob={tree.root}/tests/{page}*" for page in (*OWN_PAGE, "architecture")]
+    run = tree.pytest(tests, "--no-header", "--tb=no", "-rfE", "-n", str(workers), *apart, seconds=36000.0)
+    lines = (line for line in run.stdout.splitlines() if line.startswith(("FAILED ", "ERROR ")))
+    return {line.split(" ", 1)[1].split(" - ")[0] for line in lines}
+
+
+def main() -> None:
+    """Count."""
+    parser = argparse.ArgumentParser(description=(__doc__ or "").splitlines()[0])
+    parser.add_argument("tests", nargs="*", default=["tests"], help="files or folders of tests; all by default")
+    parser.add_argument("--workers", type=int, default=1)
+    arguments = parser.parse_args()
+    with tempfile.TemporaryDirectory() as directory:
+        tree = PrivateTree(Path(directory) / "tree")
+        texts = {path: path.read_text(encoding="utf-8") for path in sorted(tree.package.rglob("*.py"))}
+        for path, text in texts.items():
+            path.write_text(ast.unparse(Rewording().visit(ast.parse(text))), encoding="utf-8")
+        names = failed(tree, arguments.tests, arguments.workers)
+        for path, text in texts.items():
+            path.write_text(text, encoding="utf-8")
+        if names:
+            names -= failed(tree, sorted(names), arguments.workers)
+    for file, n in Counter(name.partition("::")[0] for name in names).most_common():
+        print(f"{n:5d}  {file}")
+    print(f"{len(names)} tests fail when every text is reworded.")
+
+
+if __name__ == "__main__":
+    main()
