@@ -9,8 +9,6 @@ tests/architecture do not count.
 from __future__ import annotations
 
 import argparse
-import ast
-import re
 import sys
 import tempfile
 from collections import Counter
@@ -19,59 +17,9 @@ from pathlib import Path
 ROOT = Path(__file__).parent.parent
 sys.path.insert(0, str(ROOT / "tests"))
 
-from architecture.size import is_documentation
+from architecture.rewording import otherwise
 from architecture.words import OWN_PAGE
 from private_tree import PrivateTree
-
-WORDS = 4
-"""Words that a text has at least; shorter ones are keys, heads of columns and parts of patterns."""
-QUOTED = r"'[^']*'|`[^`]*`|\"[^\"]*\"|\{[^}]*\}|\[[^\]]*\]"
-ALONE = re.compile(rf"({QUOTED})|(?<![\w.\-/\\%])[a-z]{{4,}}(?![\w\-/=(\[]|\.\w)")
-HELP = {"help", "description", "epilog"}
-
-
-def reworded(text: str) -> str:
-    """A text with its words reversed, what is quoted apart.
-
-    >>> reworded("the mass 'case' of 12.5 kg is colder than ambient.")
-    "the ssam 'case' of 12.5 kg is redloc naht tneibma."
-    """
-    return ALONE.sub(lambda match: match[0] if match[1] else match[0][::-1], text)
-
-
-class Rewording(ast.NodeTransformer):
-    """Rewords the texts of a module."""
-
-    def visit_Expr(self, node: ast.Expr) -> ast.AST:
-        """Leave docstrings."""
-        return node if is_documentation(node) else self.generic_visit(node)
-
-    def visit_keyword(self, node: ast.keyword) -> ast.AST:
-        """Leave help texts."""
-        return node if node.arg in HELP else self.generic_visit(node)
-
-    def visit_Constant(self, node: ast.Constant) -> ast.AST:
-        """Reword a text."""
-        return ast.copy_location(ast.Constant(reworded(node.value)), node) if is_prose(node.value) else node
-
-    def visit_JoinedStr(self, node: ast.JoinedStr) -> ast.AST:
-        """Reword the parts of a formatted text."""
-        whole = "{}".join(part.value for part in node.values if isinstance(part, ast.Constant))
-        for part in node.values:
-            if isinstance(part, ast.Constant) and is_prose(whole):
-                part.value = reworded(part.value)
-            elif isinstance(part, ast.FormattedValue):
-                part.value = self.visit(part.value)
-        return node
-
-
-def is_prose(text: object) -> bool:
-    """Whether a value is a text of some words on one line, and no pattern or markup."""
-    return (
-        isinstance(text, str)
-        and not re.search(r"\n.|<|\(\?|\\[bdsw]|^\^", text)
-        and len(re.findall(r"[A-Za-z]{2,}", re.sub(QUOTED, " ", text))) >= WORDS
-    )
 
 
 def failed(tree: PrivateTree, tests: list[str], workers: int) -> set[str]:
@@ -92,7 +40,7 @@ def main() -> None:
         tree = PrivateTree(Path(directory) / "tree")
         texts = {path: path.read_text(encoding="utf-8") for path in sorted(tree.package.rglob("*.py"))}
         for path, text in texts.items():
-            path.write_text(ast.unparse(Rewording().visit(ast.parse(text))), encoding="utf-8")
+            path.write_text(otherwise(text), encoding="utf-8")
         names = failed(tree, arguments.tests, arguments.workers)
         for path, text in texts.items():
             path.write_text(text, encoding="utf-8")

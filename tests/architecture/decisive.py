@@ -24,6 +24,7 @@ import ast
 import hashlib
 from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import dataclass
+from functools import cache
 
 from .size import by_room
 from .source import Module, room_of
@@ -88,7 +89,8 @@ def in_order(modules: Iterable[Module], seed: int) -> list[Site]:
     return [*pairs, *numbers[shorter:], *comparisons[shorter:]]
 
 
-def sites(module: Module) -> list[Site]:
+@cache
+def sites(module: Module) -> tuple[Site, ...]:
     """Every number and every comparison of a module that counts, in the order of the source."""
     out: list[Site] = []
     times: dict[tuple[str, str], int] = {}
@@ -98,7 +100,7 @@ def sites(module: Module) -> list[Site]:
         text = _text(rows, lines, columns)
         nth = times[owner, text] = times.get((owner, text), -1) + 1
         out.append(Site(module.name, owner, text, isinstance(node, ast.Constant), nth, lines, columns))
-    return out
+    return tuple(out)
 
 
 def numbers_that_decide(modules: Mapping[str, Module]) -> dict[str, int]:

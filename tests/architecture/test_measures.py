@@ -2,10 +2,12 @@
 
 from __future__ import annotations
 
+import ast
+
 import pytest
 
-from . import decisive, doors, public, size, warm, words
-from .source import Module, is_below_init, is_inner
+from . import decisive, doors, public, rewording, size, warm, words
+from .source import Module, is_below_init, is_inner, room_of
 
 
 def house(**texts: str) -> dict[str, Module]:
@@ -149,6 +151,72 @@ class TestDecisive:
     def test_a_place_is_told_by_what_it_is_and_not_by_where(self) -> None:
         first, second = (decisive.sites(Module("thermid.fit.a", text))[0] for text in ("X = 2", "# moved\n\nX = 2"))
         assert (first.owner, first.text, first.nth) == (second.owner, second.text, second.nth)
+
+
+class TestDrawing:
+    @pytest.mark.parametrize(
+        ("text", "changed"),
+        [("X = 3", "X = 4"), ("X = 20", "X = 24"), ("X = -0.5", "X = -0.6"), ("X = 1e-3", "X = 0.0012")],
+    )
+    def test_a_number_moves_by_a_fifth_and_at_least_by_one(self, text: str, changed: str) -> None:
+        (site,) = decisive.sites(Module("thermid.fit.a", text))
+        assert site.applied(text) == changed
+
+    def test_a_comparison_is_negated_where_it_stands(self) -> None:
+        text = "def f(x):\n    é = (0 <\n        x\n        < g(x)) or x in (7,)\n    return é\n"
+        first, second, _ = decisive.sites(Module("thermid.fit.a", text))
+        space: dict = {"g": lambda x: 2 * x}
+        exec(first.applied(text), space)
+        assert (space["f"](1), space["f"](-1)) == (False, True)
+        exec(second.applied(text), space)
+        assert (space["f"](-1), space["f"](7)) == (True, True)
+
+    def test_the_seed_and_what_things_are_make_the_order(self) -> None:
+        text = "\n".join(f"A{k} = {k + 0.5} if x < {k + 2} else y" for k in range(20))
+        moved = "import numpy\n\n" + "\n".join(reversed(text.split("\n")))
+
+        def order(text: str, seed: int) -> list[tuple[str, str]]:
+            return [(site.owner, site.text) for site in decisive.in_order(house(fit__a=text).values(), seed)]
+
+        assert order(text, 1) == order(moved, 1)
+        assert order(text, 1) != order(text, 2)
+        assert len(order(text, 1)) == 60
+
+    def test_a_draw_takes_half_of_each_kind_and_no_table_of_units(self) -> None:
+        modules = house(fit__a="A = 1 < 2 < 3", model__b="B = 4\nC = x < y\nD = 7 == z", _units_table="E = 5")
+        kinds = [site.number for site in decisive.in_order(modules.values(), 1)]
+        assert kinds == [True, False, True, False, True, False, True, True]
+        assert all("units" not in site.module for site in decisive.in_order(modules.values(), 1))
+
+    def test_what_is_drawn_can_be_changed(self, modules: dict[str, Module]) -> None:
+        """Every room, both kinds: the text is what the tree says, and the mutant is Python."""
+        sites = decisive.in_order(modules.values(), 1)
+        assert {room_of(site.module) for site in sites} >= {"fit", "model", "physics", "reporting"}
+        for site in sites[:20]:
+            mutant = site.applied(modules[site.module].text)
+            assert ast.dump(ast.parse(mutant)) != ast.dump(modules[site.module].tree)
+
+
+class TestRewording:
+    @pytest.mark.parametrize(
+        ("text", "other"),
+        [
+            ("the mass 'case' of 12.5 kg is colder than ambient.", "the ssam 'case' of 12.5 kg is redloc naht tneibma."),
+            ("set film.htc or {place}, see `fit` and [K] of docs/fit.md", "set film.htc or {place}, see `fit` and [K] of docs/fit.md"),
+        ],
+    )
+    def test_words_are_reversed_names_and_numbers_stay(self, text: str, other: str) -> None:
+        assert rewording.reworded(text) == other
+
+    def test_texts_of_a_module(self) -> None:
+        text = (
+            'def f(x):\n    """The words of a docstring stay as they are."""\n'
+            "    option('--x', help='the words of a help text stay')\n    key = 'one key.path'\n"
+            "    pattern = r'the (?:words|texts) of a pattern'\n    raise E(f'the node {x!r} has no {x:.3f} mass at all')\n"
+        )
+        same, changed = text.split("    raise")[0], ast.unparse(ast.parse(rewording.otherwise(text)))
+        assert changed.startswith(ast.unparse(ast.parse(same)))
+        assert "edon {x!r} has no {x:.3f}" in changed
 
 
 class TestPublic:

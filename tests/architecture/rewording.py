@@ -1,0 +1,59 @@
+"""The same program with its texts worded otherwise: what scripts/reworded.py shows the tests."""
+
+from __future__ import annotations
+
+import ast
+import re
+
+from .size import is_documentation
+
+WORDS = 4
+"""Words that a text has at least; shorter ones are keys, heads of columns and parts of patterns."""
+QUOTED = r"'[^']*'|`[^`]*`|\"[^\"]*\"|\{[^}]*\}|\[[^\]]*\]"
+ALONE = re.compile(rf"({QUOTED})|(?<![\w.\-/\\%])[a-z]{{4,}}(?![\w\-/=(\[]|\.\w)")
+HELP = {"help", "description", "epilog"}
+
+
+def reworded(text: str) -> str:
+    """A text with its words reversed, what is quoted apart."""
+    return ALONE.sub(lambda match: match[0] if match[1] else match[0][::-1], text)
+
+
+def otherwise(source: str) -> str:
+    """A module with its texts reworded."""
+    return ast.unparse(_Rewording().visit(ast.parse(source)))
+
+
+class _Rewording(ast.NodeTransformer):
+    """Rewords the texts of a tree."""
+
+    def visit_Expr(self, node: ast.Expr) -> ast.AST:
+        """Leave docstrings."""
+        return node if is_documentation(node) else self.generic_visit(node)
+
+    def visit_keyword(self, node: ast.keyword) -> ast.AST:
+        """Leave help texts."""
+        return node if node.arg in HELP else self.generic_visit(node)
+
+    def visit_Constant(self, node: ast.Constant) -> ast.AST:
+        """Reword a text."""
+        return ast.copy_location(ast.Constant(reworded(node.value)), node) if is_prose(node.value) else node
+
+    def visit_JoinedStr(self, node: ast.JoinedStr) -> ast.AST:
+        """Reword the parts of a formatted text."""
+        whole = "{}".join(part.value for part in node.values if isinstance(part, ast.Constant))
+        for part in node.values:
+            if isinstance(part, ast.Constant) and is_prose(whole):
+                part.value = reworded(part.value)
+            elif isinstance(part, ast.FormattedValue):
+                part.value = self.visit(part.value)
+        return node
+
+
+def is_prose(text: object) -> bool:
+    """Whether a value is a text of some words on one line, and no pattern or markup."""
+    return (
+        isinstance(text, str)
+        and not re.search(r"\n.|<|\(\?|\\[bdsw]|^\^", text)
+        and len(re.findall(r"[A-Za-z]{2,}", re.sub(QUOTED, " ", text))) >= WORDS
+    )
