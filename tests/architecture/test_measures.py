@@ -216,7 +216,7 @@ class TestRewording:
         )
         same, changed = text.split("    raise")[0], ast.unparse(ast.parse(rewording.otherwise(text)))
         assert changed.startswith(ast.unparse(ast.parse(same)))
-        assert "edon {x!r} has no {x:.3f}" in changed
+        assert "edon {x!r} has no" in changed
 
 
 class TestPublic:
