@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import ast
 import tomllib
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Iterator, Mapping
 from pathlib import Path
 
 import thermid
@@ -83,6 +83,23 @@ def doubled_classes(modules: Mapping[str, Module]) -> Offenders:
     return {name: len(where) for name, where in places.items() if len(where) > 1}
 
 
+def without_docstring(modules: Mapping[str, Module]) -> Offenders:
+    """Functions, methods and classes without an underscore that have no docstring; ruff asks for none in files that begin with one."""
+    kinds = (ast.FunctionDef, ast.AsyncFunctionDef, ast.ClassDef)
+
+    def missing(node: ast.Module | ast.ClassDef, name: str) -> Iterator[str]:
+        for child in node.body:
+            if isinstance(child, kinds) and not child.name.startswith("_"):
+                last = child.body[-1]
+                only_a_form = isinstance(last, ast.Expr) and isinstance(last.value, ast.Constant)  # `...`, of an overload or a protocol
+                if ast.get_docstring(child) is None and not only_a_form:
+                    yield f"{name}.{child.name}"
+                if isinstance(child, ast.ClassDef):
+                    yield from missing(child, f"{name}.{child.name}")
+
+    return {name: 1 for module in modules.values() for name in missing(module.tree, short(module.name))}
+
+
 def files_by_package(modules: Mapping[str, Module]) -> dict[str, int]:
     """Package -> how many files it holds beside its `__init__`."""
     counts: dict[str, int] = {}
@@ -104,6 +121,7 @@ GUARDS = {
     "one_importer": slices,
     "doubled_classes": doubled_classes,
     "crowded_packages": crowded,
+    "without_docstring": without_docstring,
     "long_functions": size.long_functions,
     "constants_of_several_numbers": words.constants_of_several_numbers,
 }

@@ -37,6 +37,7 @@ PLANTED = [
     ("one_importer", {"one": ONE, "two": ""}, "model.two", 1),
     ("doubled_classes", {"one": "class Step: ...", "two": "def f():\n    class Step: ..."}, "Step", 2),
     ("crowded_packages", CROWDED, "model", CROWD + 1),
+    ("without_docstring", {"_one": "class A:\n    'Doc.'\n    def f(self):\n        return 1"}, "model._one.A.f", 1),
     ("long_functions", {"one": "def f():\n" + SCREEN * "    x = 1\n"}, "model.one.f", SCREEN + 1),
     ("constants_of_several_numbers", {"one": "A, B = 1.0, 2", "two": "B: Final = -3.0"}, "B", 2),
 ]
@@ -47,6 +48,7 @@ HARMLESS = [
     ("one_importer", {"one": ONE, "two": "", "three": ONE}),
     ("doubled_classes", {"one": "class Step: ...", "two": "from thermid.model.one import Step"}),
     ("crowded_packages", dict(list(CROWDED.items())[1:])),
+    ("without_docstring", {"_one": "def _f():\n    return 1\n@overload\ndef g(): ...\nclass _A:\n    def f(self):\n        return 1"}),
     ("long_functions", {"one": "def f():\n" + (SCREEN - 1) * "    x = 1\n"}),
     ("constants_of_several_numbers", {"one": "A = 1.0", "two": "A = 1\nB = 2\nC = f(3)", "three": "B = 'x'\nC = 4"}),
 ]
