@@ -4,10 +4,8 @@ from __future__ import annotations
 
 import ast
 import tomllib
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Iterable, Iterator, Mapping
 from pathlib import Path
-
-import thermid
 
 from . import decisive, doors, public, size, warm, words
 from .source import Import, Module, is_inner, within
@@ -26,17 +24,17 @@ Offenders = dict[str, int]
 
 
 def imports_between(modules: Mapping[str, Module], by_text: bool) -> dict[str, set[str]]:
-    """Module -> the modules of the package that it imports, wherever the import stands."""
+    """Module -> the modules of the package that it imports, wherever the import stands; what stubs import, `thermid` itself offers."""
     known = {*modules, "thermid._kernel"}
-    found = {
-        m.name: {t for i in (*m.imports(), *(m.imports_by_text(modules) if by_text else ())) for t, _ in within(i, known) if t in modules}
-        - {m.name}
-        for m in modules.values()
-    }
-    for space in {f"thermid.{name}" for name in thermid._NAMESPACES} & set(found):  # they offer public names for the package as a whole
-        found.setdefault("thermid", set()).update(found[space])
-        found[space] = set()
-    return found
+
+    def reached(imports: Iterable[Import]) -> set[str]:
+        return {target for i in imports for target, _ in within(i, known) if target in modules}
+
+    texts = {name: m.imports_by_text(modules) if by_text else () for name, m in modules.items()}
+    between = {name: reached((*m.imports(stub=False), *texts[name])) - {name} for name, m in modules.items()}
+    if offered := set().union(*(reached(m.stub_imports) for m in modules.values())):
+        between["thermid"] = between.get("thermid", set()) | offered
+    return between
 
 
 def own_lazy_imports(module: Module) -> list[Import]:

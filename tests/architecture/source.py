@@ -65,15 +65,16 @@ class Module:
 
     def imports(self, stub: bool = True) -> tuple[Import, ...]:
         """Every import by a statement or a call, wherever it stands: at the top, inside a function, for the type checker only."""
-        return self._all_imports if stub else self._own_imports
+        return (*self._own_imports, *self.stub_imports) if stub else self._own_imports
 
     @cached_property
     def _own_imports(self) -> tuple[Import, ...]:
         return tuple(self._imports(self.tree, lazy=False, typing=False))
 
     @cached_property
-    def _all_imports(self) -> tuple[Import, ...]:
-        return (*self._own_imports, *self._imports(ast.parse(self.stub), lazy=False, typing=True))
+    def stub_imports(self) -> tuple[Import, ...]:
+        """The imports of its stub, which name what it offers."""
+        return tuple(self._imports(ast.parse(self.stub), lazy=False, typing=True))
 
     def imports_by_text(self, known: Collection[str]) -> tuple[Import, ...]:
         """Modules of `known` that texts of the module name, alone or with one name in them: whoever has the text can import them.
