@@ -21,11 +21,29 @@ from architecture.rewording import otherwise
 from architecture.words import OWN_PAGE
 from private_tree import PrivateTree
 
+LIMIT = """import signal
+import pytest
+
+def overdue(*_):
+    raise TimeoutError("waits for words that do not come")
+
+@pytest.hookimpl(wrapper=True)
+def pytest_runtest_protocol():
+    signal.signal(signal.SIGALRM, overdue)
+    signal.alarm(300)
+    try:
+        return (yield)
+    finally:
+        signal.alarm(0)
+"""
+"""A plugin that ends what would wait for ever for a line of a process that it started, s."""
+
 
 def failed(tree: PrivateTree, tests: list[str], workers: int) -> set[str]:
     """Tests of the tree that do not pass."""
     apart = [f"--ignore-glob={tree.root}/tests/{page}*" for page in (*OWN_PAGE, "architecture")]
-    run = tree.pytest(tests, "--no-header", "--tb=no", "-rfE", "-n", str(workers), *apart, seconds=36000.0)
+    (tree.root / "startup" / "limit.py").write_text(LIMIT, encoding="utf-8")
+    run = tree.pytest(tests, "-p", "limit", "--no-header", "--tb=no", "-rfE", "-n", str(workers), *apart, seconds=36000.0)
     lines = (line for line in run.stdout.splitlines() if line.startswith(("FAILED ", "ERROR ")))
     return {line.split(" ", 1)[1].split(" - ")[0] for line in lines}
 

@@ -106,7 +106,7 @@ def sites(module: Module) -> tuple[Site, ...]:
 def numbers_that_decide(modules: Mapping[str, Module]) -> dict[str, int]:
     """Room -> how many numbers of it count, published ones apart."""
     chosen = [m for m in modules.values() if not set(m.name.split(".")) & PUBLISHED]
-    return by_room({m.name: n for m in chosen if (n := sum(site.number for site in sites(m)))})
+    return by_room({m.name: sum(site.number for site in sites(m)) for m in chosen})
 
 
 def _text(rows: list[str], lines: tuple[int, int], columns: tuple[int, int]) -> str:

@@ -43,12 +43,11 @@ def tokens(modules: Mapping[str, Module]) -> dict[str, int]:
 
 
 def by_room(counts: Mapping[str, int]) -> dict[str, int]:
-    """Room -> the sum over its modules; the package's own `__init__` is `thermid`."""
-    out: dict[str, int] = {}
+    """Room -> the sum over its modules, where there is any; the package's own `__init__` is `thermid`."""
+    out: Counter[str] = Counter()
     for name, n in counts.items():
-        room = room_of(name) or name
-        out[room] = out.get(room, 0) + n
-    return out
+        out[room_of(name) or name] += n
+    return dict(+out)
 
 
 def function_lengths(module: Module) -> dict[str, int]:
@@ -93,4 +92,4 @@ def functions_with_one_use(modules: Mapping[str, Module], inner: Callable[[str],
         if uses[name] == 1 and not others and not special:
             # the function itself is a statement of the walk
             counts[module_name] += sum(isinstance(node, ast.stmt) for node in ast.walk(function)) <= SMALL + 1
-    return by_room(+counts)
+    return by_room(counts)

@@ -27,13 +27,13 @@ def is_dialect(name: str) -> bool:
 def dialect_functions(modules: Mapping[str, Module]) -> dict[str, int]:
     """Room -> functions, methods and classes that are named by a word of the dialect alone."""
     kinds = (*FUNCTIONS, ast.ClassDef)
-    return by_room({m.name: n for m in modules.values() if (n := sum(isinstance(k, kinds) and is_dialect(k.name) for k in m.nodes))})
+    return by_room({m.name: sum(isinstance(k, kinds) and is_dialect(k.name) for k in m.nodes) for m in modules.values()})
 
 
 def dialect_constants(modules: Mapping[str, Module]) -> dict[str, int]:
     """Room -> names in capitals that are assigned and are a word of the dialect alone."""
     names = {m.name: [name for node in m.nodes if (name := _assigned(node)).isupper()] for m in modules.values()}
-    return by_room({module: n for module, every in names.items() if (n := sum(map(is_dialect, every)))})
+    return by_room({module: sum(map(is_dialect, every)) for module, every in names.items()})
 
 
 def functions_with_dialect_variables(modules: Mapping[str, Module]) -> dict[str, int]:
@@ -47,7 +47,7 @@ def functions_with_dialect_variables(modules: Mapping[str, Module]) -> dict[str,
 
     bodies = {m.name: [n.body for n in m.nodes if isinstance(n, ast.Module | ast.ClassDef)] for m in modules.values()}
     counts = {name: sum(isinstance(k, FUNCTIONS) and uses(k) for body in every for k in body) for name, every in bodies.items()}
-    return by_room({name: n for name, n in counts.items() if n})
+    return by_room(counts)
 
 
 def _assigned(node: ast.AST) -> str:
