@@ -10,7 +10,7 @@ from .size import is_documentation
 WORDS = 4
 """Words that a text has at least; shorter ones are keys, heads of columns and parts of patterns."""
 QUOTED = r"'[^']*'|`[^`]*`|\"[^\"]*\"|\{[^}]*\}|\[[^\]]*\]"
-ALONE = re.compile(rf"({QUOTED})|(?<![\w.\-/\\%])[a-z]{{4,}}(?![\w\-/=(\[]|\.\w)")
+ALONE = re.compile(rf"({QUOTED})|(?<![\w.\-/\\%])[a-z]{{4,}}(?![\w\-/=(\[]|\.\w|://)")
 HELP = {"help", "description", "epilog"}
 
 

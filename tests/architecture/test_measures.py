@@ -202,7 +202,10 @@ class TestRewording:
         ("text", "other"),
         [
             ("the mass 'case' of 12.5 kg is colder than ambient.", "the ssam 'case' of 12.5 kg is redloc naht tneibma."),
-            ("set film.htc or {place}, see `fit` and [K] of docs/fit.md", "set film.htc or {place}, see `fit` and [K] of docs/fit.md"),
+            (
+                "set film.htc or {place}, `fit` and [K] of https://a.b/fit.md",
+                "set film.htc or {place}, `fit` and [K] of https://a.b/fit.md",
+            ),
         ],
     )
     def test_words_are_reversed_names_and_numbers_stay(self, text: str, other: str) -> None:
