@@ -1,7 +1,7 @@
 """One tree of exceptions. Each says what is wrong, where, why it matters if that is not obvious, and what to do.
 
 `where` is a file with a key path and, where it is known, a line: ``m_PrE.toml:12, conductors.Rcd1``. `exit_code` is what the
-command line returns for it.
+command line returns for it; `code` names the cause, see `thermid.base.codes`.
 
 `CAPS` is how much a file, a text or a request may ask for before it is refused, and `cap` says what holds now: the environment variable
 `THERMID_CAPS` raises or lowers any of them. Decision 216 says why there is one table.
@@ -16,7 +16,9 @@ from collections.abc import Collection, Hashable, Iterable, Iterator, Mapping, S
 from contextlib import contextmanager
 from difflib import get_close_matches
 from functools import lru_cache
-from typing import Any, Final, TypeVar
+from typing import Any, Final, Self, TypeVar
+
+from thermid.base.codes import CodedText, code_of
 
 K = TypeVar("K")
 V = TypeVar("V")
@@ -30,24 +32,31 @@ class ThermidError(Exception):
     ----------
     message : str   What is wrong and what to do.
     where : str     File, key path and line, or the model's title; empty when there is none.
+    code : str      Code of the cause; that of the message where it is a `CodedText` and none is given, or else that of the class.
     """
 
     exit_code = 2
+    code = ""
 
-    def __init__(self, message: str, where: str = "") -> None:
+    def __init__(self, message: str, where: str = "", *, code: str = "") -> None:
         super().__init__(message)
-        self.message = message
+        self.code = code or code_of(message) or self.code
+        self.message = CodedText(message, self.code)
         self.where = where
 
     def __str__(self) -> str:
         """`where: message`, or the message alone."""
-        return f"{self.where}: {self.message}" if self.where else self.message
+        return CodedText(f"{self.where}: {self.message}" if self.where else self.message, self.code)
 
-    def located(self, where: str) -> ThermidError:
+    def reworded(self, message: str) -> Self:
+        """Return the same error, of the same code and place, in other words."""
+        return type(self)(message, self.where, code=self.code)
+
+    def located(self, where: str) -> Self:
         """Return the same error with a place, unless it already has one."""
         return self if self.where else type(self)(self.message, where)
 
-    def within(self, place: str, joint: str = ", ") -> ThermidError:
+    def within(self, place: str, joint: str = ", ") -> Self:
         """Return the same error with a place before the one that it names, unless both are in one file."""
         file = place.partition(":")[0].partition(",")[0]
         if self.where == file or self.where.startswith((f"{file}:", f"{file},")):
@@ -86,9 +95,13 @@ class RecordError(ThermidError, ValueError):
 class MissingDataError(RecordError):
     """A log is not where the campaign says; the message says how to get it."""
 
+    code = "record.log-missing"
+
 
 class MissingExtraError(ThermidError, ImportError):
     """An optional package is not installed; the message says which command installs it."""
+
+    code = "extra.not-installed"
 
 
 class SolverError(ThermidError, RuntimeError):
@@ -107,10 +120,21 @@ class StoppedError(ThermidError, RuntimeError):
     """The interrupt key ended a fit that further fits rest on; the message has its best values so far."""
 
     exit_code = 130
+    code = "fit.stopped"
 
 
 class ThermidWarning(UserWarning):
-    """Something that a reader of the result must know."""
+    """Something that a reader of the result must know.
+
+    Parameters
+    ----------
+    text : str   What must be known.
+    code : str   Code of the cause, as of a `ThermidError`.
+    """
+
+    def __init__(self, text: str, *, code: str = "") -> None:
+        super().__init__(text)
+        self.code = code or code_of(text)
 
 
 def spoken(seconds: float) -> str:
@@ -180,7 +204,8 @@ def _caps(given: str) -> dict[str, float]:
         except ValueError:
             out[name] = math.nan
         if not out[name] > 0.0:
-            raise ThermidError(f"'{word}' gives no number above zero. Write for example {name}={CAPS[name][0]:g}.", CAPS_VARIABLE)
+            advice = f"Write for example {name}={CAPS[name][0]:g}."
+            raise ThermidError(f"'{word}' gives no number above zero. {advice}", CAPS_VARIABLE, code="cap.no-number")
     return out
 
 
@@ -221,6 +246,7 @@ def refuse_unknown(
     where: str = "",
     refusal: str = "no key '{}'; there are {known}.",
     error: type[ThermidError] = RecordError,
+    code: str = "name.unknown",
 ) -> None:
     """Refuse the first of some names that is not known, with the nearest one that is.
 
@@ -232,6 +258,7 @@ def refuse_unknown(
     refusal : str           The message: `{}` stands for the name, `{known}` for all that are known, `{near}` for the nearest of these; the
                             nearest follows at the end where the message has no place for it.
     error : type            Kind of error.
+    code : str              Its code.
 
     Raises
     ------
@@ -241,7 +268,7 @@ def refuse_unknown(
         if not isinstance(name, Hashable) or name not in known:
             text = refusal if "{near}" in refusal else f"{refusal}{{near}}"
             words = {"{}": str(name), "{known}": ", ".join(known) or "none", "{near}": nearest(str(name), known)}
-            raise error("".join(words.get(part, part) for part in _PLACES.split(text)), where)
+            raise error("".join(words.get(part, part) for part in _PLACES.split(text)), where, code=code)
 
 
 def look_up(name: K, table: Mapping[K, V], refusal: str, where: str = "", error: type[ThermidError] = NameNotFoundError) -> V:

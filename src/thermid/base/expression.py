@@ -110,7 +110,9 @@ def parse(text: str) -> Expression:
     ('diameter',)
     """
     if len(text) > cap("expression"):
-        raise ExpressionError(f"the expression has {len(text)} characters; the limit is {cap('expression'):.0f}.{raising('expression')}")
+        raise ExpressionError(
+            f"the expression has {len(text)} characters; the limit is {cap('expression'):.0f}.{raising('expression')}", code="cap.exceeded"
+        )
     bracket = _BRACKET.match(text)
     body = bracket["number"] if bracket else text
     names: list[str] = []
@@ -131,7 +133,8 @@ def _tree(body: str, text: str) -> ast.expr:
         bare = _BARE.match(text)
         meant = f"{bare[1]} [{'degC' if bare[2] == 'C' else bare[2]}]" if bare else "2.5 [W]"
         raise ExpressionError(
-            f"'{_short(text)}' cannot be read as arithmetic. Write a number with its unit, '{meant}', or names with + - * / **."
+            f"'{_short(text)}' cannot be read as arithmetic. Write a number with its unit, '{meant}', or names with + - * / **.",
+            code="expression.not-arithmetic",
         ) from error
 
 
@@ -144,7 +147,8 @@ def _with_quantities(text: str) -> Expression:
         if of.absolute:
             raise ExpressionError(
                 f"'{_short(text)}': '{found[0]}' inside arithmetic could be a temperature or a difference. Write it in [K] or define "
-                "a parameter for it."
+                "a parameter for it.",
+                code="expression.scale-in-arithmetic",
             )
         name = f"{_PLACE}{len(quantities)}"
         quantities[name] = Literal(to_si(Fraction(found["number"]), of), of)
@@ -159,11 +163,13 @@ def _with_quantities(text: str) -> Expression:
         return Expression(text, tuple(dict.fromkeys(names)), None, tree, quantities)
     if _BRACKET.match(text) and re.search(r"[A-Za-z_)]\s*\[[^\[\]]*\]\s*$", text):
         raise ExpressionError(
-            f"'{_short(text)}': a unit in brackets may follow pure numbers only; names have their own units. Leave the brackets out."
+            f"'{_short(text)}': a unit in brackets may follow pure numbers only; names have their own units. Leave the brackets out.",
+            code="expression.unit-after-names",
         )
     raise ExpressionError(
         f"'{_short(text)}': write the unit in brackets once, at the end: '(0.5 + 1) [m]'. In an expression with names write it after "
-        "a number: 'area + 2 [cm^2]'."
+        "a number: 'area + 2 [cm^2]'.",
+        code="expression.unit-not-at-end",
     )
 
 
@@ -176,7 +182,7 @@ def _number(tree: ast.expr, body: str, of: Unit, text: str) -> float:
     except ThermidError:
         raise
     except (ArithmeticError, ValueError) as error:
-        raise ExpressionError(f"'{_short(text)}' has no finite value.") from error
+        raise ExpressionError(f"'{_short(text)}' has no finite value.", code="expression.no-finite-value") from error
 
 
 def _short(text: str) -> str:
@@ -262,12 +268,14 @@ def _function(node: ast.Call) -> str:
 def _check(node: ast.expr, text: str, names: list[str], depth: int = 0, known: frozenset[str] = frozenset()) -> None:
     """Refuse everything but arithmetic over names, and collect the names; `known` are places of numbers with units."""
     if depth > 100:
-        raise ExpressionError(f"'{_short(text)}' is nested too deeply.")
+        raise ExpressionError(f"'{_short(text)}' is nested too deeply.", code="expression.nested-too-deeply")
     operands = _operands(node)
     if operands is not None:
         if isinstance(node, ast.Call) and (len(operands) < 2 if _function(node) in SEVERAL else len(operands) != 1):
             asked = "two values or more" if _function(node) in SEVERAL else "one value"
-            raise ExpressionError(f"'{_short(text)}': {_function(node)}() takes {asked}; it has {len(operands)}.")
+            raise ExpressionError(
+                f"'{_short(text)}': {_function(node)}() takes {asked}; it has {len(operands)}.", code="expression.number-of-values"
+            )
         for operand in operands:
             _check(operand, text, names, depth + 1, known)
         return
@@ -282,12 +290,15 @@ def _check(node: ast.expr, text: str, names: list[str], depth: int = 0, known: f
     try:
         part = ast.unparse(node)
     except RecursionError:
-        raise ExpressionError(f"'{_short(text)}' is nested too deeply.") from None
+        raise ExpressionError(f"'{_short(text)}' is nested too deeply.", code="expression.nested-too-deeply") from None
     if isinstance(node, ast.Tuple) and (pointed := _DECIMAL_COMMA.sub(".", text)) != text:
-        raise ExpressionError(f"'{_short(text)}': write numbers with a decimal point: '{_short(pointed)}'.")
+        raise ExpressionError(
+            f"'{_short(text)}': write numbers with a decimal point: '{_short(pointed)}'.", code="expression.decimal-comma"
+        )
     raise ExpressionError(
         f"'{_short(text)}': '{_short(part)}' is not allowed. An expression may hold numbers, names, dotted paths, + - * / **, "
-        f"parentheses, pi, {', '.join(FUNCTIONS)}. It does not run code."
+        f"parentheses, pi, {', '.join(FUNCTIONS)}. It does not run code.",
+        code="expression.not-arithmetic",
     )
 
 
@@ -313,7 +324,10 @@ def _fraction(node: ast.expr, body: str) -> Fraction:
     left, right = _fraction(node.left, body), _fraction(node.right, body)
     if isinstance(node.op, ast.Pow):
         if abs(right) > cap("power"):
-            raise ExpressionError(f"'{_short(body)}' has no finite value, or needs a power above {cap('power'):.0f}.{raising('power')}")
+            raise ExpressionError(
+                f"'{_short(body)}' has no finite value, or needs a power above {cap('power'):.0f}.{raising('power')}",
+                code="expression.no-finite-value",
+            )
         if right.denominator != 1:  # a root is not a fraction; it is rounded here and once more at the end
             return Fraction(real_power(float(left), float(right)))
         if _bits(left) * abs(right) > _MOST_BITS:
@@ -364,7 +378,7 @@ def _dimension(node: ast.expr, lookup: Callable[[str], Dimension], text: str) ->
         return _power_dimension(node, left, right, text)
     if left != right:
         part = ast.unparse(node)
-        raise ExpressionError(f"'{text}': '{part}' adds {describe(left)} and {describe(right)}.")
+        raise ExpressionError(f"'{text}': '{part}' adds {describe(left)} and {describe(right)}.", code="expression.mixed-dimensions")
     return left
 
 
@@ -374,21 +388,27 @@ def _function_dimension(node: ast.Call, of: list[Dimension], text: str) -> Dimen
     if name == "sqrt":
         return tuple(each / 2 for each in of[0])
     if name == "exp" and of[0] != DIMENSIONLESS:
-        raise ExpressionError(f"'{text}': exp() takes a plain number; '{ast.unparse(node.args[0])}' is {describe(of[0])}.")
+        raise ExpressionError(
+            f"'{text}': exp() takes a plain number; '{ast.unparse(node.args[0])}' is {describe(of[0])}.", code="expression.mixed-dimensions"
+        )
     for each in of[1:]:
         if each != of[0]:
-            raise ExpressionError(f"'{text}': '{ast.unparse(node)}' compares {describe(of[0])} and {describe(each)}.")
+            raise ExpressionError(
+                f"'{text}': '{ast.unparse(node)}' compares {describe(of[0])} and {describe(each)}.", code="expression.mixed-dimensions"
+            )
     return of[0]
 
 
 def _power_dimension(node: ast.BinOp, left: Dimension, right: Dimension, text: str) -> Dimension:
     """Return the dimension of a power: its exponent is a plain number, and a constant one where the base has a dimension."""
     if right != DIMENSIONLESS:
-        raise ExpressionError(f"'{text}': an exponent must be a plain number.")
+        raise ExpressionError(f"'{text}': an exponent must be a plain number.", code="expression.exponent-not-plain")
     if left == DIMENSIONLESS:
         return DIMENSIONLESS
     try:
         power = _fraction(node.right, text.strip())
     except (ArithmeticError, ValueError, ThermidError):
-        raise ExpressionError(f"'{text}': a quantity with a unit can be raised to a constant power only.") from None
+        raise ExpressionError(
+            f"'{text}': a quantity with a unit can be raised to a constant power only.", code="expression.exponent-not-plain"
+        ) from None
     return tuple(e * power for e in left)

@@ -50,7 +50,8 @@ def extension(point: str, purpose: str, where: str) -> Callable[..., Any]:
         loaded = None
     if loaded is None:
         needed = f"the package {part}" if part else "an optional part of thermid"
-        raise ThermidError(f"{purpose} needs {needed}, which is not installed. Install thermid completely: pip install thermid", where)
+        text = f"{purpose} needs {needed}, which is not installed. Install thermid completely: pip install thermid"
+        raise ThermidError(text, where, code="extra.part-missing")
     return getattr(loaded, function)  # type: ignore[no-any-return]
 
 

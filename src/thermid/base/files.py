@@ -175,14 +175,20 @@ def _piped(path: str | os.PathLike[str]) -> bytes:
     try:
         while len(data) <= most:
             if not select.select([pipe], [], [], SILENCE)[0]:
-                raise ThermidError(f"this is a pipe, and nothing came out of it within {SILENCE:g} s. Give the path of a file.", str(path))
+                raise ThermidError(
+                    f"this is a pipe, and nothing came out of it within {SILENCE:g} s. Give the path of a file.",
+                    str(path),
+                    code="file.silent-pipe",
+                )
             part = os.read(pipe, 1 << 20)
             if not part:
                 return bytes(data)
             data += part
     finally:
         os.close(pipe)
-    raise ThermidError(f"more than {most / 1e6:.0f} MB came out of this pipe or device.{raising('unpacked')}", str(path))
+    raise ThermidError(
+        f"more than {most / 1e6:.0f} MB came out of this pipe or device.{raising('unpacked')}", str(path), code="cap.exceeded"
+    )
 
 
 def read_text(path: str | os.PathLike[str], encoding: str = "utf-8") -> str:
@@ -230,7 +236,7 @@ def check_ending(path: str | os.PathLike[str], kind: FileKind) -> Path:
         return target
     own = " or ".join(kind.endings)
     promise = f"the ending '{ending}' promises {FORMATS[ending]}, but" if ending in FORMATS else "the name does not say a format, and"
-    raise OutputError(f"{promise} the {kind.name} is written as {own}. Give a name that ends so.", str(path))
+    raise OutputError(f"{promise} the {kind.name} is written as {own}. Give a name that ends so.", str(path), code="output.wrong-ending")
 
 
 def may_write(path: str | os.PathLike[str], kind: FileKind) -> Path:
@@ -256,13 +262,16 @@ def may_write(path: str | os.PathLike[str], kind: FileKind) -> Path:
     about = target.stat()
     if (about.st_dev, about.st_ino) in running.inputs:
         raise OutputError(
-            f"this file is an input of the command; writing the {kind.name} would overwrite it. Give another name.", str(path)
+            f"this file is an input of the command; writing the {kind.name} would overwrite it. Give another name.",
+            str(path),
+            code="output.over-input",
         )
     if not kind.wrote(target):
         raise OutputError(
             f"this file exists already. It was not written by thermid as {kind.name}, or was changed since. Give another name or move "
             "it away; on the command line --force replaces it.",
             str(path),
+            code="output.over-another-file",
         )
     return target
 

@@ -25,6 +25,7 @@ from pydantic import (
 )
 from pydantic_core import PydanticCustomError, core_schema
 
+from thermid.base.codes import CodedText
 from thermid.base.errors import DeckError, ThermidError, cap, nearest, raising
 
 T = TypeVar("T")
@@ -52,7 +53,7 @@ def or_instance(kind: type) -> WrapValidator:
 def _amount(written: Any) -> Any:
     if isinstance(written, str | int | float) and not isinstance(written, bool):
         return written
-    raise PydanticCustomError("thermid", "{message}", {"message": f"{AMOUNT} is needed, not {shown(written)}."})
+    raise PydanticCustomError("thermid", "{message}", {"message": f"{AMOUNT} is needed, not {shown(written)}.", "code": "file.wrong-kind"})
 
 
 AMOUNT = "a text with its unit, such as '2.5 [W]', or a number"
@@ -62,7 +63,8 @@ def _names(written: Any) -> Any:
     several = written if isinstance(written, list | tuple) else [written]
     if all(isinstance(one, str) for one in several):
         return written
-    raise PydanticCustomError("thermid", "{message}", {"message": f"a text or a list of texts is needed, not {shown(written)}."})
+    text = f"a text or a list of texts is needed, not {shown(written)}."
+    raise PydanticCustomError("thermid", "{message}", {"message": text, "code": "file.wrong-kind"})
 
 
 def shown(written: Any) -> str:
@@ -148,7 +150,7 @@ class Grammar(BaseModel):
         """
         fault = endless(data)
         if fault:
-            raise cls.fault(fault[1], where(fault[0]))
+            raise cls.fault(fault[1], where(fault[0]), code=fault[1].code)
         try:
             return cls.model_validate(data)
         except ValidationError as error:
@@ -208,15 +210,16 @@ CourseField: TypeAlias = Annotated[Any, in_form(Amount, (SineTable, ("mean", "am
 """What may change with time, as `thermid.model._laws.signal.signal` reads it."""
 
 
-def endless(data: Any, path: str = "", deepest: int | None = None) -> tuple[str, str] | None:
+def endless(data: Any, path: str = "", deepest: int | None = None) -> tuple[str, CodedText] | None:
     """Return the first place of what no reader may get, and why: tables and lists nested too deeply, whole numbers beyond any float."""
     deepest = int(cap("nesting")) if deepest is None else deepest
     if isinstance(data, int) and data.bit_length() > LONGEST_NUMBER:
-        return path, f"a number has too many digits (some {data.bit_length() * 0.30103:.0f}); no float holds it."
+        text = f"a number has too many digits (some {data.bit_length() * 0.30103:.0f}); no float holds it."
+        return path, CodedText(text, "file.number-too-long")
     if not isinstance(data, dict | list | tuple):
         return None
     if deepest == 0:
-        return path, f"tables and lists are nested too deeply.{raising('nesting')}"
+        return path, CodedText(f"tables and lists are nested too deeply.{raising('nesting')}", "cap.exceeded")
     inside = data.items() if isinstance(data, dict) else enumerate(data)
     found = (endless(value, f"{path}.{key}" if path else str(key), deepest - 1) for key, value in inside)
     return next((each for each in found if each), None)
@@ -227,8 +230,8 @@ LONGEST_NUMBER = 1023
 
 
 def _listed(error: ValidationError, data: Mapping[str, Any], where: Callable[[str], str], grammar: type[Grammar]) -> ThermidError:
-    """Return one error that lists every fault."""
-    faults: dict[str, str] = {}
+    """Return one error that lists every fault; its code is that of the first."""
+    faults: dict[str, CodedText] = {}
     causes: list[ThermidError] = []
     for fault in error.errors():
         path, branch, given = _located(fault["loc"], data)
@@ -238,18 +241,17 @@ def _listed(error: ValidationError, data: Mapping[str, Any], where: Callable[[st
             continue
         path = path[: path.index("between") + 1] if "between" in path[2:] else path
         if branch and not isinstance(given, Mapping):
-            faults.setdefault(
-                ".".join(path),
-                "give a text with a unit, '2.5 [W]', a number, or a table with value, min, max, source, note and basis.",
-            )
+            forms = "give a text with a unit, '2.5 [W]', a number, or a table with value, min, max, source, note and basis."
+            faults.setdefault(".".join(path), CodedText(forms, "file.wrong-kind"))
         elif not branch or branch == _meant(error, fault["loc"], given):
-            faults.setdefault(".".join(path), _text(fault, path, branch, grammar))
+            faults.setdefault(".".join(path), CodedText(_text(fault, path, branch, grammar), _code(fault)))
     (first, message), *rest = ((where(key), text) for key, text in faults.items())
+    code = message.code
     kind = type(causes[0]) if len(causes) == len(faults) else grammar.fault
     if grammar.lead:
-        rest, first, message = [(first, message), *rest], where(""), grammar.lead
+        rest, first, message = [(first, message), *rest], where(""), CodedText(grammar.lead)
     more = [f"and {len(rest) - MOST_FAULTS} more faults."] if len(rest) > MOST_FAULTS else []
-    return kind("\n  ".join([message, *(f"{place}: {text}" for place, text in rest[:MOST_FAULTS]), *more]), first)
+    return kind("\n  ".join([message, *(f"{place}: {text}" for place, text in rest[:MOST_FAULTS]), *more]), first, code=code)
 
 
 def _located(location: tuple[int | str, ...], data: Any) -> tuple[list[str], str, Any]:
@@ -295,6 +297,15 @@ def _text(fault: Any, path: list[str], branch: str, grammar: type[Grammar]) -> s
     return f"{fault['msg'][0].lower()}{fault['msg'][1:]}."
 
 
+def _code(fault: Any) -> str:
+    """Return the code of a fault; what a field of ours refuses may say its own."""
+    if fault["type"] in WANTED:
+        return "file.wrong-kind"
+    return str(fault.get("ctx", {}).get("code", CODE_OF_FAULT.get(fault["type"], "file.wrong-value")))
+
+
+CODE_OF_FAULT = {"extra_forbidden": "file.unknown-key", "missing": "file.key-missing", "string_pattern_mismatch": "file.not-one-of"}
+"""Fault of pydantic -> code of an error."""
 MOST_FAULTS = 12
 """Faults that a message lists."""
 WANTED = {

@@ -127,7 +127,7 @@ class Result:
         rows = self._as_rows() if not traces else []
         label, number = _drawable(rows) if not traces else ("", "")
         if not traces and not number:
-            raise ThermidError("there is nothing to draw: it holds no numbers.", type(self).__name__)
+            raise ThermidError("there is nothing to draw: it holds no numbers.", type(self).__name__, code="result.nothing-to-draw")
         if axes is None:
             axes = new_axes()
         if not traces:

@@ -84,7 +84,7 @@ def read_json(path: Path, kind: str) -> Any:
         content = json.loads(path.read_text(encoding="utf-8"))
     except (ValueError, RecursionError) as error:
         grammar, text = grammar_of(kind), f"this is not valid JSON: {error}."
-        raise grammar.fault(f"{grammar.lead}\n  {path}: {text}" if grammar.lead else text, str(path)) from None
+        raise grammar.fault(f"{grammar.lead}\n  {path}: {text}" if grammar.lead else text, str(path), code="file.not-json") from None
     return by_grammar(kind, content, Places(str(path)))
 
 
@@ -97,7 +97,7 @@ def refuse_another_kind(content: Mapping[str, Any], wanted: str, where: str) -> 
     """
     campaign = {"records", "stages"} <= set(content)
     if campaign or {"nodes", "submodels"} & set(content):
-        raise DeckError(f"this is a {'campaign' if campaign else 'deck'}, not {wanted}.", where)
+        raise DeckError(f"this is a {'campaign' if campaign else 'deck'}, not {wanted}.", where, code="file.another-kind")
 
 
 def project_root(start: Path) -> Path:
@@ -115,10 +115,14 @@ def resolve_inside(folder: Path, name: str, where: str, roots: tuple[Path, ...] 
     """
     root = project_root(folder)
     if "\0" in name:
-        raise DeckError(f"{name!r} is not a file name.", where)
+        raise DeckError(f"{name!r} is not a file name.", where, code="file.no-name")
     path = (folder / name).resolve()
     if not any(path.is_relative_to(r) for r in (root, *(r.resolve() for r in roots))):
-        raise DeckError(f"'{name}' lies outside the project ({MARKER} marks its root). Copy the file into the project.", where)
+        raise DeckError(
+            f"'{name}' lies outside the project ({MARKER} marks its root). Copy the file into the project.",
+            where,
+            code="file.outside-project",
+        )
     return path
 
 
@@ -131,26 +135,32 @@ def read_toml(path: Path) -> tuple[dict[str, Any], dict[str, int]]:
     """
     if not path.is_file():
         if path.is_dir():
-            raise DeckError(f"there is no file '{path}': it is a folder.")
+            raise DeckError(f"there is no file '{path}': it is a folder.", code="file.not-found")
         if path.exists():
-            raise DeckError("this is a pipe or a device. Give the path of a file.", path.name)
+            raise DeckError("this is a pipe or a device. Give the path of a file.", path.name, code="file.not-a-file")
         if not path.parent.is_dir():
-            raise DeckError(f"there is no file '{path.name}', and no folder '{path.parent}'.")
+            raise DeckError(f"there is no file '{path.name}', and no folder '{path.parent}'.", code="file.not-found")
         near = nearest(path.stem, {p.stem for p in path.parent.glob(f"*{path.suffix}")})
         near = near.replace("'?", f"{path.suffix}'?")
-        raise DeckError(f"there is no file '{path.name}' in {f'{path.parent.name}/' if path.parent.name else 'this folder'}.{near}")
+        raise DeckError(
+            f"there is no file '{path.name}' in {f'{path.parent.name}/' if path.parent.name else 'this folder'}.{near}",
+            code="file.not-found",
+        )
     if path.stat().st_size > cap("text"):
         raise DeckError(
             f"the file has {path.stat().st_size / 1e6:.1f} MB; a deck is a text file of a few kilobytes. "
             f"Move tables of data into a log.{raising('text')}",
             path.name,
+            code="cap.exceeded",
         )
     try:
         text = read_text(path, "utf-8-sig")
         return parse_toml(text), line_numbers(text)
     except UnicodeDecodeError:
-        raise DeckError("the file is not UTF-8 text.", path.name) from None
+        raise DeckError("the file is not UTF-8 text.", path.name, code="file.not-text") from None
     except tomllib.TOMLDecodeError as error:
         raise DeckError(
-            f"this is not valid TOML: {error}. Put texts, and numbers with units, in quotes; begin comments with #.", path.name
+            f"this is not valid TOML: {error}. Put texts, and numbers with units, in quotes; begin comments with #.",
+            path.name,
+            code="file.not-toml",
         ) from None

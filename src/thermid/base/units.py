@@ -112,7 +112,8 @@ def unit(text: str) -> Unit:
     """
     if len(text) > cap("unit"):
         raise UnitError(
-            f"'[{text[:40]}...]' is not a known unit: it has {len(text)} characters, the limit is {cap('unit'):.0f}.{raising('unit')}"
+            f"'[{text[:40]}...]' is not a known unit: it has {len(text)} characters, the limit is {cap('unit'):.0f}.{raising('unit')}",
+            code="cap.exceeded",
         )
     key = "1" if text.strip() == "-" else _normalised(text) or "1"  # a dash says that there is none
     row = TABLE.get(key)
@@ -122,17 +123,18 @@ def unit(text: str) -> Unit:
         if scale in key:
             raise UnitError(
                 f"'[{text}]' multiplies or divides the scale {scale}, which has an offset. Write {instead}: a difference of 1 {scale} "
-                f"equals 1 {instead}."
+                f"equals 1 {instead}.",
+                code="unit.scale-in-product",
             )
     if key in _SPELT:
-        raise UnitError(f"'[{text}]' is not a known unit. Write [{_SPELT[key]}].")
+        raise UnitError(f"'[{text}]' is not a known unit. Write [{_SPELT[key]}].", code="unit.unknown")
     for flow in re.findall(r"\w+", key):
         if flow.lower() in _FLOWS:
-            raise UnitError(f"'[{text}]' is not a known unit. Write {_FLOWS[flow.lower()]} for {flow}.")
+            raise UnitError(f"'[{text}]' is not a known unit. Write {_FLOWS[flow.lower()]} for {flow}.", code="unit.unknown")
     if re.search(r"/\(?mK\b", key):
-        raise UnitError(f"'[{text}]': mK is the millikelvin. Write (m K) for metres times kelvin.")
+        raise UnitError(f"'[{text}]': mK is the millikelvin. Write (m K) for metres times kelvin.", code="unit.ambiguous")
     if re.search(r"\bgr\b", key):
-        raise UnitError(f"'[{text}]': gr is the grain, 0.0648 g. Write g for grams, or grain.")
+        raise UnitError(f"'[{text}]': gr is the grain, 0.0648 g. Write g for grams, or grain.", code="unit.ambiguous")
     _check_exponents(text, key)
     return _from_pint(text, key)
 
@@ -145,7 +147,8 @@ def _check_exponents(text: str, key: str) -> None:
                 raise UnitError(
                     f"'[{text}]' is not a known unit: it has the exponent {given}. "
                     f"Exponents go up to {cap('exponent'):.0f}, as plain numbers with at most one decimal."
-                    f"{_intended(key)}{raising('exponent')}"
+                    f"{_intended(key)}{raising('exponent')}",
+                    code="unit.exponent",
                 )
 
 
@@ -178,7 +181,7 @@ def _from_pint(text: str, key: str) -> Unit:
     import pint
 
     dimensions = ("[length]", "[mass]", "[time]", "[current]", "[temperature]")
-    unknown = UnitError(f"'[{text}]' is not a known unit.{_intended(key) or nearest(key, TABLE).replace('*', ' ')}")
+    unknown = UnitError(f"'[{text}]' is not a known unit.{_intended(key) or nearest(key, TABLE).replace('*', ' ')}", code="unit.unknown")
     if not _READABLE.match(key) or key.count("(") != key.count(")"):
         raise unknown
     try:
@@ -202,7 +205,9 @@ def _from_pint(text: str, key: str) -> Unit:
     ) as error:
         raise unknown from error
     if strange:
-        raise UnitError(f"'[{text}]' has a dimension that does not occur in a thermal network: {', '.join(sorted(strange))}.")
+        raise UnitError(
+            f"'[{text}]' has a dimension that does not occur in a thermal network: {', '.join(sorted(strange))}.", code="unit.not-thermal"
+        )
     return Unit(text.strip(), factor, offset, dimension)
 
 
@@ -249,9 +254,12 @@ def require(dimension: Dimension, slot: str, given: str = "", absolute: bool = F
         need = "a temperature [degC] or [K]" if slot == TEMPERATURE else f"{describe(wanted.dimension)} [{slot}]"
         bare = dimension == DIMENSIONLESS and given in ("", "1")
         shown = f' Write its unit with it: "2.5 [{"degC" if slot == TEMPERATURE else slot}]".' if bare else ""
-        raise UnitError(f"{what}; {need} is needed here.{shown}")
+        raise UnitError(f"{what}; {need} is needed here.{shown}", code="unit.wrong-dimension")
     if absolute and slot != TEMPERATURE:
-        raise UnitError(f"'[{given}]' is a temperature in degC or degF; a temperature difference is needed here. Write it in [K].")
+        raise UnitError(
+            f"'[{given}]' is a temperature in degC or degF; a temperature difference is needed here. Write it in [K].",
+            code="unit.scale-for-difference",
+        )
 
 
 @lru_cache(maxsize=512)

@@ -57,4 +57,4 @@ def refused(error: ThermidError, request: Request, stage: str, campaign: str) ->
         said = find_mistakes(request, stage).lines()
     words = [f"{line.strip()[0].upper()}{line.strip()[1:]}" for line in said]
     command = f"thermid check {campaign}" if words else f"thermid identify {campaign} --stage '{stage}'"
-    return type(error)(" ".join([error.message, *words, f"Next: {command}"]), error.where)
+    return error.reworded(" ".join([error.message, *words, f"Next: {command}"]))

@@ -360,7 +360,7 @@ def _steady(model: Model, scenario: Scenario) -> Mapping[str, float]:
         return steady(model, scenario)
     except SolverError as error:
         raise IdentificationError(
-            f"a swap is judged in the steady state, which does not exist here: {error.message}", model.title
+            f"a swap is judged in the steady state, which does not exist here: {error.message}", model.title, code=error.code
         ) from None
 
 

@@ -7,6 +7,7 @@ from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING
 
+from thermid.base.codes import code_of
 from thermid.base.errors import NameNotFoundError, ThermidError, errors_at, refuse_unknown
 from thermid.campaign._cache import recall
 from thermid.campaign._file import CampaignSource, local_of, read_campaign, scenario_of
@@ -119,7 +120,7 @@ def _bound(request: Request, where: str) -> tuple[list[Input], list[Finding]]:
     rows: list[Input] = []
     wrong: list[Finding] = []
     for record in request.records:
-        wrong += [Finding("warning", where, said) for said in stray_readings((record,))]
+        wrong += [Finding("warning", where, said, code_of(said)) for said in stray_readings((record,))]
         try:
             problem = build_problem(replace(request, records=(record,)))
             problem.benches()
@@ -155,4 +156,4 @@ def _judged_on(source: CampaignSource, verdict: VerdictTable, stage: StageTable,
 def _finding(error: ThermidError, where: str) -> Finding:
     """Return an error as a finding, with its place in the campaign."""
     full = error.within(where, ": ")
-    return Finding("error", full.where, full.message)
+    return Finding("error", full.where, full.message, full.code)

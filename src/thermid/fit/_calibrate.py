@@ -729,7 +729,7 @@ def _fitted(request: Request, problem: Problem, progress: Progress | None, known
             f"{r.words}." for r in inputs_of(request, problem.experiments, problem.unknowns).assumed if r.kind == "load" and not r.partly
         )
         questions = dict.fromkeys(a.removeprefix(FIRST) for a in (*asked, *unlogged))
-        raise IdentificationError(" ".join([refusal.message, *(f"{a[0].upper()}{a[1:]}" for a in questions)]), refusal.where) from None
+        raise refusal.reworded(" ".join([refusal.message, *(f"{a[0].upper()}{a[1:]}" for a in questions)])) from None
     errors = responses(request, problem, found, spread.variance_factor, random, weights)
     _refuse_without_errors(request, problem, errors.total)
     made = with_discrepancy(replace(summarise(request, problem, found, errors, random, spread), kept=kept))
@@ -790,7 +790,7 @@ def _units_asked(problem: Problem) -> Iterator[None]:
     try:
         yield
     except SolverError as error:
-        raise SolverError(" ".join([error.message, *(a.removeprefix(FIRST) for a in strange_powers(problem))]), error.where) from None
+        raise error.reworded(" ".join([error.message, *(a.removeprefix(FIRST) for a in strange_powers(problem))])) from None
 
 
 def _measured_noise(problem: Problem, found: Fit, loss: str) -> dict[str, float]:

@@ -264,7 +264,7 @@ class Search:
             ahead(words, seconds)
         elif loud and seconds > LONG:
             text = f"a fit goes on with {words}, about {spoken(seconds)}. The interrupt key ends it with the best values so far."
-            warnings.warn(text, ThermidWarning, stacklevel=2)
+            warnings.warn(ThermidWarning(text, code="fit.takes-long"), stacklevel=2)
 
     def affordable(self, first: Fit, why: str) -> Fit:
         """Return the best of as many descents as an automatic search makes; a first one that took long is said to stand alone."""

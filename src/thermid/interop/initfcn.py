@@ -103,7 +103,7 @@ class _Reader:
         try:
             expression = parse(s.text)
         except ThermidError as error:
-            raise ExpressionError(f"'{s.written}' cannot be read: {error.message}", where) from None
+            raise ExpressionError(f"'{s.written}' cannot be read: {error.message}", where, code=error.code) from None
         unknown = [n for n in expression.names if n not in self.numbers]
         if unknown:
             late = "it is set in a later line" if unknown[0] in s.later else "no earlier line sets it"
@@ -224,7 +224,9 @@ def read_initfcn(source: str | os.PathLike[str]) -> InitFcn:
     text, file = _source(source)
     if len(text) > cap("script"):
         raise ThermidError(
-            f"the script has {len(text) / 1e6:.1f} MB; an InitFcn is a text of a few kilobytes. Check the file.{raising('script')}", file
+            f"the script has {len(text) / 1e6:.1f} MB; an InitFcn is a text of a few kilobytes. Check the file.{raising('script')}",
+            file,
+            code="cap.exceeded",
         )
     reader = _Reader(file)
     for statement in statements(text, file, {"pi": PI, "Inf": "inf"}):

@@ -162,7 +162,7 @@ def dry_air(temperature: Number, pressure: Number = ATMOSPHERE) -> Gas:
     """
     if np.any((np.asarray(temperature) < LOWEST) | (np.asarray(temperature) > HIGHEST)):
         text = f"Dry air at {temperature} K: the property fits are verified from {LOWEST:g} to {HIGHEST:g} K only. Stay within this range."
-        warnings.warn(text, ThermidWarning, stacklevel=2)
+        warnings.warn(ThermidWarning(text, code="physics.outside-range"), stacklevel=2)
     conductivity, viscosity = air_conductivity(temperature), air_viscosity(temperature)
     return Gas(
         conductivity=conductivity,

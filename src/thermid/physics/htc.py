@@ -9,6 +9,7 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
+from thermid.base.codes import CodedText
 from thermid.base.errors import ThermidError, ThermidWarning, errors_at
 from thermid.base.expression import parse
 from thermid.base.results import Result
@@ -197,7 +198,7 @@ def compare_htc(
     faces = tuple(_number(x, "m", "box") for x in box) if box is not None else None
     correlations, remarks = _heard(hot, cold, tall, faces, _gas(air, (hot + cold) / 2))
     for text in remarks:
-        warnings.warn(text, ThermidWarning, stacklevel=2)
+        warnings.warn(ThermidWarning(text), stacklevel=2)
     radiation = None if emissivity is None else float(linearised_htc(emissivity, hot, cold))
     remarks += _box_remark(a, tall, *faces) if faces is not None else []
     remarks += _meaning(effective, error, correlations[-1].htc, radiation, q, a, rise)
@@ -219,7 +220,7 @@ def _heard(hot: float, cold: float, height: float, box: tuple[float, ...] | None
     with warnings.catch_warnings(record=True) as heard:
         warnings.simplefilter("always", ThermidWarning)
         numbers = _correlations(hot, cold, height, box, air)
-    return numbers, [str(warning.message) for warning in heard]
+    return numbers, [CodedText(str(w.message), w.message.code) for w in heard if isinstance(w.message, ThermidWarning)]
 
 
 def _biot(
@@ -293,7 +294,10 @@ def _box_remark(area: float, height: float, length: float, width: float) -> list
     if abs(outside - area) <= 0.02 * area:
         return []
     return [
-        f"the box has {outside:.6g} m^2 outside but the given area is {area:.6g} m^2, so they include different faces. Correct one of them"
+        CodedText(
+            f"the box has {outside:.6g} m^2 outside but the given area is {area:.6g} m^2, so they include different faces. Correct one of them",
+            "htc.area-of-other-faces",
+        )
     ]
 
 
@@ -304,22 +308,32 @@ def _meaning(effective: float, error: float, theoretical: float, radiation: floa
     what = "convection and radiation" if radiation is not None else "convection alone"
     if abs(effective - expected) <= 2 * doubt:
         return [
-            f"effective and theoretical coefficient ({what}) differ by {effective - expected:+.2f} W/(m^2 K), within two standard errors "
-            f"of {doubt:.2f}, so the test cannot distinguish them"
+            CodedText(
+                f"effective and theoretical coefficient ({what}) differ by {effective - expected:+.2f} W/(m^2 K), within two standard errors "
+                f"of {doubt:.2f}, so the test cannot distinguish them",
+                "htc.agrees",
+            )
         ]
     if effective > expected:
-        return [
-            f"the effective coefficient lies {effective - expected:.2f} W/(m^2 K) above {what}. Possible causes: "
-            + ("" if radiation is not None else "radiation (0.6 to 5.3 W/(m^2 K) at room temperature for emissivities of 0.1 to 0.85), ")
-            + "heat through mounts and leads, moving air, an area taken too small, a power too large, or a sensor in a cool place"
-        ]
+        radiates = "" if radiation is not None else "radiation (0.6 to 5.3 W/(m^2 K) at room temperature for emissivities of 0.1 to 0.85), "
+        text = (
+            f"the effective coefficient lies {effective - expected:.2f} W/(m^2 K) above {what}. Possible causes: {radiates}"
+            "heat through mounts and leads, moving air, an area taken too small, a power too large, or a sensor in a cool place"
+        )
+        return [CodedText(text, "htc.above-correlation")]
     return [
-        f"the effective coefficient lies {expected - effective:.2f} W/(m^2 K) below {what}. Radiation and heat through mounts would "
-        "raise it. Resistance between source and surface cannot lower it, because the heat through an outer surface is h A dT. Check "
-        "area, power and sensor positions",
-        f"to agree with the correlation, the area would need to be {100 * effective / expected:.0f} % of {a:.6g} m^2 (check for faces "
-        f"counted twice or inside), or the power {abs(expected * a * rise):.3g} W instead of {abs(q):.4g} W, or the mean surface "
-        f"about {abs(rise) * (1 - effective / expected):.1f} K nearer to the ambient than the sensor (check for a hot spot)",
+        CodedText(
+            f"the effective coefficient lies {expected - effective:.2f} W/(m^2 K) below {what}. Radiation and heat through mounts would "
+            "raise it. Resistance between source and surface cannot lower it, because the heat through an outer surface is h A dT. Check "
+            "area, power and sensor positions",
+            "htc.below-correlation",
+        ),
+        CodedText(
+            f"to agree with the correlation, the area would need to be {100 * effective / expected:.0f} % of {a:.6g} m^2 (check for faces "
+            f"counted twice or inside), or the power {abs(expected * a * rise):.3g} W instead of {abs(q):.4g} W, or the mean surface "
+            f"about {abs(rise) * (1 - effective / expected):.1f} K nearer to the ambient than the sensor (check for a hot spot)",
+            "htc.below-correlation",
+        ),
     ]
 
 
@@ -334,15 +348,13 @@ def _settling(capacitance: str | float | None, after: str | float | None, conduc
     settling = Settling(heat / conductance, (first, middle, last))
     if settling.differs:
         word = "slower" if settling.ratio > 1 else "faster"
-        remarks.append(
+        slower = "additional mass, a drifting ambient, or a final approach below the sensor resolution"
+        text = (
             f"the settling time was {settling.ratio:.2g} times that expected from m c/(h A): {time / 3600:.3g} h against "
             f"{settling.from_mass * -math.log(1.0 - SETTLED[1]) / 3600:.3g} h to 99 %. Possible causes of a {word} test: "
-            + (
-                "additional mass, a drifting ambient, or a final approach below the sensor resolution"
-                if settling.ratio > 1
-                else "less mass than given, or a test that ended before steady state"
-            )
+            f"{slower if settling.ratio > 1 else 'less mass than given, or a test that ended before steady state'}"
         )
+        remarks.append(CodedText(text, "htc.settling-time"))
     return settling
 
 
@@ -367,7 +379,8 @@ def biot_warning(biot: float, name: str = "this part") -> str:
     """
     if not biot > BIOT_LIMIT:
         return ""
-    return f"The Biot number of {name} is {biot:.2g}, above {BIOT_LIMIT:g}: its inside is not at one temperature. Split it into more nodes."
+    text = f"The Biot number of {name} is {biot:.2g}, above {BIOT_LIMIT:g}: its inside is not at one temperature. Split it into more nodes."
+    return CodedText(text, "physics.not-one-temperature")
 
 
 def biot_number(htc: Number, length: Number, conductivity: Number) -> Number:
@@ -397,5 +410,5 @@ def biot_number(htc: Number, length: Number, conductivity: Number) -> Number:
     biot = htc * length / conductivity
     text = biot_warning(float(np.max(biot)))
     if text:
-        warnings.warn(text, ThermidWarning, stacklevel=2)
+        warnings.warn(ThermidWarning(text), stacklevel=2)
     return biot

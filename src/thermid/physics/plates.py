@@ -163,7 +163,7 @@ def _warn_outside(rayleigh: Number, lowest: float, highest: float, what: str, in
     if outside.size:
         extreme = outside.max() if outside.max() > highest else outside.min()
         text = f"{what}: Rayleigh number {extreme:.3g} is outside {lowest:g} to {highest:g}, the validity of the correlation.{instead}"
-        warnings.warn(text, ThermidWarning, stacklevel=3)
+        warnings.warn(ThermidWarning(text, code="physics.outside-range"), stacklevel=3)
 
 
 def vertical_plate_htc(surface: Number, ambient: Number, height: Number, air: Gas = AIR_300K, gravity: float = DOCUMENT_GRAVITY) -> Number:

@@ -11,6 +11,7 @@ from typing import Any
 import numpy as np
 
 from thermid.base.arguments import takes_objects
+from thermid.base.codes import CodedText
 from thermid.base.dual import value_of
 from thermid.base.errors import NameNotFoundError, ScenarioError, cap, raising, refuse_unknown
 from thermid.base.linear_algebra import Array
@@ -67,6 +68,7 @@ def output_times(scenario: Scenario, every: str | float | None, times: Any) -> A
             f"an interval of {step:g} s would store {scenario.seconds / step:.3g} samples, of at most {cap('outputs'):,.0f}. "
             f"Give a longer one.{raising('outputs')}",
             scenario.title,
+            code="cap.exceeded",
         )
     # a whole number of intervals may miss the duration, or pass it, by rounding
     grid: Array = step * np.arange(int(scenario.seconds / step * (1.0 + 1e-12)) + 1, dtype=float)
@@ -108,6 +110,7 @@ def prepare(
             f"{wanted.size:,} times of {len(network.nodes)} nodes are {wanted.size * len(network.nodes):.3g} temperatures to store, of at "
             f"most {cap('stored'):.3g}. Give a longer interval.{raising('stored')}",
             scenario.title,
+            code="cap.exceeded",
         )
     wiring = Wiring(network, scenario, names)
     return Simulator(model.title, wiring, Engine(wiring), wanted, options or Options())
@@ -334,12 +337,17 @@ def _warnings(wiring: Wiring, scenario: Scenario) -> tuple[str, ...]:
         first = next(r for r in numbers.loads if r.name == load.path)
         mean = float(np.mean(signal.at(np.linspace(0.0, scenario.seconds, 101))))
         powers[load.path] = mean * (1.0 if f"watts {load.path}" in wiring.signals else value_of(first.coefficients[0]))
-    out = [part.message() for part in unreached(wiring.network, numbers, powers)]
+    out: list[str] = [part.message() for part in unreached(wiring.network, numbers, powers)]
     if wiring.start is not None and wiring.start.kind == STEADY and (said := wiring.held_at(wiring.start.time)):
-        out.append(f"the start is {said}")
+        out.append(CodedText(f"the start is {said}", "run.start-held"))
     out += sampled_logs(scenario)
     if scenario.as_printed:
-        out.append("vacuum as printed: every coefficient is zero, including its radiation, so the temperatures are an upper bound")
+        out.append(
+            CodedText(
+                "vacuum as printed: every coefficient is zero, including its radiation, so the temperatures are an upper bound",
+                "run.upper-bound",
+            )
+        )
     followed = set(wiring.schedule.signals) if wiring.schedule is not None else set()
     out += wiring.network.media.remarks([c for c in wiring.network.flat.conductors if not followed & set(c.fields.values())])
     out += gas_remarks(wiring.network.media, wiring.network.flat, numbers.values)
@@ -349,7 +357,10 @@ def _warnings(wiring: Wiring, scenario: Scenario) -> tuple[str, ...]:
         if e.humidity != Environment().humidity:
             of = "of every gas" if gas == "*" else f"of '{gas}'"
             out.append(
-                f"the relative humidity {of}, {100 * e.humidity:g} %, is not used: the equations contain no moisture. If it matters, "
-                "give a schedule of coefficients for moist air, and a load for latent heat"
+                CodedText(
+                    f"the relative humidity {of}, {100 * e.humidity:g} %, is not used: the equations contain no moisture. If it matters, "
+                    "give a schedule of coefficients for moist air, and a load for latent heat",
+                    "run.humidity-not-used",
+                )
             )
     return tuple(out)

@@ -367,15 +367,15 @@ def _run() -> None:
     except ThermidError as error:
         _fail(error, as_json)
     except OSError as error:
-        _fail(ThermidError(_refused(error)), as_json)
+        _fail(ThermidError(_refused(error), code="file.refused-by-system"), as_json)
     except ImportError as error:
         if error.name is None or error.name.partition(".")[0] == "thermid":
             raise
-        _fail(ThermidError(missing([error.name.partition(".")[0]], "this command")), as_json)
+        _fail(MissingExtraError(missing([error.name.partition(".")[0]], "this command")), as_json)
     except Exception as error:
         if not hasattr(error, "format_message"):
             raise
-        _fail(ThermidError(error.format_message(), "command line"), as_json)
+        _fail(ThermidError(error.format_message(), "command line", code="command.not-understood"), as_json)
     raise SystemExit(code)
 
 
@@ -394,9 +394,11 @@ def _refused(error: OSError) -> str:
 
 
 def _fail(error: ThermidError, as_json: bool) -> NoReturn:
-    """Say what went wrong and leave."""
+    """Say what went wrong and leave; with ``-v`` the code of it too."""
     if as_json:
-        typer.echo(json.dumps({"schema": 1, "status": "error", "message": error.message, "where": error.where}))
+        content = {"schema": 1, "status": "error", "code": error.code, "message": error.message, "where": error.where}
+        typer.echo(json.dumps(content))
     else:
-        show(f"error: {error}", err=True)
+        shown = f"{error} [{error.code}]" if error.code and {"-v", "--verbose"} & set(sys.argv[1:]) else str(error)
+        show(f"error: {shown}", err=True)
     raise SystemExit(error.exit_code)

@@ -75,13 +75,13 @@ def check(
     count = {s: sum(f.severity == s for f in findings) for s in ("error", "warning", "note")}
     first = next((f for f in findings if f.severity == "error"), None)
     shown = findings if campaign or verbose else findings[:FIRST]
-    lines = [f"{f.severity}: {f.where}: {f.message}" for f in shown]
+    lines = [f"{f}{f' [{f.code}]' if verbose and f.code else ''}" for f in shown]
     lines += [f"{stage}: inputs\n{table.indented}" for stage, table in inputs.items()]
     lines.append(f"{deck.name}: {count['error']} errors, {count['warning']} warnings, {count['note']} notes")
     lines += [f"{len(findings) - len(shown)} more: -v"] if len(shown) < len(findings) else []
     content = {
-        **({} if first is None else {"status": "error", "message": first.message, "where": first.where}),
-        "findings": [{"severity": f.severity, "where": f.where, "message": f.message} for f in findings],
+        **({} if first is None else {"status": "error", "code": first.code, "message": first.message, "where": first.where}),
+        "findings": [{"severity": f.severity, "code": f.code, "where": f.where, "message": f.message} for f in findings],
         **({"inputs": {stage: table.to_dict() for stage, table in inputs.items()}} if campaign else {}),
     }
     say(as_json, content, "\n".join(lines), verbose)
@@ -185,7 +185,12 @@ def steady_state(
         for m in rows
     }
     content = {"held": settled.held, "warnings": list(settled.remarks), "nodes": nodes, "standing": standing.to_dict()}
-    say(as_json, content | ({"heat": heat.to_dict(groups)} if flows and heat is not None else {}), "\n".join(lines), verbose or flows)
+    say(
+        as_json,
+        content | ({"heat": heat.to_dict(groups)} if flows and heat is not None else {}),
+        "\n".join(lines),
+        verbose or (None if flows else False),
+    )
     leave(standing)
 
 

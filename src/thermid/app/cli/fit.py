@@ -286,7 +286,7 @@ def predict(
     if csv is not None:
         predicted.to_csv(csv)
     lines = [str(predicted), *(f"  at {t:g} s: " + ", ".join(f"{n} {b.at(t)}" for n, b in predicted.bands.items()) for t in times)]
-    say(as_json, {"stage": name, **predicted.to_dict(times)}, "\n".join(lines), verbose or bool(times))
+    say(as_json, {"stage": name, **predicted.to_dict(times)}, "\n".join(lines), verbose or (None if times else False))
     leave(predicted.standing)
 
 

@@ -11,6 +11,7 @@ from typing import Annotated, Any, Final, NoReturn
 import typer
 
 from thermid.app.cli.screen import Progress, show
+from thermid.base.codes import add_codes, mark_codes
 from thermid.base.errors import ScenarioError, spoken
 from thermid.base.extensions import require
 from thermid.base.files import NETCDF, PAPER, PICTURE, check_ending, command, may_write
@@ -71,12 +72,16 @@ PRECEDENCE = (2, 3, 4, 1, 5, 0)
 """Exit codes, the one that wins first."""
 
 
-def say(as_json: bool, content: Mapping[str, Any], text: object, verbose: bool = True) -> None:
-    """Print an answer: one JSON object, or text; without `verbose` what fits on a screen, where it is a terminal."""
+def say(as_json: bool, content: Mapping[str, Any], text: object, verbose: bool | None = None) -> None:
+    """Print an answer: one JSON object with the codes of its remarks, or text.
+
+    With `verbose` the text is whole and remarks have their codes, without it what fits on a screen, where it is a terminal; None is for a
+    command without the option: whole, no codes.
+    """
     if as_json:
-        typer.echo(json.dumps(clean({"schema": SCHEMA, "status": "ok", **content})))
+        typer.echo(json.dumps(clean(add_codes({"schema": SCHEMA, "status": "ok", **content}))))
     else:
-        show(str(text), whole=verbose)
+        show(mark_codes(str(text), content) if verbose else str(text), whole=verbose is not False)
 
 
 WORTH_SAYING: Final = 10.0

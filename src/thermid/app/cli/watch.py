@@ -31,6 +31,7 @@ from thermid.app.cli.options import (
     staged,
     with_unit,
 )
+from thermid.base.codes import add_codes
 from thermid.base.errors import RecordError
 from thermid.base.extensions import extension
 from thermid.base.units import TEMPERATURE
@@ -161,7 +162,7 @@ def _looks(records: Iterator[Record], made: _Made, standing: Standing, as_json: 
         look = watcher.look(record)
         text = str(look) if first or look.advice.word == "stop" else look.seen()
         said = {"schema": 1, **look.as_object(), "standing": standing.to_dict()}
-        typer.echo(json.dumps(clean(said)) if as_json else standing.over(text))
+        typer.echo(json.dumps(clean(add_codes(said))) if as_json else standing.over(text))
         if look.advice.word == "stop":
             break
     return look

@@ -151,7 +151,7 @@ def _answer(make: Callable[[], Any]) -> Response:
         return Response(as_json(make()), media_type="application/json")
     except ThermidError as error:
         # an answer in words is no failure of the transport, and a browser would note one as an error of the page
-        return Response(as_json({"error": error.message, "where": error.where}), media_type="application/json")
+        return Response(as_json({"error": error.message, "where": error.where, "code": error.code}), media_type="application/json")
 
 
 async def _body(request: Request) -> bytes:

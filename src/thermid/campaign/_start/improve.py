@@ -177,7 +177,8 @@ def _full_fit(asked: Request, proposed: str, stage: str) -> Calibration:
     try:
         return fit(asked)
     except IdentificationError as error:
-        raise IdentificationError(f"the proposed structure ({proposed}) is refused by a full fit: {error.message}", stage) from None
+        text = f"the proposed structure ({proposed}) is refused by a full fit: {error.message}"
+        raise IdentificationError(text, stage, code=error.code) from None
 
 
 def _driven(record: Record) -> list[str]:

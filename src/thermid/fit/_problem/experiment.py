@@ -221,7 +221,8 @@ def _with_sensor(model: Model, names: Names, channel: Channel, node: str, where:
         try:
             binding["far"] = names.find(part.lead_to, f"{where}, lead.to")
         except NameNotFoundError as error:
-            raise RecordError(f"its leads end at '{part.lead_to}', which the model does not have. {error.message}", where) from None
+            text = f"its leads end at '{part.lead_to}', which the model does not have. {error.message}"
+            raise RecordError(text, where, code=error.code) from None
     inner = dict(model.submodels)
     for path in binding.values():
         head, _, rest = path.partition(".")

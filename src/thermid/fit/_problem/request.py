@@ -181,7 +181,9 @@ class Request:
         except ThermidError as error:
             hint = nearest(text, record.channels)
             raise IdentificationError(
-                f"'{text}' is neither a temperature nor a channel of {record.name}.{hint} ({error.message})", f"local.{name}"
+                f"'{text}' is neither a temperature nor a channel of {record.name}.{hint} ({error.message})",
+                f"local.{name}",
+                code=error.code,
             ) from None
 
 

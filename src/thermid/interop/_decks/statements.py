@@ -49,9 +49,15 @@ class DeckReading:
             raise DeckError(f"there is no file '{path.name}' in {path.parent.name or 'this folder'}.", asked or str(path))
         if path in inside or len(inside) >= cap("includes"):
             chain = " -> ".join(each.name for each in (*inside, path))
-            raise DeckError(f"files include each other endlessly: {chain}.{'' if path in inside else raising('includes')}", asked)
+            raise DeckError(
+                f"files include each other endlessly: {chain}.{'' if path in inside else raising('includes')}", asked, code="cap.exceeded"
+            )
         if path.stat().st_size > cap("deck"):
-            raise DeckError(f"the file has more than {cap('deck') / 1e6:.0f} MB. Split it into include files.{raising('deck')}", str(path))
+            raise DeckError(
+                f"the file has more than {cap('deck') / 1e6:.0f} MB. Split it into include files.{raising('deck')}",
+                str(path),
+                code="cap.exceeded",
+            )
         text = read_bytes(path).decode("latin-1")
         if "\0" in text:
             raise DeckError("this is a binary file, but a deck is a text. Give its text file (.cc, .k, .inp, .d).", str(path))
@@ -79,7 +85,7 @@ class DeckReading:
             expression = parse(written)
         except ThermidError as error:
             raise DeckError(
-                f"'{text.strip()}' is neither a number nor arithmetic of numbers and names: {error.message}", str(where)
+                f"'{text.strip()}' is neither a number nor arithmetic of numbers and names: {error.message}", str(where), code=error.code
             ) from None
         return written if expression.names else float(expression.evaluate(lambda name: 0.0))
 

@@ -59,7 +59,9 @@ def _small(size: float, file: str) -> None:
     RecordError   With the cap.
     """
     if size > cap("unpacked"):
-        raise RecordError(f"it unpacks to {size / 1e6:.0f} MB or more. Save the channels that are needed.{raising('unpacked')}", file)
+        raise RecordError(
+            f"it unpacks to {size / 1e6:.0f} MB or more. Save the channels that are needed.{raising('unpacked')}", file, code="cap.exceeded"
+        )
 
 
 def _inflated(data: bytes, most: int) -> int:

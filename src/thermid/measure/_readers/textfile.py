@@ -396,6 +396,7 @@ def read_bytes(place: Path) -> bytes:
                 f"it unpacks to more than {cap('unpacked') / 1e6:.0f} MB. If that is right, unpack it and give the plain file."
                 f"{raising('unpacked')}",
                 place.name,
+                code="cap.exceeded",
             )
     return data
 

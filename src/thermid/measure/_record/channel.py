@@ -11,6 +11,7 @@ from typing import Any, Final, NamedTuple
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from thermid.base.codes import CodedText
 from thermid.base.errors import NameNotFoundError, RecordError, nearest, refuse_unknown
 from thermid.base.units import format_value, from_si, unit
 from thermid.measure._record.sensor import KEYS, SensorCertificate, SensorPart
@@ -417,7 +418,7 @@ def _moment(record: Samples, given: object, what: str) -> float:
     try:
         return amount(given, "s", what)
     except RecordError as error:
-        raise RecordError(f"{error.message} 'start' and 'end' are allowed too.", error.where) from None
+        raise error.reworded(f"{error.message} 'start' and 'end' are allowed too.") from None
 
 
 def stretch(record: Samples, start: object, end: object, what: str) -> tuple[BoolArray, str]:
@@ -604,8 +605,11 @@ def stray_readings(records: Sequence[Samples]) -> tuple[str, ...]:
             if codes:
                 step = ", ".join(f'"{text}"' for text in codes_to_mask(codes, c))
                 out.append(
-                    f"readings of '{c.name}' in '{r.name}' are no temperatures: {', '.join(dict.fromkeys(codes.values()))}. Mask them: "
-                    f"prepare = [{{ faults = {{ codes = [{step}] }} }}] of the record."
+                    CodedText(
+                        f"readings of '{c.name}' in '{r.name}' are no temperatures: {', '.join(dict.fromkeys(codes.values()))}. Mask them: "
+                        f"prepare = [{{ faults = {{ codes = [{step}] }} }}] of the record.",
+                        "record.stray-readings",
+                    )
                 )
     return tuple(out)
 

@@ -346,6 +346,7 @@ def _block_model(block: Block, offers: tuple[str, ...]) -> Model:
             f"a model of {block.count} cells would be slow; the limit is {cap('cells'):.0f}. "
             f"Simulate the block itself, or use fewer cells.{raising('cells')}",
             block.title,
+            code="cap.exceeded",
         )
     for name, heater in block.heaters.items():
         if not isinstance(heater.power, Constant):

@@ -152,7 +152,8 @@ def _few(count: Any) -> Any:
     """Return the instances of an array, by rows and columns too, unless they are too many."""
     whole = math.prod(count) if isinstance(count, list) else count or 1
     if whole > cap("instances"):
-        raise PydanticCustomError("thermid", "{message}", {"message": f"{whole:.4g} instances are too many.{raising('instances')}"})
+        text = f"{whole:.4g} instances are too many.{raising('instances')}"
+        raise PydanticCustomError("thermid", "{message}", {"message": text, "code": "cap.exceeded"})
     return count
 
 

@@ -61,7 +61,9 @@ def _load(path: Path, trail: tuple[Path, ...], known: dict[Path, Loaded]) -> Loa
     if here in trail:
         raise DeckError(f"the deck uses itself: {' -> '.join(p.name for p in (*trail, path))}.", path.name)
     if len(trail) >= cap("decks"):
-        raise DeckError(f"decks are nested deeper than {cap('decks'):.0f} levels. Merge some levels.{raising('decks')}", path.name)
+        raise DeckError(
+            f"decks are nested deeper than {cap('decks'):.0f} levels. Merge some levels.{raising('decks')}", path.name, code="cap.exceeded"
+        )
     if here not in known:
         data, lines = read_toml(path)
         if "stages" in data and "records" in data:

@@ -736,6 +736,7 @@ def _samples(count: float, period: float) -> int:
             f"a period of {period:g} s would take {count:.3g} samples for this run, more than the limit of {cap('samples'):.0e}. "
             f"Give a longer period, its mean instead, or a shorter run.{raising('samples')}",
             "a periodic signal",
+            code="cap.exceeded",
         )
     return int(np.ceil(count)) + 1
 

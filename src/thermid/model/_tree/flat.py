@@ -8,6 +8,7 @@ from typing import Any, Final
 
 import numpy as np
 
+from thermid.base.codes import CodedText
 from thermid.base.dual import value_of
 from thermid.base.errors import DeckError, NameNotFoundError, errors_at, nearest, quoted
 from thermid.base.units import require, require_unit
@@ -505,11 +506,12 @@ def into_gas(flat: Flat, values: Mapping[str, Any]) -> dict[str, list[str]]:
 def radiates_into(gas: str, radiating: list[str]) -> str:
     """Return what is said of what radiates into a gas."""
     radiates, sees = ("radiate", "they see") if len(radiating) > 1 else ("radiates", "it sees")
-    return (
+    return CodedText(
         f"{quoted(radiating)} {radiates} to '{gas}', which is gas, and gas does not absorb radiation here. Name the wall that {sees}, "
         "sees = ...; define an enclosure; bind the need of a part separately, "
         f'bind = {{ need = {{ to = "{gas}", sees = "..." }} }}; or, where \'{gas}\' is one node for the air and the walls around it, '
-        'stands_for = "air and walls" (a solid: stands_for = "walls").'
+        'stands_for = "air and walls" (a solid: stands_for = "walls").',
+        "model.radiates-into-gas",
     )
 
 
@@ -603,12 +605,12 @@ def _kept(node: str, into: Sequence[FlatConductor], out: Sequence[FlatConductor]
     if any(gap * gap > (BALANCED * most) * (BALANCED * most) for gap in sums.values()):
         by = sorted({name for names in sums for name in names})
         driven = f", which is not one and the same whatever {quoted(by)} {'give' if len(by) > 1 else 'gives'}" if by else ""
-        yield (
-            out[0].where,
+        text = (
             f"'{node}' takes in {_said(into, entering, values)} and passes on {_said(out, leaving, values)}{driven}. "
             "The flows into and out of a node must be equal. Correct them, or add the missing stream from or to a boundary such as "
-            "the ambient. Use one parameter for all streams of a line: the balance then holds in fits and schedules too.",
+            "the ambient. Use one parameter for all streams of a line: the balance then holds in fits and schedules too."
         )
+        yield out[0].where, CodedText(text, "model.streams-unbalanced")
 
 
 def _products(controls: Sequence[str]) -> list[tuple[tuple[str, ...], float]]:
@@ -636,17 +638,15 @@ def _met(node: str, streams: Sequence[FlatConductor]) -> Iterator[tuple[str, str
     gases = {fluid_of(c): c for c in streams if fluid_of(c)}
     if len(gases) > 1:
         (one, a), (two, b) = list(gases.items())[:2]
-        yield (
-            b.where,
-            (f"{one} ('{a.path}') and {two} ('{b.path}') meet in '{node}'. Mixtures are not modelled. Give both streams the same fluid."),
-        )
+        text = f"{one} ('{a.path}') and {two} ('{b.path}') meet in '{node}'. Mixtures are not modelled. Give both streams the same fluid."
+        yield b.where, CodedText(text, "model.streams-differ")
     kinds = {by_volume(c) and "density" not in c.fields: c for c in streams}
     if len(kinds) > 1:
-        yield (
-            kinds[False].where,
+        text = (
             f"in '{node}' the volume of '{kinds[True].path}' meets the mass of '{kinds[False].path}', whose balance closes at one pressure "
-            "and temperature at most. Write streams that meet all as volume_flow or all as mass_flow.",
+            "and temperature at most. Write streams that meet all as volume_flow or all as mass_flow."
         )
+        yield kinds[False].where, CodedText(text, "model.streams-differ")
 
 
 def unfed(flat: Flat) -> dict[str, str]:
@@ -654,8 +654,11 @@ def unfed(flat: Flat) -> dict[str, str]:
     streams = streams_of(flat.conductors)
     empty = gas_nodes(flat) - {c.ends[1] for c in streams}
     return {
-        c.path: f"'{c.path}' takes no heat from '{c.ends[0]}', because no stream enters there. Add the inlet stream, and name the "
-        "fluid of both"
+        c.path: CodedText(
+            f"'{c.path}' takes no heat from '{c.ends[0]}', because no stream enters there. Add the inlet stream, and name the "
+            "fluid of both",
+            "model.stream-unfed",
+        )
         for c in streams
         if not fluid_of(c) and c.ends[0] in empty
     }

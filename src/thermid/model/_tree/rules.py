@@ -11,6 +11,7 @@ from typing import Any, Final, Literal
 
 import numpy as np
 
+from thermid.base.codes import code_of
 from thermid.base.dual import value_of
 from thermid.base.errors import ThermidError, quoted
 from thermid.model._laws.curves import evaluate
@@ -44,11 +45,13 @@ class Finding:
     severity : str      error: the model cannot be simulated; warning: it probably is not what was meant; note: good to know.
     where : str         File, line and key path.
     message : str       What was found and what to do.
+    code : str          Code of the cause, see `thermid.base.codes`.
     """
 
     severity: Severity
     where: str
     message: str
+    code: str
 
     def __str__(self) -> str:
         """`severity: where: message`."""
@@ -115,6 +118,11 @@ class _View:
         return [c for c in self.flat.conductors if self.conductances.get(c.path, 0.0) != 0.0]
 
 
+def _refused(error: ThermidError, where: str) -> Finding:
+    """Return the finding that the model cannot be run for this error."""
+    return Finding("error", where, error.message, error.code or "model.refused")
+
+
 def _view(model: Tree) -> _View:
     flat = flatten(model)
     values = flat.parameters.evaluate({})
@@ -126,7 +134,7 @@ def _view(model: Tree) -> _View:
             fields |= {"area": exposed_area(c.path, fields["area"], c.takes, values)} if c.takes else {}
             conductances[c.path] = min((value_of(law.coefficients[0]) for law in c.laws(fields)), key=lambda g: (g >= 0.0, -g))
         except ThermidError as error:
-            refused.append(Finding("error", c.where, error.message))
+            refused.append(_refused(error, c.where))
     return _View(model, flat, values, conductances, tuple(refused))
 
 
@@ -136,7 +144,10 @@ def _laws(view: _View) -> Iterator[Finding]:
     for c in view.flat.conductors:
         if view.conductances.get(c.path, 0.0) < 0.0:
             yield Finding(
-                "error", c.where, f"'{c.path}' has a negative conductance; heat would flow from cold to hot. Check signs and areas."
+                "error",
+                c.where,
+                f"'{c.path}' has a negative conductance; heat would flow from cold to hot. Check signs and areas.",
+                "model.negative-conductance",
             )
 
 
@@ -145,7 +156,7 @@ def _capacitances(view: _View) -> Iterator[Finding]:
     for node in view.flat.nodes:
         if node.fields and not 0.0 < view.capacitance(node) < float("inf"):
             message = f"the capacitance of '{node.path}' must be above zero and finite. For a massless node leave mass and capacitance out."
-            yield Finding("error", node.where, message)
+            yield Finding("error", node.where, message, "model.capacitance-not-positive")
 
 
 def _attached(view: _View) -> Iterator[Finding]:
@@ -154,11 +165,19 @@ def _attached(view: _View) -> Iterator[Finding]:
     for node in view.flat.nodes:
         if node.path not in used and node.fields:
             yield Finding(
-                "warning", node.where, f"node '{node.path}' has no connections, so its temperature never changes. Connect it or remove it."
+                "warning",
+                node.where,
+                f"node '{node.path}' has no connections, so its temperature never changes. Connect it or remove it.",
+                "model.node-unconnected",
             )
     for need in view.flat.names.boundaries:
         if need not in used:
-            yield Finding("warning", view.model.where("needs"), f"the need '{need}' has no connections. Connect it or remove it.")
+            yield Finding(
+                "warning",
+                view.model.where("needs"),
+                f"the need '{need}' has no connections. Connect it or remove it.",
+                "model.need-unconnected",
+            )
 
 
 def _massless(view: _View) -> Iterator[Finding]:
@@ -171,6 +190,7 @@ def _massless(view: _View) -> Iterator[Finding]:
                 "error",
                 group[0].where,
                 f"{single} {names} {_has(group)} no conductance to a node with a temperature. Add a conductor, or a mass.",
+                "model.massless-undefined",
             )
 
 
@@ -186,11 +206,21 @@ def _paths(view: _View) -> Iterator[Finding]:
         rate = 3600.0 * sum(view.power(x) for x in loads) / capacitance
         head = f"{quoted(paths)} {_has(group)} no path to a boundary"
         if rate == 0.0:
-            yield Finding("warning", group[0].where, f"{head}, so heat is never removed. Connect a boundary if that is not intended.")
+            yield Finding(
+                "warning",
+                group[0].where,
+                f"{head}, so heat is never removed. Connect a boundary if that is not intended.",
+                "model.no-path-to-boundary",
+            )
             continue
         constant = all(x.curve is None and x.cycle is None and set(x.fields) == {"power"} for x in loads)
         word, about = ("warms" if rate > 0 else "cools", "" if constant else "about ")
-        yield Finding("warning", group[0].where, f"{head}: {word} at {about}{abs(rate):.6g} K/h without limit. Connect it to a boundary.")
+        yield Finding(
+            "warning",
+            group[0].where,
+            f"{head}: {word} at {about}{abs(rate):.6g} K/h without limit. Connect it to a boundary.",
+            "model.no-path-to-boundary",
+        )
 
 
 def _loads(view: _View) -> Iterator[Finding]:
@@ -198,13 +228,19 @@ def _loads(view: _View) -> Iterator[Finding]:
     outside = {n.path for group in view.islands() for n in group}
     for load in view.flat.loads:
         if load.node in outside:
-            yield Finding("warning", load.where, f"'{load.path}' heats '{load.node}', from which no heat can leave. Add a conductor.")
+            yield Finding(
+                "warning",
+                load.where,
+                f"'{load.path}' heats '{load.node}', from which no heat can leave. Add a conductor.",
+                "model.heat-cannot-leave",
+            )
         if load.node in view.flat.names.boundaries:
             yield Finding(
                 "warning",
                 load.where,
                 f"'{load.path}' heats '{load.node}', whose temperature is given, so the load has no "
                 "effect. Remove it, or give the node a mass.",
+                "model.load-without-effect",
             )
 
 
@@ -221,11 +257,16 @@ def _shadowed(view: _View) -> Iterator[Finding]:
         first = table[paths[0]]
         if len(paths) <= SINGLY:
             yield from (
-                Finding("note", table[p].where, f"'{p}' is {table[p].parameter.text}, set by {origin}; it overrides {hidden}.")
+                Finding(
+                    "note",
+                    table[p].where,
+                    f"'{p}' is {table[p].parameter.text}, set by {origin}; it overrides {hidden}.",
+                    "model.value-overridden",
+                )
                 for p in paths
             )
             continue
-        yield Finding("note", first.where, f"{quoted(paths)} are set by {origin}; they override {hidden}.")
+        yield Finding("note", first.where, f"{quoted(paths)} are set by {origin}; they override {hidden}.", "model.value-overridden")
 
 
 def _ties(view: _View) -> Iterator[Finding]:
@@ -244,16 +285,32 @@ def _ties(view: _View) -> Iterator[Finding]:
             shared.setdefault((one.why, places), []).append(field.lstrip("."))
     for paths_ in apart.values():
         if len(paths_) <= SINGLY:
-            yield from (Finding("note", where, f"'{p}' is set for this instance; the other instances have another value.") for p in paths_)
+            yield from (
+                Finding("note", where, f"'{p}' is set for this instance; the other instances have another value.", "model.instance-differs")
+                for p in paths_
+            )
         else:
-            yield Finding("note", where, f"{quoted(paths_)} are set for each of these instances; the other instances have other values.")
+            yield Finding(
+                "note",
+                where,
+                f"{quoted(paths_)} are set for each of these instances; the other instances have other values.",
+                "model.instance-differs",
+            )
     for (why, places), fields in shared.items():
         values = "one value" if len(fields) == 1 else f"each of {len(fields)} values"
         yield Finding(
-            "note", where, f"{quoted(list(places))} share {values}, {why}: {quoted(fields)}. A fit changes all instances together."
+            "note",
+            where,
+            f"{quoted(list(places))} share {values}, {why}: {quoted(fields)}. A fit changes all instances together.",
+            "model.values-shared",
         )
     for place in cuts_of(view.model):
-        yield Finding("note", where, f"'{place}' is cut from the other instances of its deck: a fit estimates its values separately.")
+        yield Finding(
+            "note",
+            where,
+            f"'{place}' is cut from the other instances of its deck: a fit estimates its values separately.",
+            "model.instance-differs",
+        )
 
 
 def _ending(paths: tuple[str, ...]) -> str:
@@ -281,12 +338,12 @@ def _unused(view: _View) -> Iterator[Finding]:
     read = {f"{prefix}{name}.pressure" for owner, prefix in view.model.walk() for name, s in owner.submodels.items() if s.made == "fans"}
     for path, where in declared.items():
         if path not in used and path.rpartition(".")[2] not in READINGS and path not in read:
-            yield Finding("warning", where, f"the parameter '{path}' is declared but nothing uses it.")
+            yield Finding("warning", where, f"the parameter '{path}' is declared but nothing uses it.", "model.unused")
     elements = [*(c.controls for c in view.flat.conductors), *(load.controls for load in view.flat.loads)]
     named = {named_control(name)[0] for several in elements for name in several}
     for path, control in view.flat.controls.items():
         if path not in named:
-            yield Finding("warning", control.where, f"the control '{path}' is declared but nothing names it.")
+            yield Finding("warning", control.where, f"the control '{path}' is declared but nothing names it.", "model.unused")
 
 
 def _fractions(view: _View) -> Iterator[Finding]:
@@ -294,13 +351,18 @@ def _fractions(view: _View) -> Iterator[Finding]:
     for c in view.flat.conductors:
         for name, path in {**c.fields, "emissivity": c.emissivity or c.fields.get("emissivity", "")}.items():
             if name == "emissivity" and path and not 0.0 <= view.values[path] <= 1.0:
-                yield Finding("error", view.flat.parameters.table[path].where, f"the emissivity is {view.values[path]:g}. Give 0 to 1.")
+                yield Finding(
+                    "error",
+                    view.flat.parameters.table[path].where,
+                    f"the emissivity is {view.values[path]:g}. Give 0 to 1.",
+                    "model.fraction-outside",
+                )
             if name == "exchange_factor" and view.values[path] > 1.0:
                 message = f"an exchange factor of {view.values[path]:g} is above 1, the value between black surfaces."
-                yield Finding("warning", view.flat.parameters.table[path].where, message)
+                yield Finding("warning", view.flat.parameters.table[path].where, message, "model.value-unusual")
             if name == "htc.exponent" and not 0.0 <= view.values[path] <= 1.0:
                 message = f"an exponent of {view.values[path]:g} is unusual: natural convection has 1/4 or 1/3. Check it."
-                yield Finding("warning", view.flat.parameters.table[path].where, message)
+                yield Finding("warning", view.flat.parameters.table[path].where, message, "model.value-unusual")
 
 
 def _outliers(view: _View) -> Iterator[Finding]:
@@ -324,7 +386,7 @@ def _outliers(view: _View) -> Iterator[Finding]:
         if off[k] > np.log(FAR) and off[k] > 2.0 * spread:
             entry, (low, high) = table[paths[k]], (table[others[n][1]].parameter.text for n in (0, -1))
             said = f"'{paths[k]}' is {entry.parameter.text}, and {len(others)} others of its field are {low} to {high}"
-            yield Finding("warning", entry.where, f"{said}. Check its unit and digits.")
+            yield Finding("warning", entry.where, f"{said}. Check its unit and digits.", "model.value-far-from-others")
 
 
 def _ranges(view: _View) -> Iterator[Finding]:
@@ -335,7 +397,10 @@ def _ranges(view: _View) -> Iterator[Finding]:
             if source > 0.25 * plate or thickness < 0.1 * (plate / np.pi) ** 0.5:
                 what = "the source is above a quarter of its plate, or the plate thinner than a tenth of its radius"
                 yield Finding(
-                    "warning", c.where, f"'{c.path}': {what}. There the formula is wrong by up to 30 %. Model the plate with several nodes."
+                    "warning",
+                    c.where,
+                    f"'{c.path}': {what}. There the formula is wrong by up to 30 %. Model the plate with several nodes.",
+                    "physics.outside-range",
                 )
 
 
@@ -345,7 +410,7 @@ def _absorptances(view: _View) -> Iterator[Finding]:
         path = face.fields.get("absorptance", "")
         if path and not 0.0 <= view.values[path] <= 1.0:
             where = view.flat.parameters.table[path].where
-            yield Finding("error", where, f"the absorptance is {view.values[path]:g}. Give 0 to 1.")
+            yield Finding("error", where, f"the absorptance is {view.values[path]:g}. Give 0 to 1.", "model.fraction-outside")
 
 
 def _test_only(view: _View) -> Iterator[Finding]:
@@ -353,7 +418,9 @@ def _test_only(view: _View) -> Iterator[Finding]:
     marked = [prefix + name for owner, prefix in view.model.walk() for _, name, element in owner.elements() if element.test_only]
     if marked:
         count = "one element is" if len(marked) == 1 else f"{len(marked)} elements are"
-        yield Finding("note", view.model.where(""), f"{count} marked test_only: {quoted(marked)}. Flight models leave them out.")
+        yield Finding(
+            "note", view.model.where(""), f"{count} marked test_only: {quoted(marked)}. Flight models leave them out.", "model.test-only"
+        )
         try:
             flatten(view.model.without_test_only())
         except ThermidError as error:
@@ -362,6 +429,7 @@ def _test_only(view: _View) -> Iterator[Finding]:
                 error.where,
                 f"without the elements marked test_only the model fails: {error.message} Mark the elements "
                 "that depend on them test_only too.",
+                "model.test-only-needed",
             )
 
 
@@ -369,15 +437,16 @@ def _radiating(view: _View) -> Iterator[Finding]:
     """Radiation into a gas."""
     for gas, radiating in into_gas(view.flat, view.values).items():
         where = next(n.where for n in view.flat.nodes if n.path == gas)
-        yield Finding("error", where, radiates_into(gas, radiating))
+        message = radiates_into(gas, radiating)
+        yield Finding("error", where, message, code_of(message))
 
 
 def _streams(view: _View) -> Iterator[Finding]:
     """A node whose streams do not carry one mass, and a stream that takes no heat from the node that it leaves."""
     for where, message in unclosed(view.flat, view.values):
-        yield Finding("error", where, message)
+        yield Finding("error", where, message, code_of(message))
     for path, message in unfed(view.flat).items():
-        yield Finding("warning", next(c.where for c in view.flat.conductors if c.path == path), message)
+        yield Finding("warning", next(c.where for c in view.flat.conductors if c.path == path), message, code_of(message))
 
 
 def _unsaid(view: _View) -> Iterator[Finding]:
@@ -390,6 +459,7 @@ def _unsaid(view: _View) -> Iterator[Finding]:
             place[quiet[0]],
             f"{quoted(quiet)} {'has' if len(quiet) == 1 else 'have'} an emissivity but no htc, so every run with gas will be refused. "
             "Give htc, or htc = 0 if no convection is intended.",
+            "model.no-convection",
         )
     for c in view.flat.conductors:
         if c.kind == "effective" and not c.emissivity:
@@ -398,6 +468,7 @@ def _unsaid(view: _View) -> Iterator[Finding]:
                 c.where,
                 f"the coefficient of '{c.path}' includes radiation, but no emissivity is given, so a vacuum run will be refused. Give "
                 "htc and emissivity instead; `thermid split` estimates them.",
+                "model.radiation-not-split",
             )
     alone = list(bare(view.flat))
     if alone:
@@ -406,6 +477,7 @@ def _unsaid(view: _View) -> Iterator[Finding]:
             place.get(alone[0], place.get(f"{alone[0]}.first", view.model.title)),
             f"{quoted(alone)} {'has' if len(alone) == 1 else 'have'} htc but no emissivity, so a vacuum run will be refused. Give an "
             "emissivity or a finish.",
+            "model.no-emissivity",
         )
 
 
@@ -423,6 +495,7 @@ def _carried(view: _View) -> Iterator[Finding]:
             leaving[unsaid[0]].where,
             f"{quoted(unsaid)} {'has' if len(unsaid) == 1 else 'have'} a constant coefficient, and most of the heat leaves there. "
             "State what carries it: carried_by = 'free air', 'fan', 'cold plate' or 'leads'. Otherwise bands hold free air and constant.",
+            "model.carrier-unstated",
         )
 
 
@@ -431,7 +504,12 @@ def _sources(view: _View) -> Iterator[Finding]:
     literals = {path: entry.parameter for path, entry in view.flat.parameters.table.items() if entry.parameter.is_literal}
     bare = [path for path, given in literals.items() if not given.source]
     if bare and len(bare) < len(literals):
-        yield Finding("note", view.model.where(""), f"{len(bare)} of {len(literals)} values have no source: {quoted(bare)}.")
+        yield Finding(
+            "note",
+            view.model.where(""),
+            f"{len(bare)} of {len(literals)} values have no source: {quoted(bare)}.",
+            "model.values-without-source",
+        )
 
 
 Rule = Callable[[_View], Iterator[Finding]]
@@ -463,7 +541,7 @@ def findings(model: Tree) -> tuple[Finding, ...]:
     try:
         view = _view(model)
     except ThermidError as error:
-        return (Finding("error", error.where or model.title, error.message),)
+        return (_refused(error, error.where or model.title),)
     found = dict.fromkeys(finding for rule in RULES for finding in rule(view))
     return tuple(sorted(found, key=lambda f: SEVERITIES.index(f.severity)))
 

@@ -309,7 +309,9 @@ def uncertain_runs(
     NameNotFoundError   When a name does not exist.
     """
     if n > cap("members"):
-        raise ScenarioError(f"{n} members are too many; at most {cap('members'):,.0f} are run.{raising('members')}", model.title)
+        raise ScenarioError(
+            f"{n} members are too many; at most {cap('members'):,.0f} are run.{raising('members')}", model.title, code="cap.exceeded"
+        )
     if n < 1 or workers < 1:
         raise ScenarioError("a campaign of runs needs at least one member and one process.", model.title)
     job, remarks = plan_runs(

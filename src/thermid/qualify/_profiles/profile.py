@@ -406,7 +406,11 @@ class ThermalProfile(Result):
         wanted = self.value("cycles")
         count = int(wanted) if math.isfinite(wanted) else 0
         if count > cap("cycles"):
-            raise ScenarioError(f"{count:g} cycles are too many to write out; at most {cap('cycles'):.0f}.{raising('cycles')}", self.title)
+            raise ScenarioError(
+                f"{count:g} cycles are too many to write out; at most {cap('cycles'):.0f}.{raising('cycles')}",
+                self.title,
+                code="cap.exceeded",
+            )
         if count < 1 or count != self.value("cycles"):
             raise ScenarioError(f"the number of cycles must be whole, at least one, not {self['cycles'].text}.", self.title)
         if not self.plan:

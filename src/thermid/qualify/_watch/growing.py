@@ -362,6 +362,7 @@ class GrowingLog:
                     f"what was written after {self._kept.times[-1]:.0f} s cannot be read: {error.message} Start the watch again on a new "
                     "file, with the names of its columns in its first line.",
                     self.path.name,
+                    code=error.code,
                 ) from None
             self._failed = 0
             return found

@@ -175,6 +175,8 @@ QUIET = (
 class NoBrowserError(ThermidError):
     """There is no browser that can print a page, or it could not; the message says what to do."""
 
+    code = "extra.no-browser"
+
 
 def browser() -> str:
     """Return the path of an installed Chromium, Chrome or Edge.

@@ -13,6 +13,7 @@ from typing import Any
 
 import numpy as np
 
+from thermid.base.codes import CodedText
 from thermid.base.dual import Number, value_of
 from thermid.base.errors import ScenarioError, quoted
 from thermid.base.linear_algebra import Array
@@ -469,8 +470,11 @@ class Media:
             if self._environment(gas).wind.bounds[1] > 0.0:
                 fixed = [c.path for c in every if c.gas == gas and c.kind in ("convection", "effective") and "htc.length" not in c.fields]
                 out += [
-                    f"the wind in '{gas}' has no effect on {', '.join(repr(p) for p in fixed)}: its coefficient is a fixed value. "
-                    f"Give htc = {{ length = ... }} to compute it from a correlation that includes wind"
+                    CodedText(
+                        f"the wind in '{gas}' has no effect on {', '.join(repr(p) for p in fixed)}: its coefficient is a fixed value. "
+                        f"Give htc = {{ length = ... }} to compute it from a correlation that includes wind",
+                        "run.wind-without-effect",
+                    )
                 ] * bool(fixed)
         return tuple(out)
 
@@ -661,28 +665,37 @@ def gas_remarks(media: Media, flat: Flat, values: Mapping[str, Any]) -> tuple[st
     gone = {c.gas for c in flat.conductors if c.gas and media.lowest(c.gas) <= VACUUM_LIMIT and not media.as_printed}
     stops = [path for path, c in _through_gas(flat).items() if c.gas in gone and not _radiates(flat, path, c, values)]
     if stops:
-        out.append(f"without gas no heat flows through {quoted(stops)}")
+        out.append(CodedText(f"without gas no heat flows through {quoted(stops)}", "run.heat-stops-without-gas"))
     around = gone & surrounding(flat)
     stays = [c.path for c in flat.conductors if c.kind in SOLID and around & set(c.ends)]
     if stays:
         end, stay = ("end", "stay") if len(stays) > 1 else ("ends", "stays")
         ends = dict.fromkeys(e for c in flat.conductors if c.path in stays for e in c.ends if e in around)
         out.append(
-            f"{quoted(stays)} {end} in {quoted(list(ends))} and {stay} without its gas. If this path leads through the gas, give it "
-            "kind convection or gas"
+            CodedText(
+                f"{quoted(stays)} {end} in {quoted(list(ends))} and {stay} without its gas. If this path leads through the gas, give it "
+                "kind convection or gas",
+                "run.path-stays-without-gas",
+            )
         )
     thin = [path for path, gas in bare(flat).items() if VACUUM_LIMIT < media.lowest(gas) < THIN]
     if thin and not media.as_printed:
         has = "have" if len(thin) > 1 else "has"
         out.append(
-            f"{quoted(thin)} {has} no emissivity, so its radiation is not modelled; in gas as thin as this it is most of the "
-            "heat. Give an emissivity"
+            CodedText(
+                f"{quoted(thin)} {has} no emissivity, so its radiation is not modelled; in gas as thin as this it is most of the "
+                "heat. Give an emissivity",
+                "run.radiation-not-modelled",
+            )
         )
     whole = [c.path for c in flat.conductors if c.kind == "effective" and c.sees and not media.empty(c.gas)]
     if whole:
         out.append(
-            f"the radiation in the effective coefficient of {quoted(whole)} goes to the gas node, not to the surfaces it sees; "
-            "`thermid split` separates the two"
+            CodedText(
+                f"the radiation in the effective coefficient of {quoted(whole)} goes to the gas node, not to the surfaces it sees; "
+                "`thermid split` separates the two",
+                "run.radiation-goes-to-gas",
+            )
         )
     return tuple(out)
 

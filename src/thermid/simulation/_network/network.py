@@ -15,6 +15,7 @@ from typing import Any, Final
 import numpy as np
 
 from thermid.base.arguments import takes_objects
+from thermid.base.codes import CodedText
 from thermid.base.dual import Dual, Number, value_of
 from thermid.base.errors import DeckError, errors_at
 from thermid.base.memo import Memo
@@ -528,14 +529,14 @@ class Unreached:
     nodes: tuple[str, ...]
     rate: float
 
-    def message(self) -> str:
+    def message(self) -> CodedText:
         """Return the finding in words."""
         named = ", ".join(f"'{n}'" for n in self.nodes)
         many = len(self.nodes) > 1
-        if abs(self.rate) < 1e-12:
-            return f"{named} {'have' if many else 'has'} no path to a boundary, so the heat stays there"
         word = ("warm" if self.rate > 0 else "cool") + ("" if many else "s")
-        return f"{named} {'have' if many else 'has'} no path to a boundary: {word} at {abs(self.rate) * 3600:.6g} K/h without limit"
+        still = abs(self.rate) < 1e-12
+        follows = ", so the heat stays there" if still else f": {word} at {abs(self.rate) * 3600:.6g} K/h without limit"
+        return CodedText(f"{named} {'have' if many else 'has'} no path to a boundary{follows}", "model.no-path-to-boundary")
 
 
 def unreached(network: Network, numbers: Numbers, powers: Mapping[str, float]) -> tuple[Unreached, ...]:

@@ -13,6 +13,7 @@ from typing import Any, Final
 
 import numpy as np
 
+from thermid.base.codes import CodedText
 from thermid.base.dual import Number
 from thermid.base.errors import ScenarioError, quoted
 from thermid.base.memo import Memo
@@ -171,18 +172,27 @@ class Streams:
             which, many = quoted([c.path for c in group]), len(group) > 1
             empty = [n for n in dict.fromkeys(n for c in group for n in self.lines[c.path]) if self._emptied(n, end)]
             when = f" from {begin:g} s" if begin > 0.0 else ""
-            yield f"{which} {'are' if many else 'is'} {fluid} and {'stop' if many else 'stops'} without gas in {quoted(empty)}{when}"
+            yield CodedText(
+                f"{which} {'are' if many else 'is'} {fluid} and {'stop' if many else 'stops'} without gas in {quoted(empty)}{when}",
+                "run.stream-stops-without-gas",
+            )
         loops = [c.path for c in self.conductors if by_volume(c) and set(self.sources(c.path)) <= self._inner]
         if loops:
             density = "their density is that" if len(loops) > 1 else "its density is that"
-            yield f"{quoted(loops)} {'come' if len(loops) > 1 else 'comes'} from no boundary: {density} at {STANDARD - ICE_POINT:g} degC"
+            yield CodedText(
+                f"{quoted(loops)} {'come' if len(loops) > 1 else 'comes'} from no boundary: {density} at {STANDARD - ICE_POINT:g} degC",
+                "run.density-assumed",
+            )
         for c in self.conductors:
             other = {n: self.media.gas(n) for n in c.ends if self.media.gas(n) != fluid_of(c)}
             if other:
                 kind = next(iter(other.values()))
                 yield (
-                    f"'{c.path}' is {fluid_of(c)}, and the gas of {quoted(list(other))} is {kind} for convection there. Give both the "
-                    "same gas, in the environment or as the fluid"
+                    CodedText(
+                        f"'{c.path}' is {fluid_of(c)}, and the gas of {quoted(list(other))} is {kind} for convection there. Give both the "
+                        "same gas, in the environment or as the fluid",
+                        "run.gases-differ",
+                    )
                 )
 
     @cached_property

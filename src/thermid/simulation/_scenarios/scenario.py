@@ -8,6 +8,7 @@ from dataclasses import dataclass, field, replace
 from numbers import Real
 from typing import Any
 
+from thermid.base.codes import CodedText
 from thermid.base.errors import ScenarioError, refuse_unknown
 from thermid.base.units import TEMPERATURE
 from thermid.model.laws import Constant, Signal, TableSignal, check_span, literal, own_signal, signal
@@ -227,6 +228,9 @@ def sampled_logs(scenario: Scenario) -> tuple[str, ...]:
     if not assumed:
         return ()
     return (
-        f"samples of logs are taken as instants ({', '.join(assumed)}). State samples = 'instant', or samples = 'average' if the "
-        "logger gives means over the interval up to the stamp",
+        CodedText(
+            f"samples of logs are taken as instants ({', '.join(assumed)}). State samples = 'instant', or samples = 'average' if the "
+            "logger gives means over the interval up to the stamp",
+            "record.samples-assumed",
+        ),
     )
