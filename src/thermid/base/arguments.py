@@ -106,7 +106,7 @@ def _check(value: Any, words: tuple[str, ...], name: str, function: str) -> None
         if isinstance(value, tuple(wanted[w] for w in words[1:])) and not isinstance(value, bool):
             return
         raise DeckError(
-            f"`{name}` takes {'a whole number' if 'int' in words else 'a dictionary'}, not {value!r}.", function, code="argument.wrong-kind"
+            f"`{name}` takes {'a whole number' if 'int' in words else 'a dictionary'}, not {value!r}.", function, code="value.wrong-kind"
         )
     if value is None:
         if "None" in words:
@@ -133,7 +133,7 @@ def _check(value: Any, words: tuple[str, ...], name: str, function: str) -> None
         if not kinds or any(k in words for k in kinds):
             return
         what = kinds[0]
-    raise DeckError(f"`{name}` takes {_wanted(words)}, not {what}.{_advice(words, value)}", function, code="argument.wrong-kind")
+    raise DeckError(f"`{name}` takes {_wanted(words)}, not {what}.{_advice(words, value)}", function, code="value.wrong-kind")
 
 
 def _wanted(words: tuple[str, ...]) -> str:

@@ -164,12 +164,12 @@ def _with_quantities(text: str) -> Expression:
     if _BRACKET.match(text) and re.search(r"[A-Za-z_)]\s*\[[^\[\]]*\]\s*$", text):
         raise ExpressionError(
             f"'{_short(text)}': a unit in brackets may follow pure numbers only; names have their own units. Leave the brackets out.",
-            code="expression.unit-after-names",
+            code="expression.unit-misplaced",
         )
     raise ExpressionError(
         f"'{_short(text)}': write the unit in brackets once, at the end: '(0.5 + 1) [m]'. In an expression with names write it after "
         "a number: 'area + 2 [cm^2]'.",
-        code="expression.unit-not-at-end",
+        code="expression.unit-misplaced",
     )
 
 
@@ -268,13 +268,13 @@ def _function(node: ast.Call) -> str:
 def _check(node: ast.expr, text: str, names: list[str], depth: int = 0, known: frozenset[str] = frozenset()) -> None:
     """Refuse everything but arithmetic over names, and collect the names; `known` are places of numbers with units."""
     if depth > 100:
-        raise ExpressionError(f"'{_short(text)}' is nested too deeply.", code="expression.nested-too-deeply")
+        raise ExpressionError(f"'{_short(text)}' is nested too deeply.", code="expression.not-arithmetic")
     operands = _operands(node)
     if operands is not None:
         if isinstance(node, ast.Call) and (len(operands) < 2 if _function(node) in SEVERAL else len(operands) != 1):
             asked = "two values or more" if _function(node) in SEVERAL else "one value"
             raise ExpressionError(
-                f"'{_short(text)}': {_function(node)}() takes {asked}; it has {len(operands)}.", code="expression.number-of-values"
+                f"'{_short(text)}': {_function(node)}() takes {asked}; it has {len(operands)}.", code="expression.not-arithmetic"
             )
         for operand in operands:
             _check(operand, text, names, depth + 1, known)
@@ -290,7 +290,7 @@ def _check(node: ast.expr, text: str, names: list[str], depth: int = 0, known: f
     try:
         part = ast.unparse(node)
     except RecursionError:
-        raise ExpressionError(f"'{_short(text)}' is nested too deeply.", code="expression.nested-too-deeply") from None
+        raise ExpressionError(f"'{_short(text)}' is nested too deeply.", code="expression.not-arithmetic") from None
     if isinstance(node, ast.Tuple) and (pointed := _DECIMAL_COMMA.sub(".", text)) != text:
         raise ExpressionError(
             f"'{_short(text)}': write numbers with a decimal point: '{_short(pointed)}'.", code="expression.decimal-comma"

@@ -51,7 +51,7 @@ def extension(point: str, purpose: str, where: str) -> Callable[..., Any]:
     if loaded is None:
         needed = f"the package {part}" if part else "an optional part of thermid"
         text = f"{purpose} needs {needed}, which is not installed. Install thermid completely: pip install thermid"
-        raise ThermidError(text, where, code="extra.part-missing")
+        raise ThermidError(text, where, code="extra.not-installed")
     return getattr(loaded, function)  # type: ignore[no-any-return]
 
 

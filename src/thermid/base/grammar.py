@@ -215,7 +215,7 @@ def endless(data: Any, path: str = "", deepest: int | None = None) -> tuple[str,
     deepest = int(cap("nesting")) if deepest is None else deepest
     if isinstance(data, int) and data.bit_length() > LONGEST_NUMBER:
         text = f"a number has too many digits (some {data.bit_length() * 0.30103:.0f}); no float holds it."
-        return path, CodedText(text, "file.number-too-long")
+        return path, CodedText(text, "file.wrong-value")
     if not isinstance(data, dict | list | tuple):
         return None
     if deepest == 0:

@@ -84,7 +84,7 @@ def read_json(path: Path, kind: str) -> Any:
         content = json.loads(path.read_text(encoding="utf-8"))
     except (ValueError, RecursionError) as error:
         grammar, text = grammar_of(kind), f"this is not valid JSON: {error}."
-        raise grammar.fault(f"{grammar.lead}\n  {path}: {text}" if grammar.lead else text, str(path), code="file.not-json") from None
+        raise grammar.fault(f"{grammar.lead}\n  {path}: {text}" if grammar.lead else text, str(path), code="file.not-valid") from None
     return by_grammar(kind, content, Places(str(path)))
 
 
@@ -115,7 +115,7 @@ def resolve_inside(folder: Path, name: str, where: str, roots: tuple[Path, ...] 
     """
     root = project_root(folder)
     if "\0" in name:
-        raise DeckError(f"{name!r} is not a file name.", where, code="file.no-name")
+        raise DeckError(f"{name!r} is not a file name.", where, code="file.not-found")
     path = (folder / name).resolve()
     if not any(path.is_relative_to(r) for r in (root, *(r.resolve() for r in roots))):
         raise DeckError(
@@ -162,5 +162,5 @@ def read_toml(path: Path) -> tuple[dict[str, Any], dict[str, int]]:
         raise DeckError(
             f"this is not valid TOML: {error}. Put texts, and numbers with units, in quotes; begin comments with #.",
             path.name,
-            code="file.not-toml",
+            code="file.not-valid",
         ) from None

@@ -148,7 +148,7 @@ def _check_exponents(text: str, key: str) -> None:
                     f"'[{text}]' is not a known unit: it has the exponent {given}. "
                     f"Exponents go up to {cap('exponent'):.0f}, as plain numbers with at most one decimal."
                     f"{_intended(key)}{raising('exponent')}",
-                    code="unit.exponent",
+                    code="unit.unknown",
                 )
 
 

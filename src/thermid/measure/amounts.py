@@ -30,13 +30,13 @@ def amount(given: object, slot: str, what: str) -> float:
         with errors_at(what):
             literal = parse(given).literal
             if literal is None:
-                raise RecordError(f"'{given}' is not a number. Write a number with its unit, such as '4 [s]'.")
+                raise RecordError(f"'{given}' is not a number. Write a number with its unit, such as '4 [s]'.", code="value.not-an-amount")
             require_unit(literal.unit, slot)
         value = literal.value
     else:
-        raise RecordError(f"{given!r} is neither a number nor a text with a unit, such as '4 [s]'.", what)
+        raise RecordError(f"{given!r} is neither a number nor a text with a unit, such as '4 [s]'.", what, code="value.not-an-amount")
     if not isfinite(value):
-        raise RecordError(f"{given!r} is not finite.", what)
+        raise RecordError(f"{given!r} is not finite.", what, code="value.outside-range")
     return value
 
 
@@ -49,7 +49,7 @@ def positive_seconds(given: object, what: str) -> float:
     """
     value = amount(given, "s", what)
     if value <= 0:
-        raise RecordError(f"{format_value(value, 's')} is not above zero.", what)
+        raise RecordError(f"{format_value(value, 's')} is not above zero.", what, code="value.outside-range")
     return value
 
 
@@ -103,7 +103,7 @@ def pairs(texts: Iterable[str], option: str) -> dict[str, str]:
     for text in texts:
         path, equals, value = text.partition("=")
         if not equals or not path.strip() or not value.strip():
-            raise ScenarioError(f"'{text}' must be written as PATH=VALUE, such as air=24 [degC].", option)
+            raise ScenarioError(f"'{text}' must be written as PATH=VALUE, such as air=24 [degC].", option, code="value.wrong-kind")
         out[path.strip()] = value.strip()
     return out
 

@@ -293,12 +293,10 @@ def _box_remark(area: float, height: float, length: float, width: float) -> list
     outside = 2 * (length * width + height * (length + width))
     if abs(outside - area) <= 0.02 * area:
         return []
-    return [
-        CodedText(
-            f"the box has {outside:.6g} m^2 outside but the given area is {area:.6g} m^2, so they include different faces. Correct one of them",
-            "htc.area-of-other-faces",
-        )
-    ]
+    text = (
+        f"the box has {outside:.6g} m^2 outside but the given area is {area:.6g} m^2, so they include different faces. Correct one of them"
+    )
+    return [CodedText(text, "htc.area-of-other-faces")]
 
 
 def _meaning(effective: float, error: float, theoretical: float, radiation: float | None, q: float, a: float, rise: float) -> list[str]:
@@ -307,32 +305,30 @@ def _meaning(effective: float, error: float, theoretical: float, radiation: floa
     expected = theoretical + (radiation or 0.0)
     what = "convection and radiation" if radiation is not None else "convection alone"
     if abs(effective - expected) <= 2 * doubt:
-        return [
-            CodedText(
-                f"effective and theoretical coefficient ({what}) differ by {effective - expected:+.2f} W/(m^2 K), within two standard errors "
-                f"of {doubt:.2f}, so the test cannot distinguish them",
-                "htc.agrees",
-            )
-        ]
+        text = (
+            f"effective and theoretical coefficient ({what}) differ by {effective - expected:+.2f} W/(m^2 K), within two standard errors "
+            f"of {doubt:.2f}, so the test cannot distinguish them"
+        )
+        return [CodedText(text, "htc.agrees")]
     if effective > expected:
-        radiates = "" if radiation is not None else "radiation (0.6 to 5.3 W/(m^2 K) at room temperature for emissivities of 0.1 to 0.85), "
+        radiates = "radiation (0.6 to 5.3 W/(m^2 K) at room temperature for emissivities of 0.1 to 0.85), " if radiation is None else ""
         text = (
             f"the effective coefficient lies {effective - expected:.2f} W/(m^2 K) above {what}. Possible causes: {radiates}"
             "heat through mounts and leads, moving air, an area taken too small, a power too large, or a sensor in a cool place"
         )
-        return [CodedText(text, "htc.above-correlation")]
+        return [CodedText(text, "htc.differs")]
     return [
         CodedText(
             f"the effective coefficient lies {expected - effective:.2f} W/(m^2 K) below {what}. Radiation and heat through mounts would "
             "raise it. Resistance between source and surface cannot lower it, because the heat through an outer surface is h A dT. Check "
             "area, power and sensor positions",
-            "htc.below-correlation",
+            "htc.differs",
         ),
         CodedText(
             f"to agree with the correlation, the area would need to be {100 * effective / expected:.0f} % of {a:.6g} m^2 (check for faces "
             f"counted twice or inside), or the power {abs(expected * a * rise):.3g} W instead of {abs(q):.4g} W, or the mean surface "
             f"about {abs(rise) * (1 - effective / expected):.1f} K nearer to the ambient than the sensor (check for a hot spot)",
-            "htc.below-correlation",
+            "htc.differs",
         ),
     ]
 
@@ -354,7 +350,7 @@ def _settling(capacitance: str | float | None, after: str | float | None, conduc
             f"{settling.from_mass * -math.log(1.0 - SETTLED[1]) / 3600:.3g} h to 99 %. Possible causes of a {word} test: "
             f"{slower if settling.ratio > 1 else 'less mass than given, or a test that ended before steady state'}"
         )
-        remarks.append(CodedText(text, "htc.settling-time"))
+        remarks.append(CodedText(text, "htc.differs"))
     return settling
 
 

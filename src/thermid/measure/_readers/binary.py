@@ -91,9 +91,9 @@ def tdms(data: bytes, file: str, separator: str | None) -> Cells:
             for name, channels in groups:
                 series += _tdms_series(name if len(groups) > 1 else "", channels, begun, file)
     except _DAMAGE as error:
-        raise RecordError(f"the TDMS file is damaged or cut short ({error}).", file) from None
+        raise RecordError(f"the TDMS file is damaged or cut short ({error}).", file, code="record.damaged") from None
     if not series:
-        raise RecordError("the TDMS file has no samples.", file)
+        raise RecordError("the TDMS file has no samples.", file, code="record.no-samples")
     start = None if begun is None else str(begun.isoformat())
     notes = ("the last segment of the file is cut short; the samples before it were read",) if cut else ()
     return merged(series, file, "time [s]", notes, Layout("NI TDMS", ""), start)
@@ -127,7 +127,9 @@ def _tdms_series(group: str, channels: Mapping[str, Any], begun: datetime | None
         times = _tdms_times(channel, channels.get(own) if own else None, begun)
         if times is None or len(times) != len(channel):
             raise RecordError(
-                f"channel '{name}' has no times: neither wf_increment nor a time channel of as many samples in its group.", file
+                f"channel '{name}' has no times: neither wf_increment nor a time channel of as many samples in its group.",
+                file,
+                code="record.time-unclear",
             )
         unit = str(channel.properties.get("unit_string", "") or channel.properties.get("NI_UnitDescription", "")).strip()
         shown = f"{group}/{name}" if group else name
@@ -175,7 +177,7 @@ def matlab(data: bytes, file: str, separator: str | None) -> Cells:
     except RecordError:
         raise
     except (MatReadError, *_DAMAGE) as error:
-        raise RecordError(f"the MATLAB file cannot be read ({error}). Save it again with save -v7.", file) from None
+        raise RecordError(f"the MATLAB file cannot be read ({error}). Save it again with save -v7.", file, code="record.damaged") from None
     opaque = any("MatlabOpaque" in type(value).__name__ for value in held.values())
     return of_variables(held, file, _of_series(objects_of(data, file), file) if opaque else {})
 
@@ -208,7 +210,9 @@ def _of_series(objects: Mapping[str, Mapping[str, Any]], file: str) -> Vectors:
             continue
         if clock and not np.array_equal(out["Time"][0], series["Time"]):
             raise RecordError(
-                f"'{clock}' and '{name}' have different times. Save one of them in a separate file: save('log.mat', '{clock}').", file
+                f"'{clock}' and '{name}' have different times. Save one of them in a separate file: save('log.mat', '{clock}').",
+                file,
+                code="record.times-differ",
             )
         clock = clock or name
         out["Time"] = series["Time"], "s"
@@ -229,6 +233,7 @@ def of_variables(held: Mapping[str, Any], file: str, series: Vectors | None = No
             "whose layout is not published. In MATLAB: "
             f"t = {objects[0]}.Time; T = {objects[0]}.Data; save('log.mat', 't', 'T', '-v7').",
             file,
+            code="record.layout-unclear",
         )
     return _of_vectors(vectors, file, "MATLAB")
 
@@ -279,13 +284,19 @@ def _of_vectors(vectors: Vectors, file: str, kind: str) -> Cells:
     if not clock:
         held = ", ".join(f"{n} ({len(v)})" for n, (v, _) in vectors.items()) or "no numeric vectors"
         raise RecordError(
-            f"no vector has the name of a time ({', '.join(_TIMES[:6])}); it holds {held}. Rename the vector with the times.", file
+            f"no vector has the name of a time ({', '.join(_TIMES[:6])}); it holds {held}. Rename the vector with the times.",
+            file,
+            code="record.time-unclear",
         )
     times, unit = vectors.pop(clock)
     alike = {name: each for name, each in vectors.items() if len(each[0]) == len(times)}
     other = [name for name in vectors if name not in alike]
     if not alike:
-        raise RecordError(f"no vector is as long as '{clock}' ({len(times)} samples); there are {', '.join(vectors) or 'none'}.", file)
+        raise RecordError(
+            f"no vector is as long as '{clock}' ({len(times)} samples); there are {', '.join(vectors) or 'none'}.",
+            file,
+            code="record.shape",
+        )
     texts, unit, start, name = _clock_texts(times, unit, re.split(r"[./]", clock)[-1], kind)
     header = (f"{name} [{unit}]" if unit else name, *(_named(n, u) for n, (_, u) in alike.items()))
     columns = [texts, *(tuple(text_of(v) for v in np.asarray(values).tolist()) for values, _ in alike.values())]
@@ -358,7 +369,7 @@ def hdf5(data: bytes, file: str, separator: str | None) -> Cells:
     except RecordError:
         raise
     except _DAMAGE as error:
-        raise RecordError(f"the HDF5 file is damaged or cut short ({error}).", file) from None
+        raise RecordError(f"the HDF5 file is damaged or cut short ({error}).", file, code="record.damaged") from None
     kind = "MATLAB 7.3" if data[:10] == b"MATLAB 7.3" else "HDF5"
     return _of_vectors(vectors, file, kind)
 
@@ -386,7 +397,7 @@ def netcdf(data: bytes, file: str, separator: str | None) -> Cells:
                 if len(v.shape) == 1 and v.shape[0] > 1
             }
     except _DAMAGE as error:
-        raise RecordError(f"the netCDF file is damaged or cut short ({error}).", file) from None
+        raise RecordError(f"the netCDF file is damaged or cut short ({error}).", file, code="record.damaged") from None
     return _of_vectors(vectors, file, "netCDF classic")
 
 
@@ -406,16 +417,18 @@ def workbook(data: bytes, file: str, separator: str | None) -> Cells:
         if data[:2] == b"PK":
             _small_workbook(zipfile.ZipFile(io.BytesIO(data)), file)
     except zipfile.BadZipFile:
-        raise RecordError("this is a binary file, not a text log (a workbook or archive). Export it as CSV.", file) from None
+        raise RecordError(
+            "this is a binary file, not a text log (a workbook or archive). Export it as CSV.", file, code="record.damaged"
+        ) from None
     library = optional("python_calamine", "this kind of file", file)
     try:
         book = library.CalamineWorkbook.from_filelike(io.BytesIO(data))
         sheets = {name: book.get_sheet_by_name(name).to_python() for name in book.sheet_names}
     except (library.CalamineError, *_DAMAGE) as error:
-        raise RecordError(f"the workbook cannot be read ({error}).", file) from None
+        raise RecordError(f"the workbook cannot be read ({error}).", file, code="record.damaged") from None
     best = max(sheets, key=lambda name: _numbers(sheets[name]), default="")
     if not best or not _numbers(sheets[best]):
-        raise RecordError("no sheet of the workbook holds numbers.", file)
+        raise RecordError("no sheet of the workbook holds numbers.", file, code="record.no-samples")
     text = "\n".join("\t".join(_cell(cell) for cell in row) for row in sheets[best]) + "\n"
     cells = cells_of_text(text, file, "\t")
     others = [name for name in sheets if name != best and _numbers(sheets[name])]

@@ -52,7 +52,7 @@ def bindings(channels: Mapping[str, object], extra: Mapping[str, Mapping[str, st
     NameNotFoundError   When `extra` names a channel that is not read.
     """
     if not channels:
-        raise RecordError("no channel is requested. Give channels={'node': 'column'}.", where)
+        raise RecordError("no channel is requested. Give channels={'node': 'column'}.", where, code="value.incomplete")
     out = {key: _one(key, given, f"{where}, channels.{key}") for key, given in channels.items()}
     for word, values in extra.items():
         for name, value in values.items():
@@ -60,7 +60,11 @@ def bindings(channels: Mapping[str, object], extra: Mapping[str, Mapping[str, st
                 [name], out, where, f"{word} is given for '{{}}', which is not a channel. Channels: {{known}}.", NameNotFoundError
             )
             if getattr(out[name], word) is not None:
-                raise RecordError(f"its {word} is given twice. Give it either in the table or as an argument.", f"{where}, channels.{name}")
+                raise RecordError(
+                    f"its {word} is given twice. Give it either in the table or as an argument.",
+                    f"{where}, channels.{name}",
+                    code="value.incomplete",
+                )
             field: dict[str, Any] = {word: value}
             out[name] = replace(out[name], **field)
     return list(out.values())
@@ -71,31 +75,45 @@ def _one(key: str, given: object, where: str) -> Binding:
     if isinstance(given, str):
         return Binding(key, given, target=key)
     if not isinstance(given, Mapping):
-        raise RecordError(f"{given!r} is neither the name of a column nor a table. Write 'column' or {{ column = 'column' }}.", where)
+        raise RecordError(
+            f"{given!r} is neither the name of a column nor a table. Write 'column' or {{ column = 'column' }}.",
+            where,
+            code="value.wrong-kind",
+        )
     refuse_unknown(given, _KEYS, where)
     for word in (*_ROLE_KEYS, "gain", "unit"):
         if word in given and not (isinstance(given[word], str) and given[word].strip()):
-            raise RecordError(f"{word} = {given[word]!r} is not a text.", where)
+            raise RecordError(f"{word} = {given[word]!r} is not a text.", where, code="value.wrong-kind")
     for word in ("full_scale", "noise", "accuracy", "resolution"):
         if word in given and (isinstance(given[word], bool) or not isinstance(given[word], str | int | float)):
-            raise RecordError(f"{word} = {given[word]!r} is neither a text with a unit nor a number.", where)
+            raise RecordError(f"{word} = {given[word]!r} is neither a text with a unit nor a number.", where, code="value.wrong-kind")
     roles = [word for word in _ROLE_KEYS if word in given]
     if len(roles) > 1:
-        raise RecordError(f"it has the roles {' and '.join(roles)}. Give a channel one role.", where)
+        raise RecordError(f"it has the roles {' and '.join(roles)}. Give a channel one role.", where, code="value.incomplete")
     role = roles[0] if roles else "auto"
     if "gain" in given and role not in ("load", "command"):
-        raise RecordError("a gain converts a command into a power, so it needs load = '...' or command = '...' too.", where)
+        raise RecordError(
+            "a gain converts a command into a power, so it needs load = '...' or command = '...' too.", where, code="value.incomplete"
+        )
     if "full_scale" in given and (role != "load" or "gain" in given):
-        raise RecordError("full_scale is the power of a load at 100 %, so it needs load = '...' too, and no gain.", where)
+        raise RecordError(
+            "full_scale is the power of a load at 100 %, so it needs load = '...' too, and no gain.", where, code="value.incomplete"
+        )
     if not isinstance(given.get("prompt", False), bool):
-        raise RecordError(f"prompt = {given['prompt']!r} is neither true nor false.", where)
+        raise RecordError(f"prompt = {given['prompt']!r} is neither true nor false.", where, code="value.wrong-kind")
     if given.get("prompt") and role not in ("load", "command"):
         raise RecordError(
-            "prompt states that a power or command was logged at every change, so it applies to a load or command only.", where
+            "prompt states that a power or command was logged at every change, so it applies to a load or command only.",
+            where,
+            code="record.does-not-apply",
         )
     refuse_unknown([given.get("samples", "instant")], SAMPLES, where, "samples = '{}' is neither 'instant' nor 'average'.")
     if "samples" in given and role in ("auto", "node"):
-        raise RecordError("samples applies to inputs of the model only: a boundary, load, command or prescribed node.", where)
+        raise RecordError(
+            "samples applies to inputs of the model only: a boundary, load, command or prescribed node.",
+            where,
+            code="record.does-not-apply",
+        )
     words = ("gain", "full_scale", "noise", "accuracy", "resolution", "unit", "prompt", "samples")
     rest = {word: given[word] for word in words if word in given}
     certificate = SensorCertificate.read(given["certificate"], f"{where}, certificate") if "certificate" in given else None
@@ -120,15 +138,20 @@ def unit_and_quantity(binding: Binding, header_unit: str | None, where: str) -> 
     with errors_at(where):
         of = unit(text)
         if binding.role == "load" and not drives and of.dimension == DIMENSIONLESS:
-            raise RecordError(_PER_CENT.format(f"it is in {text}"))
+            raise RecordError(_PER_CENT.format(f"it is in {text}"), code="record.unit-unclear")
         if binding.unit and header_unit and _known(header_unit) and unit(header_unit) != replace(of, text=unit(header_unit).text):
-            raise RecordError(f"its header has the unit [{header_unit}], but its unit is given as '{binding.unit}'. Correct one of them.")
+            raise RecordError(
+                f"its header has the unit [{header_unit}], but its unit is given as '{binding.unit}'. Correct one of them.",
+                code="record.unit-contradicts",
+            )
         if binding.role in ("node", "boundary", "prescribed"):
             require(of.dimension, TEMPERATURE, text, of.absolute)
         elif binding.role == "load" and not drives:
             require(of.dimension, "W", text)
         elif binding.full_scale is not None and of.dimension != DIMENSIONLESS:
-            raise RecordError(f"full_scale is for a column in per cent, and it is in {text}. Leave full_scale out.")
+            raise RecordError(
+                f"full_scale is for a column in per cent, and it is in {text}. Leave full_scale out.", code="record.unit-contradicts"
+            )
     if drives:
         return text, "command"
     for quantity, known in (("temperature", "K"), ("power", "W"), ("command", "1")):
@@ -145,7 +168,7 @@ _LETTER: Final = re.compile(r".*[a-z0-9]_([FK])\Z")
 def _refuse_by_name(binding: Binding, drives: bool, where: str) -> None:
     """Refuse a column without a unit whose name says another one than that which would be taken."""
     if binding.role == "load" and not drives and _DUTY.search(binding.column):
-        raise RecordError(_PER_CENT.format("by its name it is in per cent"), where)
+        raise RecordError(_PER_CENT.format("by its name it is in per cent"), where, code="record.unit-unclear")
     letter = _LETTER.match(binding.column)
     if letter and binding.role in ("node", "boundary", "prescribed", "auto"):
         scale = "degF" if letter[1] == "F" else "K"
@@ -154,6 +177,7 @@ def _refuse_by_name(binding: Binding, drives: bool, where: str) -> None:
             f"units={{'{binding.name}': '{scale}'}} or "
             "'degC'; in a campaign, unit of the channel.",
             where,
+            code="record.unit-unclear",
         )
 
 
@@ -168,7 +192,7 @@ def full_scale(binding: Binding, where: str) -> float | None:
         return None
     watts = amount(binding.full_scale, "W", f"{where}, full_scale")
     if not watts > 0.0:
-        raise RecordError(f"its full_scale is {watts:g} W. Give a power above zero.", where)
+        raise RecordError(f"its full_scale is {watts:g} W. Give a power above zero.", where, code="value.outside-range")
     return watts
 
 

@@ -29,9 +29,11 @@ def find_column(header: tuple[str, ...], wanted: str, where: str) -> int:
         at for at, name in enumerate(header) if name_and_unit(name)[0] == wanted
     ]
     if not hits:
-        raise NameNotFoundError(f"no column '{wanted}'; there are {', '.join(header)}.{nearest(wanted, header)}", where)
+        raise NameNotFoundError(
+            f"no column '{wanted}'; there are {', '.join(header)}.{nearest(wanted, header)}", where, code="name.unknown"
+        )
     if len(hits) > 1:
-        raise RecordError(f"{len(hits)} columns have the name '{wanted}'. Rename all but one.", where)
+        raise RecordError(f"{len(hits)} columns have the name '{wanted}'. Rename all but one.", where, code="record.name-twice")
     return hits[0]
 
 
@@ -44,7 +46,7 @@ def decimal_sign(cells: Cells, given: str | None) -> str:
     """
     if given is not None:
         if given not in (".", ","):
-            raise RecordError(f"decimal={given!r} is neither '.' nor ','.", cells.file)
+            raise RecordError(f"decimal={given!r} is neither '.' nor ','.", cells.file, code="value.wrong-kind")
         return given
     if not cells.commas or not any("," in "".join(column) for column in cells.columns):
         return "."
@@ -60,6 +62,7 @@ def decimal_sign(cells: Cells, given: str | None) -> str:
         raise RecordError(
             f"the decimal sign is ambiguous: '{comma}' (line {one}) and '{point}' (line {other}). Give decimal=',' or decimal='.'.",
             cells.file,
+            code="record.number-unclear",
         )
     return next(iter(seen), ".")
 

@@ -115,7 +115,7 @@ def _pairs(lines: Lines, passed: int, file: str) -> Cells:
         for pair in pairs:
             unit = spelt(pair["inner"] or pair["unit"] or "")
             if units.setdefault(pair["name"].strip(), unit) != unit:
-                raise RecordError(f"'{pair['name']}' changes its unit here.", f"{file}:{number}")
+                raise RecordError(f"'{pair['name']}' changes its unit here.", f"{file}:{number}", code="record.unit-contradicts")
         rows.append((number, match["stamp"], values))
     counts = Counter(name for _, _, values in rows for name in values)
     usual = [name for name, count in counts.items() if count > 0.2 * max(counts.values())]
@@ -125,6 +125,7 @@ def _pairs(lines: Lines, passed: int, file: str) -> Cells:
             "its lines hold neither columns of numbers nor names with values such as 'T1: 23.5'. Remove time stamps and banners from "
             "the lines.",
             file,
+            code="record.layout-unclear",
         )
     columns = [tuple(stamp for _, stamp, _ in rows), *(tuple(values.get(name, "") for _, _, values in rows) for name in usual)]
     header = ("time", *(f"{name} [{units[name]}]" if units[name] else name for name in usual))
@@ -157,7 +158,11 @@ def labview(text: str, file: str) -> Cells:
         segment, at = _keys(lines, at, file, mark)
         names, begun, at_rows, stop = _segment(lines, at, segment, mark, file)
         if header and names != header:
-            raise RecordError("a later segment has other channels than the first. Split the file into its segments.", f"{file}:{at + 1}")
+            raise RecordError(
+                "a later segment has other channels than the first. Split the file into its segments.",
+                f"{file}:{at + 1}",
+                code="record.layout-unclear",
+            )
         header, first = names, first or begun
         shift = (begun - first).total_seconds() if begun and first else 0.0
         made, kept = _samples(at_rows, segment, x_columns, len(names), file)
@@ -169,7 +174,9 @@ def labview(text: str, file: str) -> Cells:
         numbers += [number for number, _ in kept]
         at = stop
     if not rows:
-        raise RecordError("the file has a header but no samples below it. Export the log again, with its data.", file)
+        raise RecordError(
+            "the file has a header but no samples below it. Export the log again, with its data.", file, code="record.no-samples"
+        )
     columns = [tuple(repr(t) for t in times), *(tuple(column) for column in zip(*rows, strict=True))]
     if sign == ",":
         columns[1:] = [tuple(_pointed(cell) for cell in column) for column in columns[1:]]
@@ -191,7 +198,7 @@ def _keys(lines: list[str], at: int, file: str, mark: str = "\t") -> tuple[dict[
             return out, k + 1
         key, *cells = lines[k].split(mark) if mark in lines[k] else lines[k].split(",", 1)
         out.setdefault(key.strip(), cells or [""])
-    raise RecordError("its header has no end: the line ***End_of_Header*** is missing.", file)
+    raise RecordError("its header has no end: the line ***End_of_Header*** is missing.", file, code="record.damaged")
 
 
 def _stamp(segment: dict[str, list[str]]) -> datetime | None:
@@ -221,7 +228,9 @@ def _segment(
         pairs = [k for k, name in enumerate(names) if name == "X_Value"]
         for number, row in rows:
             if len({row[k].strip() for k in pairs if k < len(row)} - {""}) > 1:
-                raise RecordError("its channels have different times. Export them with one X column.", f"{file}:{number}")
+                raise RecordError(
+                    "its channels have different times. Export them with one X column.", f"{file}:{number}", code="record.times-differ"
+                )
     units = segment.get("Y_Unit_Label", [])
     keep = [k for k in range(1, width) if names[k] != "X_Value"]
     named = tuple(_named(names[k], units[k - 1].strip() if k - 1 < len(units) else "") for k in keep)
@@ -243,12 +252,14 @@ def _samples(
     for k, (number, row) in enumerate(rows):
         if row[0].strip() and x_columns != "No":
             if not is_number(row[0]):
-                raise RecordError(f"'{row[0]}' is not a time.", f"{file}:{number}")
+                raise RecordError(f"'{row[0]}' is not a time.", f"{file}:{number}", code="record.time-not-read")
             out.append(_number(row[0]))
         elif np.isfinite(step) and step > 0:
             out.append(begin + step * k)
         else:
-            raise RecordError("its samples have no time: X_Value is empty and Delta_X is missing.", f"{file}:{number}")
+            raise RecordError(
+                "its samples have no time: X_Value is empty and Delta_X is missing.", f"{file}:{number}", code="record.time-unclear"
+            )
     return out, [(number, row[1 : width + 1]) for number, row in rows]
 
 
@@ -273,11 +284,15 @@ def influx(text: str, file: str) -> Cells:
         if not header:
             header = row
             if not {"_time", "_value"} <= {*header}:
-                raise RecordError("the table has no _time and _value. Query a series, not an aggregate.", f"{file}:{number}")
+                raise RecordError(
+                    "the table has no _time and _value. Query a series, not an aggregate.", f"{file}:{number}", code="record.layout-unclear"
+                )
             continue
         if len(row) != len(header):
             raise RecordError(
-                f"{len(row)} cells in this line, {len(header)} columns in the header. Correct or remove the line.", f"{file}:{number}"
+                f"{len(row)} cells in this line, {len(header)} columns in the header. Correct or remove the line.",
+                f"{file}:{number}",
+                code="record.layout-unclear",
             )
         cells = dict(zip(header, row, strict=True))
         name = _name_of(cells, header)
@@ -293,7 +308,7 @@ def _rows(text: str, file: str) -> Iterator[tuple[int, list[str]]]:
     try:
         yield from enumerate(csv.reader(text.split("\n"), strict=True), 1)
     except csv.Error as error:
-        raise RecordError(f"a quotation mark is misplaced ({error}). Correct the line.", file) from None
+        raise RecordError(f"a quotation mark is misplaced ({error}). Correct the line.", file, code="record.layout-unclear") from None
 
 
 def _name_of(cells: dict[str, str], header: Sequence[str]) -> str:
@@ -325,7 +340,11 @@ def pivoted(cells: Cells) -> Cells:
     for row, line in enumerate(cells.lines):
         name = " ".join(filter(None, (cells.columns[at][row].strip() for at in keys)))
         if units is not None and of_unit.setdefault(name, units[row].strip()) != units[row].strip():
-            raise RecordError(f"'{name}' changes its unit here, from {of_unit[name]} to {units[row]}.", f"{cells.file}:{line}")
+            raise RecordError(
+                f"'{name}' changes its unit here, from {of_unit[name]} to {units[row]}.",
+                f"{cells.file}:{line}",
+                code="record.unit-contradicts",
+            )
         texts, stamps, lines = series.setdefault(name, ([], [], []))
         text = cells.columns[values[0]][row].strip()
         texts.append("" if text.lower() in _LOST else text)
@@ -359,7 +378,9 @@ def _remarked(cells: Cells, names: Sequence[str]) -> Cells:
 def _as_cells(series: dict[str, tuple[list[str], list[str], list[int]]], file: str, time: str, layout: Layout) -> Cells:
     """Return the cells of series by name: texts, stamps, lines."""
     if not series:
-        raise RecordError("the file has a header but no samples below it. Export the log again, with its data.", file)
+        raise RecordError(
+            "the file has a header but no samples below it. Export the log again, with its data.", file, code="record.no-samples"
+        )
     out = []
     every = [stamp for _, stamps, _ in series.values() for stamp in stamps]
     axis = stamp_seconds(every, file)
@@ -374,6 +395,7 @@ def _as_cells(series: dict[str, tuple[list[str], list[str], list[int]]], file: s
                     f"'{name}' has two readings at {stamps[own.index(t)]}, {seen[t]} and {text}. Give the rows different names, or "
                     "remove one.",
                     f"{file}:{line}",
+                    code="record.two-readings-at-one-time",
                 )
         out.append(ChannelSeries(name, texts, own, stamps, lines))
     notes = (f"a long table with {len(every)} rows of {len(out)} series: read as one column for each",)
@@ -415,7 +437,9 @@ def _without_units(cells: Cells, at: int) -> tuple[str, tuple[str, ...]] | None:
         if match is None:
             if not text:
                 return None
-            raise RecordError(f"'{plain}' has no unit; the cells above are in {text}.", cells.where(row, name))
+            raise RecordError(
+                f"'{plain}' has no unit; the cells above are in {text}.", cells.where(row, name), code="record.unit-contradicts"
+            )
         own = spelt(match["unit"])
         try:
             known = unit(own)
@@ -430,7 +454,9 @@ def _without_units(cells: Cells, at: int) -> tuple[str, tuple[str, ...]] | None:
         elif known.dimension == first.dimension and known.offset == first.offset == 0:
             out.append(repr(float(match["number"].replace(",", ".")) * float(known.factor / first.factor)))
         else:
-            raise RecordError(f"'{plain}' is in {own}; the cells above are in {text}.", cells.where(row, name))
+            raise RecordError(
+                f"'{plain}' is in {own}; the cells above are in {text}.", cells.where(row, name), code="record.unit-contradicts"
+            )
     return (f"{name} [{text}]", tuple(out)) if text else None
 
 

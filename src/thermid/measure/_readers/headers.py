@@ -200,7 +200,9 @@ def refuse_two_units(names: Sequence[str], below: Sequence[str]) -> None:
     for name, text in zip(names, below, strict=True):
         stated, second = _unit_of(name.strip()), spelt(text.strip("[](){} "))
         if stated and second in _PLAIN and stated != second:
-            raise RecordError(f"'{name.strip()}' has two units: [{stated}] in its name and [{second}] below it. {_WRONG}")
+            raise RecordError(
+                f"'{name.strip()}' has two units: [{stated}] in its name and [{second}] below it. {_WRONG}", code="record.unit-contradicts"
+            )
 
 
 MOST_NAMES: Final = 3
@@ -278,7 +280,9 @@ def one_line_of_names(rows: Lines, numbers: Sequence[int]) -> tuple[list[str], s
     for k, later in enumerate(timed):
         for j, earlier in enumerate(timed[:k]):
             if earlier and later and not earlier & later:
-                raise RecordError(f"lines {numbers[j]} and {numbers[k]} name different columns as the time. {_WRONG}")
+                raise RecordError(
+                    f"lines {numbers[j]} and {numbers[k]} name different columns as the time. {_WRONG}", code="record.time-unclear"
+                )
     clock = set.union(*timed)
     units = [_common_unit([row[at] for row in cells], numbers) for at in range(len(cells[0]))]
     named = [k for k, row in enumerate(cells) if not _counts_channels([cell for at, cell in enumerate(row) if at not in clock])]
@@ -321,7 +325,7 @@ def _common_unit(column: Sequence[str], numbers: Sequence[int]) -> str:
     stated = {unit: number for cell, number in zip(column, numbers, strict=True) if (unit := _unit_of(cell))}
     if len(stated) > 1:
         both = " and ".join(f"[{unit}] in line {number}" for unit, number in stated.items())
-        raise RecordError(f"a column has two units: {both}. {_WRONG}")
+        raise RecordError(f"a column has two units: {both}. {_WRONG}", code="record.unit-contradicts")
     return next(iter(stated), "")
 
 

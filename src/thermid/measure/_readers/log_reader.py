@@ -84,7 +84,7 @@ def read_record(
     times = read_at.values
     if times[0] == times[-1]:
         found = "one sample" if times.size == 1 else f"{times.size} samples with one time stamp"
-        raise RecordError(f"the log has {found}; a record needs at least two times.", cells.file)
+        raise RecordError(f"the log has {found}; a record needs at least two times.", cells.file, code="record.too-short")
     parsed = [numbers(column, sign) if place not in clock_at.places else times for place, column in enumerate(cells.columns)]
     read = [(_channel(cells, each, parsed), each) for each in asked]
     sensors = [
@@ -112,10 +112,10 @@ def _check_tables(path: str | Path, **tables: Mapping[str, object]) -> None:
     """Refuse arguments that are no dictionaries, and units that are no texts."""
     for word, given in tables.items():
         if not isinstance(given, Mapping):
-            raise RecordError(f"`{word}` takes a dictionary, not {given!r}.", str(path))
+            raise RecordError(f"`{word}` takes a dictionary, not {given!r}.", str(path), code="value.wrong-kind")
     for channel, unit_text in tables["units"].items():
         if not isinstance(unit_text, str):
-            raise RecordError(f"its unit is a text, not {unit_text!r}.", f"{path}, {channel}")
+            raise RecordError(f"its unit is a text, not {unit_text!r}.", f"{path}, {channel}", code="value.wrong-kind")
 
 
 def _path(path: str | Path) -> Path:
@@ -124,6 +124,7 @@ def _path(path: str | Path) -> Path:
         raise RecordError(
             f"a {type(path).__name__} is not a file. For columns in memory use Record.from_arrays, with temperatures in kelvin.",
             "read_record",
+            code="value.wrong-kind",
         )
     return Path(path)
 
@@ -154,6 +155,7 @@ def _channel(cells: Cells, binding: Binding, parsed: list[FloatArray | int]) -> 
         raise RecordError(
             f"'{text}' is not a number. Write missing samples as empty, NaN or NA; for decimal commas give decimal=','.",
             cells.where(samples, column),
+            code="record.not-a-number",
         )
     samples = np.where(np.abs(samples) >= OVERLOAD, np.inf, samples)
     stated = binding.unit is not None or header_unit is not None
@@ -193,12 +195,14 @@ def _refuse_by_size(samples: FloatArray, quantity: str, name: str, where: str) -
             f"its readings, {finite.min():.1f} .. {finite.max():.1f}, look like kelvin, but without a unit they are read in degC. "
             f"Give units={{'{name}': 'K'}} or 'degC'; in a campaign, unit = \"K\" of the channel.",
             where,
+            code="record.unit-unclear",
         )
     if quantity == "power" and finite.size and finite.min() >= 0.0 and finite.max() == 100.0 and np.all(finite == np.round(finite)):
         raise RecordError(
             f"its readings, {finite.min():g} .. 100, look like per cent of a heater, but without a unit they are read in W. Give "
             f"units={{'{name}': 'W'}} if they are watts; else full_scale = '... [W]' of the channel, or gain.",
             where,
+            code="record.unit-unclear",
         )
 
 
@@ -296,16 +300,20 @@ class PlainTable:
         except NameNotFoundError:
             if self.time is not None:
                 raise
-            raise RecordError(f"the time column is not clear. Give time = '...', one of {', '.join(self.names)}.", self.file) from None
+            raise RecordError(
+                f"the time column is not clear. Give time = '...', one of {', '.join(self.names)}.", self.file, code="record.time-unclear"
+            ) from None
         read = read_times(self.cells, clock, self._decimal, None, clock.unit)
         times, stamp = read.values, read.start
         if times.size < 2:
-            raise RecordError("a table over time needs at least two times.", self.file)
+            raise RecordError("a table over time needs at least two times.", self.file, code="record.too-short")
         back = np.flatnonzero(np.diff(times) <= 0)
         if back.size:
             k = int(back[0])
             raise RecordError(
-                f"times must increase: {times[k]:g} s is followed by {times[k + 1]:g} s.", self.cells.where(k + 1, clock.name)
+                f"times must increase: {times[k]:g} s is followed by {times[k + 1]:g} s.",
+                self.cells.where(k + 1, clock.name),
+                code="record.time-order",
             )
         return times, stamp
 
@@ -341,7 +349,9 @@ class PlainTable:
         at = self._at(name)
         parsed = numbers(self.cells.columns[at], self._decimal)
         if isinstance(parsed, int):
-            raise RecordError(f"'{self.cells.columns[at][parsed]}' is not a number.", self.cells.where(parsed, name))
+            raise RecordError(
+                f"'{self.cells.columns[at][parsed]}' is not a number.", self.cells.where(parsed, name), code="record.not-a-number"
+            )
         text = usual if usual and self.heads[at][1] is None else self.heads[at][1] or ("K" if slot == "temperature" else slot)
         if slot == "1" and text in ("deg", "°"):
             text = "1"
@@ -360,7 +370,9 @@ class PlainTable:
         values = self.column(name, slot, usual)
         gone = np.flatnonzero(~np.isfinite(values))
         if gone.size:
-            raise RecordError("the value is missing. Add it, or remove the line.", self.cells.where(int(gone[0]), name))
+            raise RecordError(
+                "the value is missing. Add it, or remove the line.", self.cells.where(int(gone[0]), name), code="record.not-a-number"
+            )
         return values
 
 

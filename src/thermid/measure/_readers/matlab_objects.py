@@ -144,6 +144,7 @@ def objects_of(data: bytes, file: str) -> dict[str, Mapping[str, Any]]:
             f"its MATLAB objects ({', '.join(found) or 'of unknown name'}) have an unknown layout ({error}). In MATLAB: "
             "t = x.Time; T = x.Data; save('log.mat', 't', 'T', '-v7').",
             file,
+            code="record.layout-unclear",
         ) from None
 
 

@@ -145,6 +145,7 @@ def _by_name_or_content(cells: Cells, names: list[str], dates: list[int], clocks
         raise RecordError(
             f"{' and '.join(cells.header[at] for at in hits)} could both be the time column. Give time='...' with the right one.",
             cells.file,
+            code="record.time-unclear",
         )
     timely = {*stamps, *dates, *clocks}
     named = [
@@ -166,11 +167,13 @@ def _by_name_or_content(cells: Cells, names: list[str], dates: list[int], clocks
             raise RecordError(
                 f"{' and '.join(cells.header[at] for at in hits)} could both be the time column. Give time='...' with the right one.",
                 cells.file,
+                code="record.time-unclear",
             )
     raise NameNotFoundError(
         f"no time column found: none of {', '.join(cells.header)} has one of the names {', '.join(TIME_NAMES)}. Give time='...' with "
         "the name of the column.",
         cells.file,
+        code="record.time-unclear",
     )
 
 
@@ -220,11 +223,15 @@ def read_times(cells: Cells, clock: Clock, decimal: str, form: str | None, unit_
     if isinstance(parsed, int) or np.isnan(parsed).any():
         for row, cell in enumerate(column):
             if cell.strip().lower() in MISSING:
-                raise RecordError("this line has no time. Remove it, or correct the log.", cells.where(row, name))
+                raise RecordError(
+                    "this line has no time. Remove it, or correct the log.", cells.where(row, name), code="record.time-not-read"
+                )
     if isinstance(parsed, np.ndarray):
         found = _counted(cells, clock, parsed, unit_text, given)
     elif form is None and parsed > 0:
-        raise RecordError(f"'{column[parsed]}' is text; the lines above it have times in numbers.", cells.where(parsed, name))
+        raise RecordError(
+            f"'{column[parsed]}' is text; the lines above it have times in numbers.", cells.where(parsed, name), code="record.time-not-read"
+        )
     else:
         found = _stamped(cells, clock, form)
     back = np.flatnonzero(np.diff(found.values) < 0)
@@ -239,6 +246,7 @@ def read_times(cells: Cells, clock: Clock, decimal: str, form: str | None, unit_
             f"time decreases here, from {column[row - 1].strip()} to {column[row].strip()}.{hour} "
             "Sort the log, or read its parts as separate records.",
             cells.where(row, name),
+            code="record.time-order",
         )
     return found
 
@@ -248,7 +256,7 @@ def _counted(cells: Cells, clock: Clock, parsed: FloatArray, unit_text: str | No
     name = clock.name
     odd = np.flatnonzero(~np.isfinite(parsed))
     if odd.size:
-        raise RecordError(f"'{clock.texts[odd[0]]}' is not a time.", cells.where(int(odd[0]), name))
+        raise RecordError(f"'{clock.texts[odd[0]]}' is not a time.", cells.where(int(odd[0]), name), code="record.time-not-read")
     since, factor = _epoch(float(parsed[0])) or (None, 1.0)
     if since is not None and unit_text in (None, since):
         start = datetime.fromtimestamp(float(parsed[0]) / factor, UTC).isoformat()
@@ -263,6 +271,7 @@ def _counted(cells: Cells, clock: Clock, parsed: FloatArray, unit_text: str | No
             f"{clock.texts[0].strip()} in {unit_text} is {duration_text(float(parsed[0]) * factor)}, and looks like {since} since 1970. "
             f"Give units={{'{name}': '{since}'}}.",
             cells.where(0, name),
+            code="record.time-unclear",
         )
     if unit_text is None:
         _refuse_serial_days(parsed, cells, name)
@@ -282,6 +291,7 @@ def _questioned(times: FloatArray, cells: Cells, name: str, unit_text: str | Non
             f"read {said} it has {shown}, which is implausible for a thermal test. Give its unit: units={{'{name}': 'ms'}}, or 's' if "
             "that is right.",
             cells.where(None, name),
+            code="record.time-unclear",
         )
     if unit_text is None and step > _SLOW:
         return (f"'{name}' names no unit and was read in seconds: {shown}",)
@@ -299,6 +309,7 @@ def _factor(cells: Cells, name: str, unit_text: str | None) -> float:
                 f"its name ends in '{tail}', but without a unit it is read in seconds. Give units={{'{name}': '{tail}'}} or 's', or "
                 f"write the unit into the header: '{name} [{tail}]'.",
                 cells.where(None, name),
+                code="record.time-unclear",
             )
         return 1e-3 if tail in ("ms", "millis", "millis()") else 1.0
     with errors_at(cells.where(None, name)):
@@ -319,6 +330,7 @@ def _refuse_serial_days(times: FloatArray, cells: Cells, name: str) -> None:
                 f"{first:g} looks like {kind} ({day:%Y-%m-%d %H:%M}), but without a unit it is read in seconds. Give "
                 f"units={{'{name}': 'd'}} or 's', or write it into the header: '{name} [d]'.",
                 cells.where(0, name),
+                code="record.time-unclear",
             )
 
 
@@ -367,7 +379,9 @@ def _by_order(cells: Cells, clock: Clock, sort: bool = False) -> tuple[FloatArra
         match = NUMERIC.match(cell.strip())
         if match is None:
             raise RecordError(
-                f"'{cell}' is not a time stamp in the form of the first line: '{clock.texts[0].strip()}'.", cells.where(row, clock.name)
+                f"'{cell}' is not a time stamp in the form of the first line: '{clock.texts[0].strip()}'.",
+                cells.where(row, clock.name),
+                code="record.time-not-read",
             )
         matches.append(match)
     seconds = np.array([of_day(match) for match in matches])
@@ -392,6 +406,7 @@ def _by_order(cells: Cells, clock: Clock, sort: bool = False) -> tuple[FloatArra
             f"no order of day, month and year gives increasing times in this column: '{clock.texts[0].strip()}' to "
             f"'{clock.texts[-1].strip()}'. Sort the log, or give clock='%d/%m/%Y %H:%M:%S' or the form used.",
             cells.where(0, clock.name),
+            code="record.time-order",
         )
     order = _chosen(cells, clock, kept)
     if german or len(matches[0]["a"]) > 2:
@@ -421,6 +436,7 @@ def _chosen(cells: Cells, clock: Clock, kept: dict[str, FloatArray]) -> str:
         f"'{clock.texts[0].strip()}' to '{clock.texts[-1].strip()}': {' and '.join(kept)} both fit and give different times. "
         f"Give clock='{_form(clock.texts[0], 'day/month/year')}' or clock='{_form(clock.texts[0], 'month/day/year')}'.",
         cells.where(0, clock.name),
+        code="record.time-unclear",
     )
 
 
@@ -445,7 +461,11 @@ def _clock_times(cells: Cells, clock: Clock, form: re.Pattern[str], kind: str) -
     for row, cell in enumerate(clock.texts):
         match = form.match(cell.strip())
         if match is None:
-            raise RecordError(f"'{cell}' is not a clock time {kind}, the form of the first line.", cells.where(row, clock.name))
+            raise RecordError(
+                f"'{cell}' is not a clock time {kind}, the form of the first line.",
+                cells.where(row, clock.name),
+                code="record.time-not-read",
+            )
         out[row] = _day_seconds(match[1], match[2], match[3], match[4] if form is HALF_DAY_CLOCK else None)
     return _past_midnight(out)
 
@@ -497,11 +517,12 @@ def _datetimes(cells: Cells, clock: Clock, parse: Callable[[str], datetime], ref
         try:
             stamps.append(parse(cell.strip()))
         except ValueError as error:
-            raise RecordError(refusal(cell, error), cells.where(row, clock.name)) from None
+            raise RecordError(refusal(cell, error), cells.where(row, clock.name), code="record.time-not-read") from None
         if (stamps[row].tzinfo is None) != (stamps[0].tzinfo is None):
             raise RecordError(
                 f"'{cell}' and the first stamp differ: only one has a time zone. Write all with a time zone, or none.",
                 cells.where(row, clock.name),
+                code="record.time-not-read",
             )
     return stamps
 

@@ -146,7 +146,7 @@ def cells_of_text(text: str, file: str, separator: str | None, notes: Sequence[s
     every = list(enumerate(text.split("\n"), 1))
     lines = [(number, line) for number, line in every if line[:1] not in _LEAD or _holds_cells(line)]
     if not lines:
-        raise RecordError("the file is empty." if not text.strip() else "the file has only comments.", file)
+        raise RecordError("the file is empty." if not text.strip() else "the file has only comments.", file, code="record.no-samples")
     lines, again = _without_repeats(lines)
     if again:
         shown = ", ".join(map(str, again[:3])) + (", ..." if len(again) > 3 else "")
@@ -165,7 +165,9 @@ def cells_of_text(text: str, file: str, separator: str | None, notes: Sequence[s
         names = _comment_above(every, numbers[0], mark, len(rows[0]))
         if names is None:
             raise RecordError(
-                "the first line holds numbers. Add a header line with the names of the columns above it.", f"{file}:{numbers[0]}"
+                "the first line holds numbers. Add a header line with the names of the columns above it.",
+                f"{file}:{numbers[0]}",
+                code="record.layout-unclear",
             )
         rows, numbers = _rows(lines, mark, file)
         rows, numbers, columns = [names, *rows], [numbers[0] - 1, *numbers], None
@@ -195,7 +197,9 @@ def cells_of_text(text: str, file: str, separator: str | None, notes: Sequence[s
     if columns is not None:
         columns = [column[extra + 1 : len(numbers) + extra + 1] for column in columns]
     if not rows:
-        raise RecordError("the file has a header but no samples below it. Export the log again, with its data.", file)
+        raise RecordError(
+            "the file has a header but no samples below it. Export the log again, with its data.", file, code="record.no-samples"
+        )
     _refuse_odd_rows(rows, numbers, width, mark, file)
     synthetic = any(
         line.lstrip(' "#').startswith("SYNTHETIC") or ("#" in line[:3] and "SYNTHETIC" in line) for line in text.split("\n", 20)[:20]
@@ -214,12 +218,15 @@ def _refuse_odd_rows(rows: list[list[str]], numbers: list[int], width: int, mark
             f"'{mark.join(rows[0])}' may number the columns: only the lines below it have decimals. Put '#' before the line, or, if it "
             "is a sample, write it with decimals.",
             f"{file}:{numbers[0]}",
+            code="record.layout-unclear",
         )
     for row, number in zip(rows, numbers, strict=False):
         if len(row) != width:
             twice = mark == "," and len(row) == 2 * width
             hint = "Commas seem to be the decimal sign too. Export the log with semicolons." if twice else _MEND
-            raise RecordError(f"{len(row)} cells in this line, {width} columns in the header. {hint}", f"{file}:{number}")
+            raise RecordError(
+                f"{len(row)} cells in this line, {width} columns in the header. {hint}", f"{file}:{number}", code="record.layout-unclear"
+            )
 
 
 def _ends_with_separator(rows: list[list[str]]) -> int:
@@ -383,14 +390,16 @@ def read_bytes(place: Path) -> bytes:
         )
         raise MissingDataError(f"the file does not exist.{near} Check the path, or fetch the log first.", str(place))
     if place.is_dir():
-        raise RecordError("this is a folder. Give the path of one log.", str(place))
+        raise RecordError("this is a folder. Give the path of one log.", str(place), code="file.not-a-file")
     data = files.read_bytes(place)
     if data[:2] == b"\x1f\x8b":
         try:
             with gzip.GzipFile(fileobj=io.BytesIO(data)) as packed:
                 data = packed.read(int(cap("unpacked")) + 1)
         except (EOFError, OSError, zlib.error) as error:
-            raise RecordError(f"the gzip file is damaged or cut short ({error}). Fetch it again.", place.name) from None
+            raise RecordError(
+                f"the gzip file is damaged or cut short ({error}). Fetch it again.", place.name, code="record.damaged"
+            ) from None
         if len(data) > cap("unpacked"):
             raise RecordError(
                 f"it unpacks to more than {cap('unpacked') / 1e6:.0f} MB. If that is right, unpack it and give the plain file."
@@ -427,7 +436,7 @@ def _decoded(data: bytes, file: str) -> tuple[str, list[str]]:
         text, notes = data.decode("latin-1"), ["read as Latin-1, because it is not UTF-8"]
     plain = text.encode() if notes == ["read as UTF-16"] else data
     if len(plain.translate(None, _CONTROL)) < len(plain):
-        raise RecordError(binary, file)
+        raise RecordError(binary, file, code="record.damaged")
     return text, notes
 
 
@@ -456,14 +465,16 @@ def _separator(lines: list[tuple[int, str]], given: str | None, file: str) -> st
     """
     if given is not None:
         if len(given) != 1 or given in '"\r\n':
-            raise RecordError(f"separator {given!r} is not a single character. Give ',' or ';' or '\\t'.", file)
+            raise RecordError(f"separator {given!r} is not a single character. Give ',' or ';' or '\\t'.", file, code="value.wrong-kind")
         return given
     # the last line of a log is often cut short
     looked = lines[:_LOOKED_AT] if len(lines) > _LOOKED_AT else lines[: max(2, len(lines) - 1)]
     counts = {mark: found for mark in _SEPARATORS if (found := _split(looked, mark)) and found[0] > 1}
     if not counts:
         raise RecordError(
-            f"no comma, semicolon or tab divides the header '{lines[0][1][:60]}'. Give separator='...'.", f"{file}:{lines[0][0]}"
+            f"no comma, semicolon or tab divides the header '{lines[0][1][:60]}'. Give separator='...'.",
+            f"{file}:{lines[0][0]}",
+            code="record.layout-unclear",
         )
     even = [mark for mark, found in counts.items() if all(count == found[0] for count in found)]
     # one bad line must not hide the separator: it is named later, with its number
@@ -475,6 +486,7 @@ def _separator(lines: list[tuple[int, str]], given: str | None, file: str) -> st
         f"the separator is ambiguous: {names} are both possible. Give separator='{usual[0] if usual[0] != chr(9) else chr(92) + 't'}' "
         "or the other.",
         file,
+        code="record.layout-unclear",
     )
 
 
@@ -488,7 +500,9 @@ def _rows(lines: list[tuple[int, str]], mark: str, file: str) -> tuple[list[list
             numbers.append(lines[reader.line_num - 1][0])
     except csv.Error as error:
         at = lines[min(len(rows), len(lines) - 1)][0]
-        raise RecordError(f"a quotation mark is misplaced ({error}). Correct the line.", f"{file}:{at}") from None
+        raise RecordError(
+            f"a quotation mark is misplaced ({error}). Correct the line.", f"{file}:{at}", code="record.layout-unclear"
+        ) from None
     return rows, numbers
 
 

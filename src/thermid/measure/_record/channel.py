@@ -133,15 +133,15 @@ class Channel:
         values, valid = frozen(self.values, np.float64), frozen(self.valid, np.bool_)
         masks = {reason: frozen(mask, np.bool_) for reason, mask in self.masks.items() if np.any(mask)}
         if values.ndim != 1 or any(each.shape != values.shape for each in (valid, *masks.values())):
-            raise RecordError("values, valid and masks must be one-dimensional and of equal length.", where)
+            raise RecordError("values, valid and masks must be one-dimensional and of equal length.", where, code="record.shape")
         if np.any(valid & ~np.isfinite(values)):
-            raise RecordError("a valid sample is not finite. Mask it.", where)
+            raise RecordError("a valid sample is not finite. Mask it.", where, code="record.shape")
         bare = ~valid & ~np.any([np.zeros_like(valid), *masks.values()], axis=0)
         for reason, part in (("not a number", np.isnan(values)), ("infinite", np.isinf(values)), ("masked", np.isfinite(values))):
             if np.any(bare & part):
                 masks[reason] = frozen(masks.get(reason, False) | (bare & part), np.bool_)
         if self.samples not in ("", *SAMPLES):
-            raise RecordError(f"its samples are 'instant' or 'average', not '{self.samples}'.", where)
+            raise RecordError(f"its samples are 'instant' or 'average', not '{self.samples}'.", where, code="value.wrong-kind")
         refuse_unknown([self.role], ROLES, where, "no role '{}'; it is one of {known}.", RecordError)
         for word, size, least in (
             ("noise", self.noise, "above"),
@@ -149,7 +149,7 @@ class Channel:
             ("resolution", self.resolution, "above"),
         ):
             if size is not None and not (np.isfinite(size) and (size > 0 or (size == 0 and least == "not below"))):
-                raise RecordError(f"its {word} is {size:g}; a finite number {least} zero is needed.", where)
+                raise RecordError(f"its {word} is {size:g}; a finite number {least} zero is needed.", where, code="value.outside-range")
         for key, value in (("values", values), ("valid", valid), ("masks", masks), ("unit", self.unit or _SI.get(self.quantity, "1"))):
             object.__setattr__(self, key, value)
 
@@ -193,6 +193,7 @@ class Channel:
             raise RecordError(
                 f"all {self.valid.size} samples are masked ({counts}). Leave the channel out, or keep a part where it works.",
                 f"channel '{self.name}'",
+                code="record.nothing-there",
             )
         return self
 
@@ -235,7 +236,9 @@ def with_sensor(channel: Channel, part: SensorPart | None, certificate: SensorCe
     if part is None and certificate is None:
         return channel, []
     if channel.quantity != "temperature":
-        raise RecordError(f"it holds a {channel.quantity}; {', '.join(KEYS)} apply to temperature sensors only.", where)
+        raise RecordError(
+            f"it holds a {channel.quantity}; {', '.join(KEYS)} apply to temperature sensors only.", where, code="record.does-not-apply"
+        )
     notes = []
     if part is not None:
         channel, note = ranged(replace(channel, part=part), part)
@@ -336,17 +339,25 @@ class Samples:
         where = f"record '{self.name}'"
         times = frozen(self.times, np.float64)
         if times.ndim != 1 or times.size < 2 or not np.all(np.isfinite(times)):
-            raise RecordError(f"its times have shape {times.shape}; at least two finite times in one row are needed.", where)
+            raise RecordError(
+                f"its times have shape {times.shape}; at least two finite times in one row are needed.", where, code="record.shape"
+            )
         back = np.flatnonzero(np.diff(times) <= 0)
         if back.size:
             at = int(back[0])
-            raise RecordError(f"its times do not increase: {times[at]:g} s is followed by {times[at + 1]:g} s (sample {at + 2}).", where)
+            raise RecordError(
+                f"its times do not increase: {times[at]:g} s is followed by {times[at + 1]:g} s (sample {at + 2}).",
+                where,
+                code="record.time-order",
+            )
         taken: dict[tuple[str, str], str] = {}
         for key, channel in self.channels.items():
             if key != channel.name:
-                raise RecordError(f"channel '{channel.name}' is stored under another name, '{key}'. Use one name.", where)
+                raise RecordError(
+                    f"channel '{channel.name}' is stored under another name, '{key}'. Use one name.", where, code="record.name-twice"
+                )
             if channel.values.size != times.size:
-                raise RecordError(f"channel '{key}' has {channel.values.size} samples for {times.size} times.", where)
+                raise RecordError(f"channel '{key}' has {channel.values.size} samples for {times.size} times.", where, code="record.shape")
             if channel.target is not None and channel.role != "node":
                 # one node may have several sensors, and be prescribed for beside them; what drives a run has one channel
                 kind = "load" if channel.role == "command" else channel.role
@@ -356,6 +367,7 @@ class Samples:
                         f"channels '{other}' and '{key}' are both bound to {kind} '{channel.target}'. "
                         "Bind one of them. For several sensors on one node use the role 'node'.",
                         where,
+                        code="record.name-twice",
                     )
         object.__setattr__(self, "times", times)
         object.__setattr__(self, "channels", dict(self.channels))
@@ -374,7 +386,9 @@ class Samples:
         """
         if name not in self.channels:
             known = ", ".join(self.channels) or "none"
-            raise NameNotFoundError(f"no channel '{name}'; it has {known}.{nearest(name, self.channels)}", f"record '{self.name}'")
+            raise NameNotFoundError(
+                f"no channel '{name}'; it has {known}.{nearest(name, self.channels)}", f"record '{self.name}'", code="name.unknown"
+            )
         return self.channels[name]
 
     __getitem__ = channel
@@ -431,13 +445,13 @@ def stretch(record: Samples, start: object, end: object, what: str) -> tuple[Boo
     low, high = _moment(record, start, what), _moment(record, end, what)
     text = f"{format_value(low, 's')} to {format_value(high, 's')}"
     if high < low:
-        raise RecordError(f"its end is before its start: {text}.", what)
+        raise RecordError(f"its end is before its start: {text}.", what, code="value.outside-range")
     # a time written with few digits must still meet the sample that it names
     near = 1e-6 * record.step
     inside = (record.times >= low - near) & (record.times <= high + near)
     if not inside.any():
         axis = f"{format_value(record.times[0], 's')} to {format_value(record.times[-1], 's')}"
-        raise RecordError(f"there is no sample from {text}; record '{record.name}' runs from {axis}.", what)
+        raise RecordError(f"there is no sample from {text}; record '{record.name}' runs from {axis}.", what, code="record.nothing-there")
     return inside, text
 
 
@@ -450,7 +464,11 @@ def within_log(record: Samples, time: object, what: str) -> None:
     """
     asked, last = _moment(record, time, what), float(record.times[-1])
     if asked > last + record.step:
-        raise RecordError(f"nothing was logged at {duration_text(asked)}; the log ends at {duration_text(last)}. Ask for 'end'.", what)
+        raise RecordError(
+            f"nothing was logged at {duration_text(asked)}; the log ends at {duration_text(last)}. Ask for 'end'.",
+            what,
+            code="record.nothing-there",
+        )
 
 
 LEVELS: Final = 2

@@ -146,7 +146,7 @@ class Record(Samples, Result):
         inside, text = stretch(self, start, end, "trim")
         kept = int(inside.sum())
         if kept < 2:
-            raise RecordError(f"only {kept} sample lies from {text}; at least two are needed.", "trim")
+            raise RecordError(f"only {kept} sample lies from {text}; at least two are needed.", "trim", code="record.too-short")
         channels = {name: each.taken(inside) for name, each in self.channels.items()}
         steps = (*self.steps, f"trim: {text}, {kept} of {inside.size} samples kept")
         return replace(self, times=self.times[inside], channels=channels, steps=steps)
@@ -193,11 +193,13 @@ class Record(Samples, Result):
                 f"the times of record '{self.name}' are uneven (intervals from {intervals.min():g} to {intervals.max():g} s), but "
                 f"this filter needs equal intervals. Resample first, for example to '{self.step:.3g} [s]', or use median.",
                 "filter",
+                code="record.uneven-times",
             )
         if width <= 2 * step:
             raise RecordError(
                 f"{width:g} s is not above two steps of {step:g} s, so the filter would have no effect. Give a larger width.",
                 "filter, window",
+                code="value.outside-range",
             )
         channels = [replace(each, values=windows.low_pass(each.values, each.valid, step, width)) for each in chosen]
         names = ", ".join(each.name for each in chosen)
@@ -262,7 +264,7 @@ class Record(Samples, Result):
         absolute = isinstance(threshold, str)
         limit = amount(threshold, "K" if absolute else "1", "spikes, threshold")
         if limit <= 0:
-            raise RecordError(f"{threshold!r} is not above zero.", "spikes, threshold")
+            raise RecordError(f"{threshold!r} is not above zero.", "spikes, threshold", code="value.outside-range")
         masked = []
         for each in self._temperatures(channels, "spikes"):
             centre, spread = windows.hampel(self.times, each.values, each.valid, width)
@@ -299,7 +301,7 @@ class Record(Samples, Result):
         bottom = -np.inf if low is None else amount(low, TEMPERATURE, "faults, low")
         top = np.inf if high is None else amount(high, TEMPERATURE, "faults, high")
         if bottom >= top:
-            raise RecordError(f"low ({low}) is not below high ({high}).", "faults")
+            raise RecordError(f"low ({low}) is not below high ({high}).", "faults", code="value.outside-range")
         least = amount(jump, "K", "faults, jump")
         masked = []
         for each in self._temperatures(channels, "faults"):
@@ -328,6 +330,7 @@ class Record(Samples, Result):
             raise RecordError(
                 f"an array of {self.times.size} truth values is needed; this one has shape {chosen.shape} and type {chosen.dtype}.",
                 "masked_where",
+                code="record.shape",
             )
         masked = measured.masked(chosen, reason)
         return self._noted(f"mask: {channel}, {self._masked_since(masked)} samples, {reason}", masked)
@@ -349,7 +352,11 @@ class Record(Samples, Result):
         if offsets[0] == offsets[1] and rates[0] == rates[1]:
             return joint
         if self.second is not None or other.second is not None:
-            raise RecordError("one of the logs has an unknown clock already. Only one clock at a time may be left to the fit.", self.name)
+            raise RecordError(
+                "one of the logs has an unknown clock already. Only one clock at a time may be left to the fit.",
+                self.name,
+                code="record.second-clock",
+            )
         ends = (float(self.times[0]), float(self.times[-1]))
         clock = SecondClock(tuple(other.channels), offsets, rates, middle, ends, other.step)
         between = f"between {offsets[0]:.6g} and {offsets[1]:.6g} s late and {rates[0]:.6g} to {rates[1]:.6g} times as slow, by the fit"
@@ -358,16 +365,21 @@ class Record(Samples, Result):
     def _joined(self, other: Record, offset: float, rate: float, slowest: float) -> Record:
         """Return the channels of both at one offset [s] and rate."""
         if not slowest > 0:
-            raise RecordError(f"the rate of a clock must be above zero; its lowest value is {slowest:g}.", other.name)
+            raise RecordError(
+                f"the rate of a clock must be above zero; its lowest value is {slowest:g}.", other.name, code="value.outside-range"
+            )
         both = sorted(set(self.channels) & set(other.channels))
         if both:
-            raise RecordError(f"'{both[0]}' is a channel in both logs. Rename it in one of them.", f"{self.name}, {other.name}")
+            raise RecordError(
+                f"'{both[0]}' is a channel in both logs. Rename it in one of them.", f"{self.name}, {other.name}", code="record.name-twice"
+            )
         there = offset + rate * other.times
         if there[-1] <= self.times[0] or there[0] >= self.times[-1]:
             raise RecordError(
                 f"the logs do not overlap: {there[0]:.6g} .. {there[-1]:.6g} s and {self.times[0]:.6g} .. {self.times[-1]:.6g} s. "
                 "Give another offset.",
                 f"{self.name}, {other.name}",
+                code="record.not-overlapping",
             )
         times, channels = _interleaved(self, other, there)
         origin = replace(
@@ -399,19 +411,30 @@ class Record(Samples, Result):
         compared = [n for n in chosen if self.channel(n).role not in ("load", "command", "boundary", "prescribed")]
         if compared or not chosen:
             what = f"'{compared[0]}' is no load, command or boundary" if compared else "the record has no load or command"
-            raise RecordError(f"{what}, so it cannot be delayed. Name the channels that drive the model.", f"{self.name}, delay")
+            raise RecordError(
+                f"{what}, so it cannot be delayed. Name the channels that drive the model.",
+                f"{self.name}, delay",
+                code="record.does-not-apply",
+            )
         ends = [amount(t, "s", f"{self.name}, delay") for t in ((by, by) if isinstance(by, str | float | int) else by)]
         if len(ends) != 2:
-            raise RecordError(f"{len(ends)} times are given. Give one delay, or the two ends of its range.", f"{self.name}, delay")
+            raise RecordError(
+                f"{len(ends)} times are given. Give one delay, or the two ends of its range.",
+                f"{self.name}, delay",
+                code="value.wrong-kind",
+            )
         low, high = _range((ends[0], ends[1]), "delay", self.name)
         if max(abs(low), abs(high)) >= self.duration:
             raise RecordError(
-                f"a delay of up to {max(abs(low), abs(high)):g} s is as long as the record. Give a shorter delay.", f"{self.name}, delay"
+                f"a delay of up to {max(abs(low), abs(high)):g} s is as long as the record. Give a shorter delay.",
+                f"{self.name}, delay",
+                code="record.too-short",
             )
         if low < high and self.second is not None:
             raise RecordError(
                 "a clock of this record is left to the fit already. Only one clock at a time may be; state this delay as one time.",
                 f"{self.name}, delay",
+                code="record.second-clock",
             )
         late = replace(self, channels={n: self.channels[n] for n in chosen})
         rest = replace(self, channels={n: c for n, c in self.channels.items() if n not in chosen})
@@ -455,7 +478,9 @@ class Record(Samples, Result):
         for number, table in enumerate(steps, 1):
             where = f"record '{record.name}', prepare[{number}]"
             if not isinstance(table, Mapping) or len(table) != 1:
-                raise RecordError(f"{table!r} is not a step. Write one step in each table, such as {{median = '4 [s]'}}.", where)
+                raise RecordError(
+                    f"{table!r} is not a step. Write one step in each table, such as {{median = '4 [s]'}}.", where, code="value.wrong-kind"
+                )
             ((name, given),) = table.items()
             refuse_unknown(table, STEPS, where, "no step '{}'; there are {known}.")
             options = _options(STEPS[name], given, f"{where}, {name}")
@@ -536,14 +561,22 @@ class Record(Samples, Result):
         """Return a window that fits into the record [s]."""
         window = positive_seconds(given, f"{what}, window")
         if window > self.duration:
-            raise RecordError(f"{window:g} s is longer than record '{self.name}', which lasts {self.duration:g} s.", f"{what}, window")
+            raise RecordError(
+                f"{window:g} s is longer than record '{self.name}', which lasts {self.duration:g} s.",
+                f"{what}, window",
+                code="record.too-short",
+            )
         return window
 
     def _filtered(self, powers: bool, what: str) -> list[Channel]:
         """Return the channels that a filter acts on: temperatures, and powers when asked."""
         chosen = [each for each in self.channels.values() if each.quantity == "temperature" or (powers and each.quantity == "power")]
         if not chosen:
-            raise RecordError(f"record '{self.name}' has no temperature channel, so this step has nothing to act on. Leave it out.", what)
+            raise RecordError(
+                f"record '{self.name}' has no temperature channel, so this step has nothing to act on. Leave it out.",
+                what,
+                code="record.does-not-apply",
+            )
         return chosen
 
     def _temperatures(self, names: Sequence[str] | None, what: str) -> list[Channel]:
@@ -553,7 +586,7 @@ class Record(Samples, Result):
         chosen = [self.channel(name) for name in ([names] if isinstance(names, str) else names)]
         for each in chosen:
             if each.quantity != "temperature":
-                raise RecordError(f"channel '{each.name}' is a {each.quantity}, not a temperature.", what)
+                raise RecordError(f"channel '{each.name}' is a {each.quantity}, not a temperature.", what, code="record.does-not-apply")
         return chosen
 
     def _masked_since(self, channel: Channel) -> int:
@@ -646,7 +679,9 @@ def _range(given: float | tuple[float, float], name: str, where: str) -> tuple[f
     """Return the range of a clock's offset or rate, or of a delay."""
     low, high = given if isinstance(given, tuple | list) else (given, given)
     if not (math.isfinite(low) and math.isfinite(high) and low <= high):
-        raise RecordError(f"the range {low:g} .. {high:g} of the {name} must begin with the lower number.", where)
+        raise RecordError(
+            f"the range {low:g} .. {high:g} of the {name} must begin with the lower number.", where, code="value.outside-range"
+        )
     return float(low), float(high)
 
 
@@ -682,11 +717,13 @@ def _options(step: Step, given: object, where: str) -> dict[str, object]:
     else:
         values = list(given) if isinstance(given, Sequence) and not isinstance(given, str) else [given]
         if len(values) > len(step.options):
-            raise RecordError(f"{len(values)} values are given; it takes {', '.join(step.options) or 'none: write true'}.", where)
+            raise RecordError(
+                f"{len(values)} values are given; it takes {', '.join(step.options) or 'none: write true'}.", where, code="value.wrong-kind"
+            )
         options = dict(zip(step.options, values, strict=False))
     missing = [option for option in step.options[: step.required] if option not in options]
     if missing:
-        raise RecordError(f"it needs {' and '.join(missing)}.", where)
+        raise RecordError(f"it needs {' and '.join(missing)}.", where, code="value.incomplete")
     return options
 
 
@@ -745,9 +782,15 @@ def _seconds(times: Any, where: str) -> FloatArray:
     elif values.dtype.kind in "iuf":
         seconds = values.astype(np.float64)
     else:
-        raise RecordError("the times are neither numbers nor stamps. Convert them with pandas.to_datetime, or name their column.", where)
+        raise RecordError(
+            "the times are neither numbers nor stamps. Convert them with pandas.to_datetime, or name their column.",
+            where,
+            code="record.time-not-read",
+        )
     if values.size < 2 or not np.all(np.diff(seconds) > 0.0):
-        raise RecordError("the times do not increase strictly. Sort the frame by time and drop what is there twice.", where)
+        raise RecordError(
+            "the times do not increase strictly. Sort the frame by time and drop what is there twice.", where, code="record.time-order"
+        )
     return np.asarray(seconds, dtype=np.float64)
 
 
@@ -757,10 +800,12 @@ def _channel_of(column: str, values: FloatArray, table: Mapping[str, Any], name:
     refuse_unknown(table, [*ROLES, "unit", "noise", "accuracy"], where)
     roles = [key for key in ROLES if key in table]
     if "unit" not in table or len(roles) != 1:
-        raise RecordError(f"give its unit, and one of {', '.join(ROLES)}: {{'unit': 'degC', 'node': 'case'}}.", where)
+        raise RecordError(
+            f"give its unit, and one of {', '.join(ROLES)}: {{'unit': 'degC', 'node': 'case'}}.", where, code="value.incomplete"
+        )
     of, slot = unit(str(table["unit"])), {"temperature": "K", "power": "W"}.get(ROLES[roles[0]], "")
     if slot and of.dimension != unit(slot).dimension:
-        raise RecordError(f"'{of.text}' is no unit of a {ROLES[roles[0]]}.", where)
+        raise RecordError(f"'{of.text}' is no unit of a {ROLES[roles[0]]}.", where, code="unit.wrong-dimension")
     sizes = {
         key: amount(table[key], "K" if ROLES[roles[0]] == "temperature" else of.text, where)
         for key in ("noise", "accuracy")

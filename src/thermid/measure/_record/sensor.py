@@ -59,7 +59,7 @@ class SensorCertificate:
         table = _table(given, ("offset", "uncertainty", "at", "date"), where)
         for key in ("offset", "uncertainty"):
             if key not in table:
-                raise RecordError(f"a certificate needs its {key}, such as {key} = '0.1 [K]'.", where)
+                raise RecordError(f"a certificate needs its {key}, such as {key} = '0.1 [K]'.", where, code="value.incomplete")
         found = cls(
             amount(table["offset"], "K", f"{where}.offset"),
             amount(table["uncertainty"], "K", f"{where}.uncertainty"),
@@ -67,7 +67,7 @@ class SensorCertificate:
             str(table.get("date", "")),
         )
         if found.uncertainty <= 0:
-            raise RecordError("its uncertainty must be above zero. Give that of the comparison.", where)
+            raise RecordError("its uncertainty must be above zero. Give that of the comparison.", where, code="value.outside-range")
         return found
 
     def combined(self, accuracy: float | None) -> tuple[float, float]:
@@ -118,16 +118,18 @@ class SensorPart:
         found = {key: amount(table[key], slot, f"{where}, {key}") for key, slot in _NUMBERS.items() if key in table}
         for key, value in found.items():
             if value < 0:
-                raise RecordError(f"its {key} is {value:g}; it cannot be negative.", where)
+                raise RecordError(f"its {key} is {value:g}; it cannot be negative.", where, code="value.outside-range")
         if ("mass" in table) != ("specific_heat" in table):
-            raise RecordError("a mass needs specific_heat too. Give both, or capacitance instead.", where)
+            raise RecordError("a mass needs specific_heat too. Give both, or capacitance instead.", where, code="value.incomplete")
         if "mass" in table:
             if "capacitance" in table:
-                raise RecordError("its heat capacity is given twice: as capacitance, and as mass and specific_heat.", where)
+                raise RecordError(
+                    "its heat capacity is given twice: as capacitance, and as mass and specific_heat.", where, code="value.incomplete"
+                )
             mass = amount(table["mass"], "kg", f"{where}, mass")
             found["capacitance"] = mass * amount(table["specific_heat"], "J/(kg K)", f"{where}, specific_heat")
         if found.get("lag_accuracy") and not found.get("lag"):
-            raise RecordError("a lag_accuracy needs the lag it refers to. Give lag = '20 [s]' too.", where)
+            raise RecordError("a lag_accuracy needs the lag it refers to. Give lag = '20 [s]' too.", where, code="value.incomplete")
         low, high = _limits(table["range"], f"{where}, range") if "range" in table else (-math.inf, math.inf)
         conductance, to = _lead(table["lead"], f"{where}, lead") if "lead" in table else (0.0, "")
         if "certificate" in table and "gain_about" not in table:
@@ -147,7 +149,7 @@ class SensorPart:
 
 def _table(given: object, keys: tuple[str, ...], where: str) -> Mapping[str, Any]:
     if not isinstance(given, Mapping):
-        raise RecordError(f"{given!r} is not a table. Give a table with {', '.join(keys)}.", where)
+        raise RecordError(f"{given!r} is not a table. Give a table with {', '.join(keys)}.", where, code="value.wrong-kind")
     refuse_unknown(given, keys, where)
     return given
 
@@ -156,17 +158,23 @@ def _lead(given: object, where: str) -> tuple[float, str]:
     """Return conductance [W/K] and other end of the leads."""
     table = _table(given, ("conductance", "to"), where)
     if set(table) != {"conductance", "to"}:
-        raise RecordError("a lead needs a conductance and the node to which it loses heat, such as to = 'air'.", where)
+        raise RecordError(
+            "a lead needs a conductance and the node to which it loses heat, such as to = 'air'.", where, code="value.incomplete"
+        )
     conductance = amount(table["conductance"], "W/K", f"{where}.conductance")
     if conductance < 0:
-        raise RecordError(f"its conductance is {conductance:g}; it cannot be negative.", where)
+        raise RecordError(f"its conductance is {conductance:g}; it cannot be negative.", where, code="value.outside-range")
     return conductance, str(table["to"])
 
 
 def _limits(given: object, where: str) -> tuple[float, float]:
     if not isinstance(given, list | tuple) or len(given) != 2:
-        raise RecordError(f"{given!r} is not a range. Write the lowest and the highest reading, ['-55 [degC]', '125 [degC]'].", where)
+        raise RecordError(
+            f"{given!r} is not a range. Write the lowest and the highest reading, ['-55 [degC]', '125 [degC]'].",
+            where,
+            code="value.wrong-kind",
+        )
     low, high = (amount(one, TEMPERATURE, where) for one in given)
     if low >= high:
-        raise RecordError(f"its lowest reading ({given[0]}) is not below its highest ({given[1]}).", where)
+        raise RecordError(f"its lowest reading ({given[0]}) is not below its highest ({given[1]}).", where, code="value.outside-range")
     return low, high

@@ -111,10 +111,11 @@ def rule_of(rule: str | StabilityRule) -> StabilityRule:
             f"'{text}' is not a rule of stability. Known rules: {', '.join(RULES)}. Write another one like '0.5 K/h', "
             f"'0.3 C/h over 2 h', '1 K over 3 h' or 'stored 3 %'.{nearest(text, RULES)}",
             "stability",
+            code="value.wrong-kind",
         )
     span = float(rate["span"]) * (HOUR if rate["unit"] == "h" else 60.0) if rate["span"] else 0.0
     if rate["span"] and span <= 0.0:
-        raise RecordError(f"'{text}': the window has no length. Give one above zero.", "stability")
+        raise RecordError(f"'{text}': the window has no length. Give one above zero.", "stability", code="value.outside-range")
     per = span if not rate["per"] else HOUR if "h" in rate["per"] else 60.0
     same = next((r for r in RULES.values() if not r.stored and np.isclose(r.rate, float(rate["size"]) / per) and r.window == span), None)
     return same or StabilityRule(text, float(rate["size"]) / per, span, "the project's own", "project")
@@ -216,7 +217,9 @@ def _line(t: FloatArray, y: FloatArray, at: float, step: float, noise: float | N
     RecordError   When there are fewer than 8.
     """
     if y.size < FEWEST or np.ptp(t) <= 0:
-        raise RecordError(f"{y.size} readings lie in the window; {FEWEST} are needed for a {what} with its error.", where)
+        raise RecordError(
+            f"{y.size} readings lie in the window; {FEWEST} are needed for a {what} with its error.", where, code="record.too-short"
+        )
     x = t - t.mean()
     moved = y - y[0]  # exactly zero where nothing moves: rounding of a mean is no scatter
     rate = float(x @ moved / (x @ x))
@@ -324,9 +327,12 @@ def channel_stability(record: Samples, name: str, rule: StabilityRule, at: float
         raise RecordError(
             f"'{rule.name}' is a rule on stored heat, which cannot be found from readings alone. Give a rule on the rate, or a model.",
             where,
+            code="record.does-not-apply",
         )
     if channel.quantity != "temperature":
-        raise RecordError(f"it is a {channel.quantity}; a rule of stability applies to temperatures only.", where)
+        raise RecordError(
+            f"it is a {channel.quantity}; a rule of stability applies to temperatures only.", where, code="record.does-not-apply"
+        )
     first = max(since, float(record.times[0]))
     if rule.window:
         if end - rule.window < first - 0.5 * record.step:
@@ -334,6 +340,7 @@ def channel_stability(record: Samples, name: str, rule: StabilityRule, at: float
                 f"'{rule.name}' needs readings over {duration_text(rule.window)}, but the log has {duration_text(end - first)}. Wait, "
                 "or use a rule without a window.",
                 where,
+                code="record.too-short",
             )
         return _judged(record, name, rule, end - rule.window, end)
     for span, last in spans(record, first, end):
@@ -511,7 +518,7 @@ def steady_point(
     times = record.times[inside]
     most = amount(limit, "K/s", "limit")
     if most <= 0:
-        raise RecordError("the limit of the drift must be above zero.", "limit")
+        raise RecordError("the limit of the drift must be above zero.", "limit", code="value.outside-range")
     values = {}
     for each in record.channels.values():
         constant = tau.get(each.name) if isinstance(tau, Mapping) else tau
@@ -538,6 +545,7 @@ def _value(where: str, channel: Channel, times: FloatArray, inside: np.ndarray, 
             f"it drifts by {HOUR * line.rate:+.3g} +- {HOUR * line.rate_error:.2g} K/h, more than the {HOUR * most:.3g} K/h allowed "
             "for a steady point. Use a later window, or raise the limit if the test needs no better steadiness.",
             place,
+            code="record.not-steady",
         )
     ahead = tau if thermal else 0.0
     correction = ahead * line.rate

@@ -168,7 +168,7 @@ def _attached(view: _View) -> Iterator[Finding]:
                 "warning",
                 node.where,
                 f"node '{node.path}' has no connections, so its temperature never changes. Connect it or remove it.",
-                "model.node-unconnected",
+                "model.unconnected",
             )
     for need in view.flat.names.boundaries:
         if need not in used:
@@ -176,7 +176,7 @@ def _attached(view: _View) -> Iterator[Finding]:
                 "warning",
                 view.model.where("needs"),
                 f"the need '{need}' has no connections. Connect it or remove it.",
-                "model.need-unconnected",
+                "model.unconnected",
             )
 
 

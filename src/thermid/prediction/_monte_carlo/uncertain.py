@@ -309,9 +309,8 @@ def uncertain_runs(
     NameNotFoundError   When a name does not exist.
     """
     if n > cap("members"):
-        raise ScenarioError(
-            f"{n} members are too many; at most {cap('members'):,.0f} are run.{raising('members')}", model.title, code="cap.exceeded"
-        )
+        text = f"{n} members are too many; at most {cap('members'):,.0f} are run.{raising('members')}"
+        raise ScenarioError(text, model.title, code="cap.exceeded")
     if n < 1 or workers < 1:
         raise ScenarioError("a campaign of runs needs at least one member and one process.", model.title)
     job, remarks = plan_runs(
@@ -337,8 +336,7 @@ def uncertain_runs(
         why = next(iter(failed.values()))
         remarks = (*remarks, f"{len(failed)} of {n} members failed; temperatures and their bands leave them out. One of them: {why}")
     turnings, blind = _turnings(job, ordered)
-    remarks = (*remarks, *blind)
-    return UncertainRuns(job, np.concatenate([c.temperatures for c in ordered]), turnings, failed, reused, remarks)
+    return UncertainRuns(job, np.concatenate([c.temperatures for c in ordered]), turnings, failed, reused, (*remarks, *blind))
 
 
 def _turnings(job: Job, ordered: Sequence[Chunk]) -> tuple[dict[str, MemberTurnings], tuple[str, ...]]:

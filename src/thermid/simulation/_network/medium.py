@@ -685,7 +685,7 @@ def gas_remarks(media: Media, flat: Flat, values: Mapping[str, Any]) -> tuple[st
             CodedText(
                 f"{quoted(thin)} {has} no emissivity, so its radiation is not modelled; in gas as thin as this it is most of the "
                 "heat. Give an emissivity",
-                "run.radiation-not-modelled",
+                "model.no-emissivity",
             )
         )
     whole = [c.path for c in flat.conductors if c.kind == "effective" and c.sees and not media.empty(c.gas)]
@@ -694,7 +694,7 @@ def gas_remarks(media: Media, flat: Flat, values: Mapping[str, Any]) -> tuple[st
             CodedText(
                 f"the radiation in the effective coefficient of {quoted(whole)} goes to the gas node, not to the surfaces it sees; "
                 "`thermid split` separates the two",
-                "run.radiation-goes-to-gas",
+                "model.radiation-not-split",
             )
         )
     return tuple(out)

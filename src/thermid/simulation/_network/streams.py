@@ -174,7 +174,7 @@ class Streams:
             when = f" from {begin:g} s" if begin > 0.0 else ""
             yield CodedText(
                 f"{which} {'are' if many else 'is'} {fluid} and {'stop' if many else 'stops'} without gas in {quoted(empty)}{when}",
-                "run.stream-stops-without-gas",
+                "run.heat-stops-without-gas",
             )
         loops = [c.path for c in self.conductors if by_volume(c) and set(self.sources(c.path)) <= self._inner]
         if loops:

@@ -13,6 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from thermid import _kernel
+from thermid.base.codes import CodedText
 from thermid.base.dual import value_of
 from thermid.base.errors import ScenarioError, SolverError, nearest, refuse_unknown
 from thermid.base.linear_algebra import Array, solve_conserving
@@ -772,7 +773,8 @@ def _no_steady(problem: KernelProblem, a: Assembled) -> str:
     powers = {name: float(p[0]) for name, p in problem.powers(a, _columns(problem, a), np.zeros(1)).items()}
     parts = unreached(problem.wiring.network, a.numbers, powers)
     if parts:
-        return f"no steady state exists: {parts[0].message()}."
+        said = parts[0].message()
+        return CodedText(f"no steady state exists: {said}.", said.code)
     follows = any(load.follows_temperature for load in problem.wiring.network.flat.loads)
     look = "power that grows with temperature" if follows else "node whose heat cannot leave"
     return f"no steady state exists: the equations are singular. Look for a {look}."

@@ -1,34 +1,26 @@
 """Codes: a short stable name for the cause of every error, warning and remark, so that scripts and tests need not read sentences.
 
-A code is a subject, a dot and a cause in words with dashes, such as ``unit.unknown``. It names the cause, not the place: every reader of a
-file refuses an unknown key by one code. The subject is what a user has in hand (a file, a unit, a record, the model), not the module, so that
-a code outlives moves. The sentence may become better any time; the code stays.
+A code is a subject, a dot and a cause in words with dashes, such as ``unit.unknown``. It names the cause, not the place: every reader of
+a file refuses an unknown key by one code. The subject is what a user has in hand (a file, a unit, a record, the model), not the module, so
+that a code outlives moves. The sentence may become better any time; the code stays. A code travels with its text:
 
-A code travels with its text:
-
-- `ThermidError` and `ThermidWarning` take it as ``code=``. The message of an error is a `CodedText`, so whatever passes the message on, into
-  another error, a finding or a remark, passes the code on; what words it anew says ``code=error.code``. A class of errors that is a cause by
-  itself, such as `MissingExtraError`, has its code in the class.
+- `ThermidError` and `ThermidWarning` take it as ``code=``. The message of an error is a `CodedText`, so whatever passes the message on,
+  into another error, a finding or a remark, passes the code on; what words it anew says ``code=error.code``. A class of errors that is a
+  cause by itself, such as `MissingExtraError`, has its code in the class. An error that lists several faults has the code of the first.
 - Remarks and warnings of results stay texts in tuples; one with a code is a `CodedText`, which is a text in every other way.
 - A finding of ``check`` has the field `code`.
 
 On the command line ``--json`` shows it as the key `code` of an error or a finding, empty where a text has none yet, and lists those of
-remarks under `codes`: code -> texts. ``-v`` prints it in brackets behind the text. `CODES` is the one table; docs/codes.md is made of it by
-``scripts/write_codes.py``, and tests/architecture/test_codes.py refuses a code that is not in it, or that nothing uses.
+remarks under `codes`: code -> texts. ``-v`` prints it in brackets behind the text. `CODES` of `thermid.base.codes.table` is the one table;
+docs/codes.md is made of it by ``scripts/write_codes.py``, and tests/architecture/test_codes.py refuses a code that is not in it, or that
+nothing uses.
 """
 
 from __future__ import annotations
 
 import re
 from collections.abc import Iterator, Mapping
-from typing import Any, Final, NamedTuple
-
-
-class Code(NamedTuple):
-    """What a code stands for: why the text appears, and what to do."""
-
-    cause: str
-    cure: str
+from typing import Any
 
 
 class CodedText(str):
@@ -84,10 +76,3 @@ def _coded_texts(content: Any) -> Iterator[CodedText]:
     elif isinstance(content, list | tuple):
         for value in content:
             yield from _coded_texts(value)
-
-
-SUBJECTS: Final[Mapping[str, str]] = {}
-"""First word of a code -> what it is about."""
-
-CODES: Final[Mapping[str, Code]] = {}
-"""Code -> its cause and its cure."""

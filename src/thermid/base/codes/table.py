@@ -1,0 +1,564 @@
+"""The table of codes: what each stands for. It is read by people, tests and the script of docs/codes.md; no run needs it."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import Final, NamedTuple
+
+
+class CodeMeaning(NamedTuple):
+    """What a code stands for: kinds of text that have it (error, warning, remark), why the text appears, and what to do."""
+
+    kind: str
+    cause: str
+    cure: str
+
+
+SUBJECTS: Final[Mapping[str, str]] = {
+    "cap": "Limits of size",
+    "command": "The command line",
+    "expression": "Expressions",
+    "extra": "Optional parts",
+    "file": "Files that are read",
+    "fit": "Fits",
+    "htc": "Coefficients of a settled test",
+    "model": "Models",
+    "name": "Names",
+    "output": "Files that are written",
+    "physics": "Laws and correlations",
+    "record": "Logs and records",
+    "result": "Results",
+    "run": "Runs",
+    "unit": "Units",
+    "value": "Values and arguments",
+}
+"""First word of a code -> what it is about."""
+
+CODES: Final[Mapping[str, CodeMeaning]] = {
+    "cap.exceeded": CodeMeaning(
+        "error",
+        "A file, a text or a request asks for more than a limit of the table of caps, which lies far above usual sizes.",
+        "Ask for less, or raise the limit: `THERMID_CAPS=NAME=NUMBER`, the name is in the message.",
+    ),
+    "cap.no-number": CodeMeaning(
+        "error",
+        "`THERMID_CAPS` gives a limit that is no number above zero.",
+        "Write for example `unpacked=1e9`.",
+    ),
+    "command.not-understood": CodeMeaning(
+        "error",
+        "An option or argument of a command is unknown, missing, or has a value of another kind.",
+        "See `thermid COMMAND --help`.",
+    ),
+    "expression.decimal-comma": CodeMeaning(
+        "error",
+        "A number has a decimal comma.",
+        "Write a decimal point.",
+    ),
+    "expression.exponent-not-plain": CodeMeaning(
+        "error",
+        "An exponent has a unit, or a quantity with a unit is raised to a power that is not constant.",
+        "Divide by a quantity of the same unit first, or write the exponent as a number.",
+    ),
+    "expression.mixed-dimensions": CodeMeaning(
+        "error",
+        "Quantities of different kinds are added or compared, or `exp()` has an argument with a unit.",
+        "Check which parameter has the wrong unit.",
+    ),
+    "expression.no-finite-value": CodeMeaning(
+        "error",
+        "The arithmetic divides by zero, or its value is too large.",
+        "Correct the numbers.",
+    ),
+    "expression.not-arithmetic": CodeMeaning(
+        "error",
+        "The text is more than arithmetic over numbers, names and the functions of the manual, or has a misplaced sign.",
+        "Write a number with its unit in brackets, `2.5 [W]`, or names with `+ - * / **`.",
+    ),
+    "expression.scale-in-arithmetic": CodeMeaning(
+        "error",
+        "A number in degC or degF stands inside arithmetic, where it could be a temperature or a difference.",
+        "Write it in [K], or define a parameter for it.",
+    ),
+    "expression.unit-misplaced": CodeMeaning(
+        "error",
+        "A unit in brackets stands elsewhere than at the end of pure numbers or after a number.",
+        "Write `(0.5 + 1) [m]`, or `area + 2 [cm^2]`; names have their own units.",
+    ),
+    "extra.no-browser": CodeMeaning(
+        "error",
+        "Printing a page as PDF needs an installed Chromium, Chrome or Edge, and none was found or none answered.",
+        "Install one, or write the page as HTML.",
+    ),
+    "extra.not-installed": CodeMeaning(
+        "error",
+        "An optional package, or an optional part of thermid, is not installed.",
+        "Run the command of the message.",
+    ),
+    "file.another-kind": CodeMeaning(
+        "error",
+        "The file is of another kind than what is read here, such as a campaign in place of a deck.",
+        "Give the file of the kind that the message asks for.",
+    ),
+    "file.key-missing": CodeMeaning(
+        "error",
+        "A key is missing that every file of this kind has.",
+        "Add it.",
+    ),
+    "file.not-a-file": CodeMeaning(
+        "error",
+        "A folder, a pipe or a device stands where a file is needed.",
+        "Give the path of a file.",
+    ),
+    "file.not-found": CodeMeaning(
+        "error",
+        "There is no file of that name.",
+        "Check name and folder; the message gives the nearest name.",
+    ),
+    "file.not-one-of": CodeMeaning(
+        "error",
+        "A word stands where one of a few others is allowed.",
+        "Take one of the words of the message.",
+    ),
+    "file.not-text": CodeMeaning(
+        "error",
+        "The file is not text in UTF-8.",
+        "Save it as UTF-8.",
+    ),
+    "file.not-valid": CodeMeaning(
+        "error",
+        "The text is not valid TOML or JSON.",
+        "Correct the line of the message; put texts, and numbers with units, in quotes.",
+    ),
+    "file.outside-project": CodeMeaning(
+        "error",
+        "A deck names a file outside the folder of the project.",
+        "Copy the file into the project, or put `thermid.toml` into the folder that holds both.",
+    ),
+    "file.refused-by-system": CodeMeaning(
+        "error",
+        "The system did not let a file be read or written.",
+        "Check path and permissions.",
+    ),
+    "file.silent-pipe": CodeMeaning(
+        "error",
+        "Nothing came out of a pipe in time.",
+        "Give the path of a file.",
+    ),
+    "file.unknown-key": CodeMeaning(
+        "error",
+        "A key stands where this kind of file has no such key.",
+        "Take the nearest one, which the message gives, or remove it.",
+    ),
+    "file.wrong-kind": CodeMeaning(
+        "error",
+        "A text, number, list or table stands where one of the others is needed.",
+        "Write what the message asks for.",
+    ),
+    "file.wrong-value": CodeMeaning(
+        "error",
+        "A value has the right kind and breaks a rule of its place.",
+        "Follow the message.",
+    ),
+    "fit.stopped": CodeMeaning(
+        "error",
+        "The interrupt key ended a fit that others rest on.",
+        "Start it again; the message has the best values so far.",
+    ),
+    "fit.takes-long": CodeMeaning(
+        "warning",
+        "A fit goes on with steps that take long.",
+        "Wait, or end it by the interrupt key with the best values so far.",
+    ),
+    "htc.agrees": CodeMeaning(
+        "remark",
+        "The measured coefficient and that of correlations differ by less than their errors.",
+        "Nothing.",
+    ),
+    "htc.area-of-other-faces": CodeMeaning(
+        "remark",
+        "The area given is not that of the box given.",
+        "Correct one of them.",
+    ),
+    "htc.differs": CodeMeaning(
+        "remark",
+        "The measured coefficient or the time of settling is not the one that correlations, mass and area give.",
+        "Check the causes of the message.",
+    ),
+    "model.capacitance-not-positive": CodeMeaning(
+        "error",
+        "A node has a mass or capacitance, and stores no heat or infinitely much.",
+        "Give values above zero; a massless node has neither key.",
+    ),
+    "model.carrier-unstated": CodeMeaning(
+        "remark",
+        "Constant coefficients carry most of the heat out, and nothing says whether air, a fan or a solid carries it.",
+        "State `carried_by`.",
+    ),
+    "model.fraction-outside": CodeMeaning(
+        "error",
+        "An emissivity or absorptance is below 0 or above 1.",
+        "Give 0 to 1.",
+    ),
+    "model.heat-cannot-leave": CodeMeaning(
+        "warning",
+        "A load heats a part from which no heat can leave.",
+        "Add a conductor.",
+    ),
+    "model.instance-differs": CodeMeaning(
+        "remark",
+        "A value is set for one instance, or cut from its twins, so that a fit estimates it apart.",
+        "Nothing, if that is meant.",
+    ),
+    "model.load-without-effect": CodeMeaning(
+        "warning",
+        "A load heats what has a given temperature.",
+        "Remove it, or give the node a mass.",
+    ),
+    "model.massless-undefined": CodeMeaning(
+        "error",
+        "A massless node has no conductance to anything with a temperature.",
+        "Add a conductor, or a mass.",
+    ),
+    "model.negative-conductance": CodeMeaning(
+        "error",
+        "Heat would flow from cold to hot.",
+        "Check signs and areas.",
+    ),
+    "model.no-convection": CodeMeaning(
+        "warning",
+        "A surface has an emissivity and nothing on convection, so a run with gas is refused.",
+        "Give `htc`, or `htc = 0`.",
+    ),
+    "model.no-emissivity": CodeMeaning(
+        "remark",
+        "A surface has convection and no emissivity, so its radiation is not in the model.",
+        "Give an emissivity or a finish.",
+    ),
+    "model.no-path-to-boundary": CodeMeaning(
+        "warning, remark",
+        "Heat of a part reaches no boundary, so that it warms or cools without limit.",
+        "Connect it to a boundary, if that is not meant.",
+    ),
+    "model.radiates-into-gas": CodeMeaning(
+        "error",
+        "A surface radiates to a node that is gas.",
+        "Name the wall that it sees, as the message shows.",
+    ),
+    "model.radiation-not-split": CodeMeaning(
+        "warning, remark",
+        "A coefficient includes radiation, which does not go where the surface looks, or stays in vacuum.",
+        "Split it: `thermid split`, or give `htc` and `emissivity`.",
+    ),
+    "model.refused": CodeMeaning(
+        "error",
+        "A name, value or law of the model is refused when it is put together.",
+        "Follow the message.",
+    ),
+    "model.stream-unfed": CodeMeaning(
+        "warning, remark",
+        "A stream leaves a gas node that no stream enters, so that it carries no heat.",
+        "Add the inlet stream, and name the fluid of both.",
+    ),
+    "model.streams-differ": CodeMeaning(
+        "error",
+        "Streams of two gases, or of volume and of mass, meet in one node.",
+        "Write them alike.",
+    ),
+    "model.streams-unbalanced": CodeMeaning(
+        "error",
+        "What streams bring into a node is not what they take out.",
+        "Correct a flow, or add the missing stream.",
+    ),
+    "model.test-only": CodeMeaning(
+        "remark",
+        "Elements of the bench are marked `test_only` and left out of flight models.",
+        "Nothing.",
+    ),
+    "model.test-only-needed": CodeMeaning(
+        "warning",
+        "The model fails without the elements marked `test_only`.",
+        "Mark what depends on them `test_only` too.",
+    ),
+    "model.unconnected": CodeMeaning(
+        "warning",
+        "Nothing is connected to a node or need.",
+        "Connect it, or remove it.",
+    ),
+    "model.unused": CodeMeaning(
+        "warning",
+        "Nothing uses a parameter or control.",
+        "Remove it, or check the name where it should be used.",
+    ),
+    "model.value-far-from-others": CodeMeaning(
+        "warning",
+        "A value is far from those of the same field elsewhere in the model.",
+        "Check its unit and digits.",
+    ),
+    "model.value-overridden": CodeMeaning(
+        "remark",
+        "A value where a part is used hides that of the part's deck.",
+        "Nothing, if that is meant.",
+    ),
+    "model.value-unusual": CodeMeaning(
+        "warning",
+        "A value is possible and unlikely: an exchange factor above 1, an exponent outside 0 to 1.",
+        "Check it.",
+    ),
+    "model.values-shared": CodeMeaning(
+        "remark",
+        "Several instances of a part share values, which a fit changes together.",
+        "Nothing, or cut an instance.",
+    ),
+    "model.values-without-source": CodeMeaning(
+        "remark",
+        "Some values have no source, while others have one.",
+        "Give `source`.",
+    ),
+    "name.unknown": CodeMeaning(
+        "error",
+        "A name stands here that does not exist in its place.",
+        "Take the nearest name, which the message gives, or one of its list.",
+    ),
+    "output.over-another-file": CodeMeaning(
+        "error",
+        "The file exists, and thermid did not write it as this kind, or it was changed since.",
+        "Give another name, or `--force`.",
+    ),
+    "output.over-input": CodeMeaning(
+        "error",
+        "The file to write is an input of the same command.",
+        "Give another name.",
+    ),
+    "output.wrong-ending": CodeMeaning(
+        "error",
+        "The ending of the name promises another format than the one that is written.",
+        "Give a name with the ending of the message.",
+    ),
+    "physics.not-one-temperature": CodeMeaning(
+        "warning, remark",
+        "The Biot number of a part is above 0.1, so that one node does not describe its inside.",
+        "Split it into more nodes.",
+    ),
+    "physics.outside-range": CodeMeaning(
+        "warning, remark",
+        "A formula is used outside the range in which its source vouches for it.",
+        "Take the formula that the message names, or stay inside.",
+    ),
+    "record.damaged": CodeMeaning(
+        "error",
+        "The file of a log is cut short, or is not of the format that its name says.",
+        "Fetch or export it again.",
+    ),
+    "record.does-not-apply": CodeMeaning(
+        "error",
+        "What is asked for applies to channels of another role or quantity.",
+        "Leave it out, or name other channels.",
+    ),
+    "record.layout-unclear": CodeMeaning(
+        "error",
+        "Header, separator or lines of a log do not make one table.",
+        "Give the option of the message, or correct the line.",
+    ),
+    "record.log-missing": CodeMeaning(
+        "error",
+        "A log is not where the campaign says.",
+        "Give its folder: `--data` or `THERMID_DATA`.",
+    ),
+    "record.name-twice": CodeMeaning(
+        "error",
+        "One name stands for two columns or channels, or two channels are bound to one place.",
+        "Rename one, or leave it out.",
+    ),
+    "record.no-samples": CodeMeaning(
+        "error",
+        "A log has no samples.",
+        "Export it again, with its data.",
+    ),
+    "record.not-a-number": CodeMeaning(
+        "error",
+        "A cell holds no number.",
+        "Write missing samples as empty, NaN or NA.",
+    ),
+    "record.not-overlapping": CodeMeaning(
+        "error",
+        "Two logs that are joined have no time in common.",
+        "Give another offset.",
+    ),
+    "record.not-steady": CodeMeaning(
+        "error",
+        "A channel drifts more than is allowed for a steady point.",
+        "Use a later window, or raise the limit.",
+    ),
+    "record.nothing-there": CodeMeaning(
+        "error",
+        "No valid sample is left in a channel or lies in a window.",
+        "Choose another window, or leave the channel out.",
+    ),
+    "record.number-unclear": CodeMeaning(
+        "error",
+        "Commas and points both may be the decimal sign.",
+        "Give `decimal`.",
+    ),
+    "record.samples-assumed": CodeMeaning(
+        "remark",
+        "Nothing says whether samples of a log are instants or averages; instants are assumed.",
+        "State `samples`.",
+    ),
+    "record.second-clock": CodeMeaning(
+        "error",
+        "More than one clock of a record is left to a fit.",
+        "State one of them as a time.",
+    ),
+    "record.shape": CodeMeaning(
+        "error",
+        "Times, values and masks are not rows of equal length.",
+        "Give arrays of equal length.",
+    ),
+    "record.stray-readings": CodeMeaning(
+        "warning, remark",
+        "Readings of a channel are codes of faults and no temperatures.",
+        "Mask them by `prepare`, as the message shows.",
+    ),
+    "record.time-not-read": CodeMeaning(
+        "error",
+        "A cell of the time column is no time in the form of the others.",
+        "Correct the line, or give `clock`.",
+    ),
+    "record.time-order": CodeMeaning(
+        "error",
+        "Times do not increase.",
+        "Sort the log, or read its parts as separate records.",
+    ),
+    "record.time-unclear": CodeMeaning(
+        "error",
+        "It is not clear which column is the time, in which unit it is, or what is day and month.",
+        "Give `time`, `units` or `clock`.",
+    ),
+    "record.times-differ": CodeMeaning(
+        "error",
+        "Channels of one log have different times.",
+        "Export them with one time column, or as separate logs.",
+    ),
+    "record.too-short": CodeMeaning(
+        "error",
+        "There are too few samples, or too little time, for what is asked.",
+        "Use a longer log or window, or a shorter filter.",
+    ),
+    "record.two-readings-at-one-time": CodeMeaning(
+        "error",
+        "A channel has two different readings at one time.",
+        "Remove one, or give the rows different names.",
+    ),
+    "record.uneven-times": CodeMeaning(
+        "error",
+        "A filter needs equal intervals.",
+        "Resample first.",
+    ),
+    "record.unit-contradicts": CodeMeaning(
+        "error",
+        "A column has two units.",
+        "Correct one of them.",
+    ),
+    "record.unit-unclear": CodeMeaning(
+        "error",
+        "A column without a unit looks like another one than the unit that would be assumed.",
+        "Give `units`.",
+    ),
+    "result.nothing-to-draw": CodeMeaning(
+        "error",
+        "A result holds no numbers to draw.",
+        "Print it.",
+    ),
+    "run.density-assumed": CodeMeaning(
+        "remark",
+        "A stream by volume comes from no boundary; its density is that at a standard temperature.",
+        "Write a mass flow, if that matters.",
+    ),
+    "run.gases-differ": CodeMeaning(
+        "remark",
+        "A stream is of another gas than the one that convection takes in its node.",
+        "Give both the same gas.",
+    ),
+    "run.heat-stops-without-gas": CodeMeaning(
+        "remark",
+        "Without gas no heat flows along these paths, or these streams stop.",
+        "Nothing; give an emissivity where radiation is meant.",
+    ),
+    "run.humidity-not-used": CodeMeaning(
+        "remark",
+        "A relative humidity is given, and the equations hold no moisture.",
+        "Give a schedule of coefficients for moist air.",
+    ),
+    "run.path-stays-without-gas": CodeMeaning(
+        "remark",
+        "A solid path ends in a gas node and stays without its gas.",
+        "Give it kind convection or gas, if it leads through the gas.",
+    ),
+    "run.start-held": CodeMeaning(
+        "remark",
+        "A start in balance holds inputs that change in time.",
+        "Give the time or period of the balance.",
+    ),
+    "run.upper-bound": CodeMeaning(
+        "remark",
+        "In vacuum as printed every coefficient is zero, radiation too.",
+        "Read the temperatures as upper bounds.",
+    ),
+    "run.wind-without-effect": CodeMeaning(
+        "remark",
+        "A fixed coefficient does not change with the wind.",
+        "Give `htc = { length = ... }`.",
+    ),
+    "unit.ambiguous": CodeMeaning(
+        "error",
+        "The unit is read as another one than was probably meant: mK is the millikelvin, gr the grain.",
+        "Write (m K), or g.",
+    ),
+    "unit.not-thermal": CodeMeaning(
+        "error",
+        "The unit has a dimension that no thermal network has, such as light.",
+        "Give a unit of the quantity that is asked for.",
+    ),
+    "unit.scale-for-difference": CodeMeaning(
+        "error",
+        "A temperature in degC or degF stands where a difference is needed.",
+        "Write it in [K].",
+    ),
+    "unit.scale-in-product": CodeMeaning(
+        "error",
+        "A scale with an offset is multiplied or divided.",
+        "Write K for degC, degR for degF.",
+    ),
+    "unit.unknown": CodeMeaning(
+        "error",
+        "Nobody knows the unit.",
+        "Take the one that the message names.",
+    ),
+    "unit.wrong-dimension": CodeMeaning(
+        "error",
+        "The unit is of another quantity than its place needs, or is missing.",
+        "Write the quantity with a unit of the message.",
+    ),
+    "value.incomplete": CodeMeaning(
+        "error",
+        "A value needs another one beside it, or is given twice.",
+        "Give the pair of the message, or leave one out.",
+    ),
+    "value.not-an-amount": CodeMeaning(
+        "error",
+        "The value is neither a number nor a text with a unit.",
+        "Write `'4 [s]'`.",
+    ),
+    "value.outside-range": CodeMeaning(
+        "error",
+        "A number is not finite, not above zero, or not in the order that its place needs.",
+        "Give one in range.",
+    ),
+    "value.wrong-kind": CodeMeaning(
+        "error",
+        "An argument, option or key holds another kind of thing than it takes.",
+        "Give what the message asks for.",
+    ),
+}
+"""Code -> what it stands for; in the order of the alphabet."""
