@@ -72,7 +72,7 @@ DIALECT = {
 }
 """Phrases of no guide, no title of a decision and no page of a report -> what to write."""
 
-NOT_GUIDES = {"benchmarks.md", "coverage.md", "mutants.md", "recipes.md", "torture.md"}
+NOT_GUIDES = {"benchmarks.md", "codes.md", "coverage.md", "mutants.md", "recipes.md", "torture.md"}
 """Pages that programs write, or that are for developers."""
 
 

@@ -9,6 +9,7 @@ import numpy as np
 import pytest
 
 import thermid as td
+from by_code import raises_code
 from thermid.base.errors import MissingExtraError
 from thermid.base.results import ROWS, SHORT, PlottedTrace, Result
 from unit.results import of_a_fit, of_a_run
@@ -175,5 +176,5 @@ def test_a_missing_package_is_named(monkeypatch: pytest.MonkeyPatch) -> None:
             return [PlottedTrace("a", np.arange(3.0), np.arange(3.0))]
 
     monkeypatch.setitem(sys.modules, "pandas", None)
-    with pytest.raises(MissingExtraError, match=r"to_frame needs 'pandas'.*pip install pandas"):
+    with raises_code("extra.not-installed", MissingExtraError, match="'pandas'"):
         Line().to_frame()

@@ -14,6 +14,7 @@ import numpy as np
 import pytest
 
 import thermid as td
+from by_code import raises_code
 from thermid.base import files
 from thermid.base.errors import CAPS, CAPS_VARIABLE, RecordError, ScenarioError, ThermidError, cap
 from thermid.base.expression import parse
@@ -225,7 +226,7 @@ def test_the_caps_stand_on_the_page() -> None:
 
 def test_a_number_that_no_float_holds_is_refused_with_its_place(tmp_path: Path) -> None:
     text = 'title = "x"\nduration = "1 [h]"\n[environment.air]\nhumidity = ' + "1" * 400 + "\n"
-    with pytest.raises(ScenarioError, match=r"x.toml:4, environment\.air\.humidity: a number has too many digits \(some 399\)"):
+    with raises_code("file.wrong-value", ScenarioError, match=r"x.toml:4.*environment\.air\.humidity.*399"):
         td.load_scenario(written(tmp_path, "x.toml", text))
     with pytest.raises(ThermidError, match="no finite value"):
         td.Scenario("x", boundaries={"air": 10**400})
@@ -249,9 +250,9 @@ def test_a_silent_pipe_is_given_up_and_a_full_one_read(tmp_path: Path, monkeypat
     pipe = tmp_path / "pipe"
     os.mkfifo(pipe)
     monkeypatch.setattr(files, "SILENCE", 0.05)
-    with pytest.raises(ThermidError, match="nothing came out of it within"):
+    with raises_code("file.silent-pipe", ThermidError):
         read_plain(pipe)
-    with pytest.raises(ThermidError, match="this is a pipe or a device"):
+    with raises_code("file.not-a-file", ThermidError):
         td.load_model(pipe)
     monkeypatch.setattr(files, "SILENCE", 20.0)
     thread = threading.Thread(target=lambda: pipe.write_text(LOG, encoding="utf-8"))
@@ -259,7 +260,7 @@ def test_a_silent_pipe_is_given_up_and_a_full_one_read(tmp_path: Path, monkeypat
     assert len(files.read_bytes(pipe)) == len(LOG)
     thread.join()
     monkeypatch.setenv(CAPS_VARIABLE, "unpacked=1000")
-    with pytest.raises(ThermidError, match="came out of this pipe or device"):
+    with raises_code("cap.exceeded", ThermidError):
         files.read_bytes("/dev/zero")
 
 

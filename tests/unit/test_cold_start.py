@@ -10,6 +10,7 @@ from importlib import import_module
 
 import pytest
 
+from by_code import raises_code
 from thermid.app.cli.app import COMMANDS, OnDemand
 from thermid.base.errors import ThermidError
 
@@ -60,9 +61,7 @@ def test_help_of_the_whole_says_what_the_help_of_each_command_begins_with() -> N
 def test_a_command_without_its_optional_part_says_what_to_install(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setitem(sys.modules, "thermid.app.studio.server", None)
     monkeypatch.delitem(sys.modules, "thermid.app.cli.studio", raising=False)
-    with pytest.raises(
-        ThermidError, match=r"thermid studio needs the part thermid.app.studio.server, which is not installed. Install the whole"
-    ):
+    with raises_code("extra.not-installed", ThermidError, match="thermid.app.studio.server"):
         OnDemand("studio", COMMANDS["studio"]).loaded()
 
 

@@ -15,6 +15,7 @@ import numpy as np
 import pytest
 
 import thermid as td
+from by_code import raises_code
 from thermid.base import files
 from thermid.base.errors import OutputError
 from thermid.base.files import (
@@ -128,7 +129,7 @@ def test_a_sealed_text_is_replaced_until_somebody_changes_it(tmp_path: Path, kin
             write_text(path, text, kind, comment)
         assert path.read_bytes() == changed
     path.write_bytes(whole)
-    with pytest.raises(OutputError, match="It was not written by thermid as profile, or was"):
+    with raises_code("output.over-another-file", OutputError):
         write_text(path, text, FileKind("profile"))
     assert names(tmp_path) == [path.name]
 

@@ -75,6 +75,8 @@ class ExpressionError(ThermidError, ValueError):
 class NameNotFoundError(ThermidError, KeyError):
     """A node, parameter, port or channel of that name does not exist; a `KeyError` too, so that `get` of a mapping has its default."""
 
+    code = "name.unknown"
+
 
 class DeckError(ThermidError, ValueError):
     """A deck, campaign or values file does not describe a model."""

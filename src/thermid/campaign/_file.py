@@ -135,7 +135,7 @@ class CampaignSource:
                 if group == pattern and table.files is not None:
                     hits += [n for n, (_, t) in self.names().items() if t is table]
             if not hits:
-                raise RecordError(f"no record '{pattern}'.{nearest(pattern, [*known, *self.content.records])}", where)
+                raise RecordError(f"no record '{pattern}'.{nearest(pattern, [*known, *self.content.records])}", where, code="name.unknown")
             out |= dict.fromkeys(hits)
         return list(out)
 
@@ -320,6 +320,7 @@ def _check_order(source: CampaignSource, stages: Sequence[StageTable], verdicts:
                 raise DeckError(
                     f"'{part}' inherits from stage '{below}', which is not an earlier stage.{nearest(below, done)}",
                     source.where(f"stages.{k}.inherit"),
+                    code="name.unknown",
                 )
         done.append(stage.name)
     refuse_unknown(source.accepted, done, source.where("accept"), "no stage '{}' to accept.", DeckError)

@@ -417,7 +417,9 @@ def _unfrozen(shared: Shared, freeze: Sequence[str], where: str) -> Shared:
     for name in freeze:
         hits = matching(name, names, f"{where}.freeze") if is_glob(name) else [n for n in names if n == name]
         if not hits:
-            raise IdentificationError(f"'{name}' is listed as frozen, but it is not free.{nearest(name, names)}", f"{where}.freeze")
+            raise IdentificationError(
+                f"'{name}' is listed as frozen, but it is not free.{nearest(name, names)}", f"{where}.freeze", code="name.unknown"
+            )
         gone |= set(hits)
     return shared.without(gone)
 

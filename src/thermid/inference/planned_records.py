@@ -52,7 +52,9 @@ def sensors_of(model: Model, scenario: Scenario, given: Mapping[str, Any]) -> tu
         where = f"sensors.{raw}"
         table = dict(entry) if isinstance(entry, Mapping) else {"noise": entry}
         for key in set(table) - {"noise", "accuracy", "name"}:
-            raise IdentificationError(f"give a sensor noise, accuracy and name, not {key}.{nearest(key, ('noise', 'accuracy'))}", where)
+            raise IdentificationError(
+                f"give a sensor noise, accuracy and name, not {key}.{nearest(key, ('noise', 'accuracy'))}", where, code="name.unknown"
+            )
         path = model.canonical(raw)
         role = "load" if path in loads else "boundary" if (path := network.find(raw, where)) in network.boundaries else "node"
         noise, accuracy = (literal(table[k], "W" if role == "load" else "K", where) if k in table else None for k in ("noise", "accuracy"))

@@ -128,7 +128,9 @@ def _of_library(name: str, where: str) -> NusseltLaw:
     function: Any = getattr(library, name, None)
     if function is None:
         library_names = [n for n in library.__all__ if n.startswith("Nu_")]
-        raise DeckError(f"the library ht has no '{name}' for free convection.{nearest(name, [*OWN, *library_names])}", where)
+        raise DeckError(
+            f"the library ht has no '{name}' for free convection.{nearest(name, [*OWN, *library_names])}", where, code="name.unknown"
+        )
     from inspect import signature
 
     arguments = signature(function).parameters

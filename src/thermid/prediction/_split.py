@@ -221,7 +221,9 @@ def parts_of(
     chosen = [model.canonical(w) for w in wanted] or list(known)
     for path in chosen:
         if path not in known:
-            raise IdentificationError(f"'{path}' is not a surface with an effective coefficient.{nearest(path, known)}", model.title)
+            raise IdentificationError(
+                f"'{path}' is not a surface with an effective coefficient.{nearest(path, known)}", model.title, code="name.unknown"
+            )
     if not chosen:
         raise IdentificationError("no surface has an effective coefficient, so there is nothing to separate.", model.title)
     if isinstance(conditions, Mapping):

@@ -157,7 +157,9 @@ class OrbitFluxes:
         out = {}
         for surface, face in (surfaces or {f: f for f in self.faces}).items():
             if face not in self.solar:
-                raise ScenarioError(f"no face '{face}'.{nearest(face, self.faces)} There are {', '.join(self.faces)}.", "orbit")
+                raise ScenarioError(
+                    f"no face '{face}'.{nearest(face, self.faces)} There are {', '.join(self.faces)}.", "orbit", code="name.unknown"
+                )
             sun = multiplied(self._signal(self.solar[face]), self.lit)
             out[surface] = Irradiation(direct=sun, albedo=self._signal(self.albedo[face]), infrared=self._signal(self.infrared[face]))
         return out
@@ -264,9 +266,13 @@ def _checked(
     """Return the planet, altitudes of perigee and apogee [m], and the angle between plane and sun [deg]."""
     body = planet if isinstance(planet, Planet) else PLANETS.get(planet.lower())
     if body is None:
-        raise ScenarioError(f"unknown planet '{planet}'.{nearest(str(planet), PLANETS)} There are {', '.join(PLANETS)}.", "orbit")
+        raise ScenarioError(
+            f"unknown planet '{planet}'.{nearest(str(planet), PLANETS)} There are {', '.join(PLANETS)}.", "orbit", code="name.unknown"
+        )
     if attitude not in ATTITUDES:
-        raise ScenarioError(f"unknown attitude '{attitude}'.{nearest(attitude, ATTITUDES)} There are {', '.join(ATTITUDES)}.", "orbit")
+        raise ScenarioError(
+            f"unknown attitude '{attitude}'.{nearest(attitude, ATTITUDES)} There are {', '.join(ATTITUDES)}.", "orbit", code="name.unknown"
+        )
     low = _number(perigee, "m", "perigee")
     high = low if apogee is None else _number(apogee, "m", "apogee")
     if not 0.0 < low <= high < float("inf"):

@@ -71,7 +71,7 @@ def _form(table: Any, where: str) -> str:
     if not form or not set(table) <= FORMS[form] or (form == "low" and "high" not in table):
         every = ("sd", "log_sd", "low", "high", "mean")
         odd = next((k for k in table if k not in every), "") if isinstance(table, Mapping) else ""
-        raise ScenarioError(f'write {{sd}}, {{log_sd}}, {{low, high}} or "range".{nearest(odd, every)}', where)
+        raise ScenarioError(f'write {{sd}}, {{log_sd}}, {{low, high}} or "range".{nearest(odd, every)}', where, code="name.unknown")
     return form
 
 

@@ -7,6 +7,7 @@ import re
 import pytest
 
 import thermid as td
+from by_code import raises_code
 from thermid.base.errors import RecordError
 from thermid.measure._readers.formats import log_cells
 from thermid.measure._readers.log_reader import read_record
@@ -77,14 +78,14 @@ def test_contradictions_are_refused(log, head, message):
 
 
 def test_numbers_below_the_names_are_no_sample_without_a_word(log):
-    with pytest.raises(RecordError, match=r"bench.csv:2: '1;2;3' may number the columns"):
+    with raises_code("record.layout-unclear", RecordError, match="bench.csv:2.*'1;2;3'"):
         log_cells(log("Zeit;Gehäuse;Luft\n1;2;3\n" + SAMPLES.replace("0;", "10;", 1)))
     assert len(log_cells(log("Zeit;Gehäuse;Luft\n1,0;2,0;3,0\n" + SAMPLES.replace("0;", "10;", 1))).lines) == 9
 
 
 def test_one_name_for_two_columns_is_refused_where_it_is_used(log):
     path = log("Zeit;Temp;Temp\n;Luft;Luft\n" + SAMPLES)
-    with pytest.raises(RecordError, match=r"2 columns have the name 'Temp Luft'\. Rename all but one\."):
+    with raises_code("record.name-twice", RecordError, match="2.*'Temp Luft'"):
         read_record(path, {"Temp Luft": {"node": "a"}})
 
 

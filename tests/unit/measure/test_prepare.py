@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 from hypothesis import given, settings, strategies as st
 
+from by_code import raises_code
 from thermid.base.errors import NameNotFoundError, RecordError, ThermidError, UnitError
 from thermid.measure._record.channel import Channel
 from thermid.measure._record.record import Record
@@ -289,7 +290,7 @@ def test_mask_by_hand():
     record = ramp().mask("case", "5 [s]", "6 [s]", "door open")
     assert np.flatnonzero(~record["case"].valid).tolist() == [10, 11, 12]
     assert record.steps == ("mask: case from 5 [s] to 6 [s] (3 samples), door open",)
-    with pytest.raises(NameNotFoundError, match=r"record 'bench': no channel 'cas'; it has case, heater. Did you mean 'case'\?"):
+    with raises_code("name.unknown", NameNotFoundError, match="'bench'.*'cas'.*'case'"):
         ramp().mask("cas", 0, 1)
 
 

@@ -6,6 +6,7 @@ import re
 import numpy as np
 import pytest
 
+from by_code import raises_code
 from thermid.base.errors import NameNotFoundError, RecordError
 from thermid.measure._record.channel import Channel, Origin
 from thermid.measure._record.record import Record
@@ -44,7 +45,7 @@ def test_the_samples_cannot_be_changed():
 
 
 def test_channel_by_name():
-    with pytest.raises(NameNotFoundError, match=r"record 'bench': no channel 'cas'; it has case. Did you mean 'case'\?"):
+    with raises_code("name.unknown", NameNotFoundError, match="'bench'.*'cas'.*'case'"):
         made().channel("cas")
 
 

@@ -8,6 +8,7 @@ from pathlib import Path
 
 import pytest
 
+from by_code import raises_code
 from thermid.base.errors import DeckError, ExpressionError, ThermidError, UnitError
 from thermid.base.toml_files import line_numbers, project_root, resolve_inside
 from thermid.model._deck.modelfile import load_model, model_from_dict
@@ -110,19 +111,19 @@ def test_a_title_with_a_colon_does_not_confuse_the_place() -> None:
 
 
 def test_a_deck_without_file_or_title_has_a_place() -> None:
-    with pytest.raises(DeckError, match=r"deck, title: is missing\."):
+    with raises_code("file.key-missing", DeckError):
         model_from_dict({})
 
 
 def test_elements_point_at_their_line(decks: Decks) -> None:
-    with pytest.raises(ExpressionError, match=r"main\.toml:11, surfaces\.skin\.area: '0\.05 m\^2' cannot be read as arithmetic"):
+    with raises_code("expression.not-arithmetic", ExpressionError, match=r"main\.toml:11.*surfaces\.skin\.area.*'0\.05 m\^2'"):
         decks(main=BOX.replace("0.05 [m^2]", "0.05 m^2"))
-    with pytest.raises(ThermidError, match=r"main\.toml:6, nodes\.case\.capacitance: '\[K/J\]' is a quantity in"):
+    with raises_code("unit.wrong-dimension", ThermidError, match=r"main\.toml:6.*nodes\.case\.capacitance.*'\[K/J\]'"):
         flatten(decks(main=BOX.replace("[J/K]", "[K/J]")))
 
 
 def test_duplicate_names(decks: Decks) -> None:
-    with pytest.raises(DeckError, match=r"main\.toml: this is not valid TOML: Cannot"):
+    with raises_code("file.not-valid", DeckError, match=r"main\.toml.*TOML"):
         decks(main=BOX.replace("[surfaces", 'case = { capacitance = "1 [J/K]" }\n[surfaces'))
     with pytest.raises(DeckError, match=r"main\.toml:8, surfaces\.skin: 'skin' is already the name of one of parameters"):
         decks(main=BOX + "[parameters]\nskin = 1\n")
@@ -133,7 +134,7 @@ def test_duplicate_names(decks: Decks) -> None:
 
 def test_missing_file_with_the_nearest_name(tmp_path: Path) -> None:
     (tmp_path / "EleGFO.toml").write_text(BOX, encoding="utf-8")
-    with pytest.raises(DeckError, match=r"there is no file 'EleGOF\.toml' in .*/\. Did you mean 'EleGFO\.toml'\?"):
+    with raises_code("file.not-found", DeckError, match=r"'EleGOF\.toml'.*'EleGFO\.toml'"):
         load_model(tmp_path / "EleGOF.toml")
     with pytest.raises(DeckError, match="there is no file"):
         load_model(tmp_path / "nowhere" / "x.toml")
@@ -142,18 +143,18 @@ def test_missing_file_with_the_nearest_name(tmp_path: Path) -> None:
 
 
 def test_missing_part_with_the_nearest_name(decks: Decks) -> None:
-    with pytest.raises(DeckError, match=r"there is no file 'bux\.toml' in .*Did you mean 'box\.toml'\?"):
+    with raises_code("file.not-found", DeckError, match=r"'bux\.toml'.*'box\.toml'"):
         decks(main=using("bux.toml"), box=BOX)
 
 
 def test_not_toml(decks: Decks) -> None:
-    with pytest.raises(DeckError, match=r"main\.toml: this is not valid TOML: Expected '='"):
+    with raises_code("file.not-valid", DeckError, match=r"main\.toml.*TOML.*'='"):
         decks(main='title = "x"\nthis is prose\n')
 
 
 def test_not_utf8(tmp_path: Path) -> None:
     (tmp_path / "x.toml").write_bytes('title = "caf\xe9"'.encode("latin-1"))
-    with pytest.raises(DeckError, match=r"x\.toml: the file is not UTF-8 text\."):
+    with raises_code("file.not-text", DeckError, match=r"x\.toml.*8"):
         load_model(tmp_path / "x.toml")
 
 
@@ -165,9 +166,7 @@ def test_byte_order_mark_is_fine(tmp_path: Path) -> None:
 def test_huge_file(tmp_path: Path) -> None:
     with (tmp_path / "x.toml").open("wb") as file:
         file.truncate(5_000_000)
-    with pytest.raises(
-        DeckError, match=r"x\.toml: the file has 5\.0 MB; a deck is a text file of a few kilobytes\. Move tables of data into a log\."
-    ):
+    with raises_code("cap.exceeded", DeckError, match=r"x\.toml.*5\.0"):
         load_model(tmp_path / "x.toml")
 
 
@@ -194,7 +193,7 @@ def test_a_symbolic_link_out_of_the_project(decks: Decks, tmp_path: Path) -> Non
     outside = tmp_path.parent / "outside.toml"
     outside.write_text(BOX, encoding="utf-8")
     os.symlink(outside, tmp_path / "link.toml")
-    with pytest.raises(DeckError, match=r"'link\.toml' lies outside the project"):
+    with raises_code("file.outside-project", DeckError, match=r"'link\.toml'"):
         decks(main=using("link.toml"))
 
 
@@ -218,7 +217,7 @@ def test_other_roots(tmp_path: Path) -> None:
     (tmp_path / "project/thermid.toml").write_text("", encoding="utf-8")
     found = resolve_inside(tmp_path / "project", "../data/log.csv", "here", (tmp_path / "data",))
     assert found == (tmp_path / "data/log.csv").resolve()
-    with pytest.raises(DeckError, match=r"here: '\.\./data/log\.csv' lies outside the project"):
+    with raises_code("file.outside-project", DeckError, match=r"'\.\./data/log\.csv'"):
         resolve_inside(tmp_path / "project", "../data/log.csv", "here")
 
 
@@ -278,5 +277,5 @@ def test_values_that_cannot_be_read_are_listed_with_the_other_faults(tmp_path: P
     assert "minimum 9 [W/(m^2 K)] is above its maximum" in lines[1]
     assert "'are' is not a field here. Did you mean 'area'?" in lines[2]
     deck.write_text('title = "plate"\n[nodes.plate]\ncapacitance = "9 [quux]"\n')
-    with pytest.raises(UnitError, match=r"plate\.toml:3, nodes\.plate\.capacitance: "):
+    with raises_code("unit.unknown", UnitError, match=r"plate\.toml:3.*nodes\.plate\.capacitance"):
         load_model(deck)

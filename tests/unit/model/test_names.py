@@ -7,6 +7,7 @@ from typing import Any
 
 import pytest
 
+from by_code import raises_code
 from thermid.base.errors import DeckError, NameNotFoundError
 from thermid.model._tree.flat import flatten
 from thermid.model._tree.model import Model
@@ -75,7 +76,7 @@ def test_need_not_bound(pair: Build) -> None:
 
 def test_inner_node_that_is_not_offered(part: Build, pair: Build) -> None:
     hidden = part({"nodes/inner": {"capacitance": "1 [J/K]"}})
-    with pytest.raises(NameNotFoundError, match=r"'a' does not offer 'inner'\. It offers case, skin\."):
+    with raises_code("name.unknown", NameNotFoundError, match="'a'.*'inner'"):
         flatten(
             pair(
                 {
@@ -153,7 +154,7 @@ def test_find_a_node_for_a_scenario(pair: Build) -> None:
     assert names.find("first_case") == "a.case"
     assert names.find("a.air") == "room"
     assert names.find("mid") == "mid"
-    with pytest.raises(NameNotFoundError, match=r"Pair: no node 'a\.csae'\. Did you mean 'a\.case'\?"):
+    with raises_code("name.unknown", NameNotFoundError, match=r"'a\.csae'.*'a\.case'"):
         names.find("a.csae")
 
 
@@ -163,7 +164,7 @@ def test_at(pair: Build) -> None:
     assert model.at("a.case") is model.submodels["a"].model.nodes["case"]
     assert model.at("stack.area").text == "20 [cm^2]"
     assert model.at("a.power").maximum == 8.0
-    with pytest.raises(NameNotFoundError, match=r"Box: nothing at 'cas'\. Did you mean 'case'\?"):
+    with raises_code("name.unknown", NameNotFoundError, match="'cas'.*'case'"):
         model.at("a.cas")
     with pytest.raises(NameNotFoundError, match=r"Pair: no submodel 'c'"):
         model.submodel("c")

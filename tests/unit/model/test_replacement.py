@@ -7,6 +7,7 @@ from typing import Any
 
 import pytest
 
+from by_code import raises_code
 from thermid.base.errors import DeckError, NameNotFoundError
 from thermid.model._deck.modelfile import model_from_dict
 from thermid.model._tree.model import Model, identities
@@ -104,7 +105,7 @@ def test_values_of_every_level_go(part: Build) -> None:
     assert kept.at("u.z.power").text == "3 [W]"
     assert whole.replace("u.z", new, keep=["u.z.case.mass"]).at("u.z.case.mass").text == "0.9 [kg]"
     assert said.kept == ("u.z.power",)
-    with pytest.raises(NameNotFoundError, match=r"'u\.z\.powr' cannot be kept"):
+    with raises_code("name.unknown", NameNotFoundError, match=r"'u\.z\.powr'"):
         whole.replaced("u.z", new, keep=["u.z.powr"])
 
 

@@ -10,6 +10,7 @@ from typing import Any
 
 import pytest
 
+from by_code import raises_code
 from thermid.base.errors import DeckError, OutputError
 from thermid.base.files import unsealed
 from thermid.model._deck.modelfile import load_model, model_from_dict
@@ -320,7 +321,7 @@ def test_like_drops_what_is_gone_and_adds_what_is_new(sink: Model, tmp_path: Pat
 def test_a_part_that_its_author_changed_is_not_written_over(sink: Model, tmp_path: Path) -> None:
     changed = BOX.replace("900", "901")
     (tmp_path / "Box.toml").write_text(changed, encoding="utf-8")
-    with pytest.raises(OutputError, match=r"this file exists already\."):
+    with raises_code("output.over-another-file", OutputError):
         save_model(sink, tmp_path / "again.toml")
     assert not (tmp_path / "again.toml").exists()
     assert (tmp_path / "Box.toml").read_text(encoding="utf-8") == changed

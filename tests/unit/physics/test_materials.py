@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import pytest
 
+from by_code import raises_code
 from thermid.base.errors import NameNotFoundError
 from thermid.physics.materials import MATERIALS, material
 
@@ -34,5 +35,5 @@ def test_tables_cannot_be_changed() -> None:
 
 
 def test_misspelt_names_offer_the_nearest() -> None:
-    with pytest.raises(NameNotFoundError, match=r"no material 'aluminum 7075-T6'.*Did you mean 'aluminium 7075-T6'"):
+    with raises_code("name.unknown", NameNotFoundError, match="'aluminum 7075-T6'.*'aluminium 7075-T6'"):
         material("aluminum 7075-T6")

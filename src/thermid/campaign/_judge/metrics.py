@@ -123,4 +123,4 @@ def metric(key: str, where: str = "", word: str = "metric") -> Metric:
     for name, row in METRICS.items():
         if key == name or key in row.aliases:
             return row
-    raise ScenarioError(f"unknown {word} '{key}'.{nearest(key, metric_keys())}", where)
+    raise ScenarioError(f"unknown {word} '{key}'.{nearest(key, metric_keys())}", where, code="name.unknown")

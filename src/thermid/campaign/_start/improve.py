@@ -143,7 +143,7 @@ def improve(path: Path, stage: str = "", seconds: float = 60.0, data: Path | Non
     names = [s.name for s in source.content.stages]
     name = stage or names[-1]
     if name not in names:
-        raise DeckError(f"no stage '{name}'.{nearest(name, names)}", path.name)
+        raise DeckError(f"no stage '{name}'.{nearest(name, names)}", path.name, code="name.unknown")
     before = run_stages(path, data=data, cache=path.parent / "results").stages[name]
     if before.request is None or not before.request.records:
         raise DeckError(

@@ -169,7 +169,9 @@ def starts_sd(problem: Problem, given: Mapping[str, str], noises: Sequence[Proce
         path = network.find(raw, f"{where}, start_sd")
         if path not in network.nodes and path not in walks:
             raise IdentificationError(
-                f"'{raw}' is a boundary without noise, so its start is given.{nearest(raw, network.nodes)}", f"{where}, start_sd"
+                f"'{raw}' is a boundary without noise, so its start is given.{nearest(raw, network.nodes)}",
+                f"{where}, start_sd",
+                code="name.unknown",
             )
         value = literal(text, "K", f"{where}, start_sd.{raw}")
         if not (np.isfinite(value) and value >= 0.0):

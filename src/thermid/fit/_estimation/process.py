@@ -101,11 +101,15 @@ def _one(raw: str, given: Any, network: Network, where: str) -> ProcessNoise:
     table = dict(given) if isinstance(given, Mapping) else _in_words(given)
     unknown = [k for k in table if k not in KEYS]
     if unknown:
-        raise IdentificationError(f"a process noise has {', '.join(KEYS)}, not {unknown[0]}.{nearest(unknown[0], KEYS)}", where)
+        raise IdentificationError(
+            f"a process noise has {', '.join(KEYS)}, not {unknown[0]}.{nearest(unknown[0], KEYS)}", where, code="name.unknown"
+        )
     target, place = _place(raw, network, where)
     kind = str(table.get("kind", MARKOV if "time" in table else WIENER))
     if kind not in (WIENER, MARKOV):
-        raise IdentificationError(f"unknown process noise '{kind}'.{nearest(kind, (WIENER, MARKOV))} Write {WIENER} or {MARKOV}.", where)
+        raise IdentificationError(
+            f"unknown process noise '{kind}'.{nearest(kind, (WIENER, MARKOV))} Write {WIENER} or {MARKOV}.", where, code="name.unknown"
+        )
     if kind == WIENER and "time" in table:
         raise IdentificationError(f"a {WIENER} noise has no correlation time. Leave time out, or write kind = '{MARKOV}'.", where)
     unit = UNITS[place, kind]
@@ -147,7 +151,9 @@ def _place(raw: str, network: Network, where: str) -> tuple[str, str]:
         node = network.find(raw, where)
     except ThermidError as error:
         raise IdentificationError(
-            f"'{raw}' is not a node, load or boundary.{nearest(raw, [*network.nodes, *network.boundaries, *loads])}", where
+            f"'{raw}' is not a node, load or boundary.{nearest(raw, [*network.nodes, *network.boundaries, *loads])}",
+            where,
+            code="name.unknown",
         ) from error
     if node in network.boundaries:
         return node, "boundary"

@@ -36,7 +36,9 @@ def build_problem(request: Request) -> Problem:
     if twice:
         raise RecordError(f"two records are named '{twice[0]}'.", where)
     for name in (n for n in request.scenarios if n not in (*names, "*")):
-        raise RecordError(f"a scenario is given for '{name}', which is not a record of this fit.{nearest(name, names)}", where)
+        raise RecordError(
+            f"a scenario is given for '{name}', which is not a record of this fit.{nearest(name, names)}", where, code="name.unknown"
+        )
     experiments = tuple(
         bind(request.model, r, request.scenario(r), request.window, request.weights, request.held_errors) for r in request.records
     )

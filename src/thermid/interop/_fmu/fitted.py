@@ -169,7 +169,7 @@ class _Runner:
     def variable(self, name: str) -> Any:
         """Return a variable of the description."""
         if name not in self.known:
-            raise IdentificationError(f"the FMU has no variable '{name}'.{nearest(name, self.known)}", str(self.file))
+            raise IdentificationError(f"the FMU has no variable '{name}'.{nearest(name, self.known)}", str(self.file), code="name.unknown")
         return self.known[name]
 
     def _table(self, inputs: tuple[Array, Mapping[str, Array]] | None) -> Any:

@@ -330,7 +330,11 @@ def _check_shape(name: str, faces: Mapping[str, str], dimensions: Mapping[str, f
     for what, given, known in (("faces", faces, shape.faces), ("dimensions", dimensions, shape.dimensions)):
         strange = [g for g in given if g not in known]
         if strange:
-            raise DeckError(f"'{name}' has no '{strange[0]}' among its {what}: {', '.join(known)}.{nearest(strange[0], known)}", where)
+            raise DeckError(
+                f"'{name}' has no '{strange[0]}' among its {what}: {', '.join(known)}.{nearest(strange[0], known)}",
+                where,
+                code="name.unknown",
+            )
     missing = [d for d in shape.dimensions if d not in dimensions]
     if missing:
         raise DeckError(f"'{name}' needs {', '.join(missing)}.", where)
@@ -602,7 +606,9 @@ def _check_stream(given: set[str], fluid: str, where: str) -> None:
         return
     if fluid not in ("", LIQUID):
         raise DeckError(
-            f"'{fluid}' is not a known fluid.{nearest(fluid, (*GASES, LIQUID))} There are {', '.join(GASES)} and {LIQUID}.", where
+            f"'{fluid}' is not a known fluid.{nearest(fluid, (*GASES, LIQUID))} There are {', '.join(GASES)} and {LIQUID}.",
+            where,
+            code="name.unknown",
         )
     whole = given in ({"mass_flow", "specific_heat"}, {"volume_flow", "density", "specific_heat"})
     if not whole:

@@ -51,7 +51,11 @@ def law(
     DeckError   When the function fails, jumps, is not finite or swings too fast somewhere; the message says where.
     """
     if over not in ("temperature", "difference"):
-        raise DeckError(f"over = '{over}' is neither 'temperature' nor 'difference'.{nearest(over, ('temperature', 'difference'))}", "law")
+        raise DeckError(
+            f"over = '{over}' is neither 'temperature' nor 'difference'.{nearest(over, ('temperature', 'difference'))}",
+            "law",
+            code="name.unknown",
+        )
     slot = "temperature" if over == "temperature" else "K"
     low, high = (literal(b, slot, "law, between") if isinstance(b, str) else float(b) for b in between)
     if not (low < high and np.isfinite([low, high]).all() and (over == "difference" or low >= 0.0)):

@@ -159,7 +159,9 @@ def check_modes(control: Control, where: str) -> None:
     }
     for key, mode in named.items():
         if mode not in modes:
-            raise DeckError(f"{key}: there is no mode '{mode}'.{nearest(mode, modes)} There are {', '.join(modes)}.", where)
+            raise DeckError(
+                f"{key}: there is no mode '{mode}'.{nearest(mode, modes)} There are {', '.join(modes)}.", where, code="name.unknown"
+            )
     for name, t in control.transitions.items():
         if t.before == t.after:
             raise DeckError(f"the transition '{name}' leads from '{t.before}' to itself.", where)

@@ -95,7 +95,7 @@ def made_instances(
     known = parameter_table(part) if use.values else {}
     for path in use.values:
         if part.canonical(path) not in known:
-            raise DeckError(f"'{part.title}' has no value '{path}'.{nearest(path, known)}", where(f"values.{path}"))
+            raise DeckError(f"'{part.title}' has no value '{path}'.{nearest(path, known)}", where(f"values.{path}"), code="name.unknown")
     return Instances(submodels, settings, dict(_linked(name, places, links, where)))
 
 

@@ -361,7 +361,7 @@ class ThermalProfile(Result):
             return Number(sum(float(n.value) for n in ends) / 2.0, TEMPERATURE, weakest(n.mark for n in ends), "", "mean of hot and cold")
         if name in SLOTS or name in WORDS:
             raise ScenarioError(f"it has no {name}. Give it: {name} = ...", self.title)
-        raise ScenarioError(f"a profile has no '{name}'.{nearest(name, [*SLOTS, *WORDS])}", self.title)
+        raise ScenarioError(f"a profile has no '{name}'.{nearest(name, [*SLOTS, *WORDS])}", self.title, code="name.unknown")
 
     def _level(self, side: str) -> Number:
         """Return hot or cold from what was predicted, the margin, and the least range."""

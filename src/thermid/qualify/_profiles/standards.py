@@ -44,6 +44,7 @@ def _standard(name: str) -> Mapping[str, Any]:
             f"unknown standard '{name}'. Known: {', '.join(known)}.{nearest(name.casefold(), names)} "
             "For another standard write a profile file, each number with its mark and clause.",
             "profile",
+            code="name.unknown",
         )
     return names[name.casefold()]
 
@@ -71,7 +72,9 @@ def profile_of(standard: str, name: str = "", *, level: str = "", predicted: Any
         have = ", ".join(f"'{k}'" for k in known)
         if not name:
             raise ScenarioError(f"{data['standard']} has several profiles. Name one: {have}.", "profile")
-        raise ScenarioError(f"{data['standard']} has no profile '{name}'; it has {have}.{nearest(name, known)}", "profile")
+        raise ScenarioError(
+            f"{data['standard']} has no profile '{name}'; it has {have}.{nearest(name, known)}", "profile", code="name.unknown"
+        )
     spec = known[name]
     base = known[spec["like"]] if "like" in spec else {}
     levels = spec.get("levels", {})
@@ -80,7 +83,9 @@ def profile_of(standard: str, name: str = "", *, level: str = "", predicted: Any
             raise ScenarioError(f"a standard, a profile and a level are texts, not {word!r}.", "profile")
     if level and level not in levels:
         have = f"it has {', '.join(levels)}" if levels else "it has none"
-        raise ScenarioError(f"'{name}' of {data['standard']} has no level '{level}'; {have}.{nearest(level, levels)}", "profile")
+        raise ScenarioError(
+            f"'{name}' of {data['standard']} has no level '{level}'; {have}.{nearest(level, levels)}", "profile", code="name.unknown"
+        )
     level = level or next(iter(levels), "")
     title = ", ".join([f"{data['standard']} {name}", *([level] if level else [])])
     table = {**OWN_TABLE}

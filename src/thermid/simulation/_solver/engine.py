@@ -325,7 +325,9 @@ class Engine(KernelProblem):
         method = options.method
         if method not in LARGE_METHODS and method not in METHODS:
             methods = tuple(dict.fromkeys((*METHODS, *LARGE_METHODS)))
-            raise ScenarioError(f"unknown method '{method}'.{nearest(method, methods)} There are {', '.join(methods)}.", self.title)
+            raise ScenarioError(
+                f"unknown method '{method}'.{nearest(method, methods)} There are {', '.join(methods)}.", self.title, code="name.unknown"
+            )
         if method not in LARGE_METHODS or (method == "auto" and not self.many):
             return False
         why = "sensitivities are requested, which large networks do not have" if gradients else refusal(self)

@@ -543,7 +543,7 @@ class Wiring:
         if head == "reading" or (head == "scale" and node in {load.path for load in self.network.flat.loads}):
             return
         names = [*self.network.flat.parameters.table, *self.network.boundaries, *(f"initial.{n}" for n in self.network.nodes)]
-        raise ScenarioError(f"no parameter '{name}' can be free.{nearest(name, names)}", self.network.title)
+        raise ScenarioError(f"no parameter '{name}' can be free.{nearest(name, names)}", self.network.title, code="name.unknown")
 
     def _numbers(self, free: Mapping[str, Number]) -> Numbers:
         return self.network.numbers(free) if self.courses is None else self.courses.numbers(free)

@@ -30,7 +30,7 @@ class TestCheck:
         assert found.code == 0
         assert set(found.object) == {"schema", "status", "findings"}
         note = next(f for f in found.object["findings"] if "vacuum run" in f["message"])
-        assert set(note) == {"severity", "where", "message"}
+        assert set(note) == {"severity", "code", "where", "message"}
         assert (note["severity"], note["where"]) == ("note", "accelerometer.toml:15, surfaces.skin")
 
     def test_a_deck_that_breaks_the_grammar(self, call: Call, tmp_path: Path) -> None:

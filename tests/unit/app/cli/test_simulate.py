@@ -93,7 +93,7 @@ class TestJson:
     def test_vacuum_is_refused_where_a_coefficient_hides_radiation(self, call: Call, accelerometer: Path) -> None:
         said = call("simulate", accelerometer, "--boundary", "air=24", "--for", "5 [h]", "--vacuum", "--json")
         assert (said.code, said.err) == (2, "")
-        assert list(said.object) == ["schema", "status", "message", "where"]
+        assert list(said.object) == ["schema", "status", "code", "message", "where"]
         assert (said.object["schema"], said.object["status"]) == (1, "error")
         assert "is effective: it includes radiation," in said.object["message"]
         assert said.object["where"] == "accelerometer.toml:15, surfaces.skin"
@@ -223,7 +223,7 @@ def test_refusals(call: Call, accelerometer: Path, options: list[str], words: st
     start = ["simulate", accelerometer, "--boundary", "air=24", "--for", "3600"]
     said = call(*start, "--json", *options)
     assert (said.code, said.err) == (2, "")
-    assert set(said.object) == {"schema", "status", "message", "where"}
+    assert set(said.object) == {"schema", "status", "code", "message", "where"}
     assert words in ": ".join(filter(None, (said.object["where"], said.object["message"])))
     plain = call(*start, *options)
     assert (plain.code, plain.out) == (2, "")

@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 
 import thermid as td
+from by_code import raises_code
 from thermid.interop._wired import wired as wire
 from thermid.model._tree.rules import findings
 from thermid.physics.gas import GASES
@@ -144,7 +145,7 @@ def test_a_fan_that_is_scheduled_while_the_pressure_falls() -> None:
 def test_thirty_in_and_sixty_on_is_refused(fluid: str) -> None:
     more = {} if fluid == "air" else {"density": "998 [kg/m^3]", "specific_heat": "4180 [J/(kg K)]"}
     streams = {"fan": stream("inlet", "gas", fluid=fluid, **more), "out": stream("gas", "outlet", "60 [l/min]", fluid=fluid, **more)}
-    with pytest.raises(td.ThermidError, match=r"'gas' takes in 30 l/min \('fan'\) and passes on 60 l/min \('out'\).*must be equal"):
+    with raises_code("model.streams-unbalanced", td.ThermidError, match="'gas'.*30.*'fan'.*60.*'out'"):
         td.simulation.compile_network(bay(**streams))
     found = [f for f in findings(bay(**streams)) if f.severity == "error"]
     assert len(found) == 1
@@ -167,7 +168,7 @@ def test_a_stream_of_no_fluid_into_a_gas_node_is_balanced_too() -> None:
 
 def test_a_stream_from_a_node_that_none_enters_is_refused() -> None:
     """Such a stream cools nothing: it takes from its first end a temperature, and no heat."""
-    with pytest.raises(td.ThermidError, match=r"'gas' takes in nothing and passes on 30 l/min \('out'\)"):
+    with raises_code("model.streams-unbalanced", td.ThermidError, match="'gas'.*30.*'out'"):
         td.simulation.compile_network(bay(out=stream("gas", "outlet")))
 
 
@@ -233,12 +234,12 @@ def test_two_sources_of_two_temperatures_close_in_mass() -> None:
 
 def test_volume_and_mass_flows_that_meet_are_refused() -> None:
     """At another pressure or temperature their balance would not close."""
-    with pytest.raises(td.ThermidError, match=r"'gas'.*all as volume_flow or all as mass_flow"):
+    with raises_code("model.streams-differ", td.ThermidError, match="'gas'"):
         td.simulation.compile_network(bay(fan=stream("inlet", "gas"), out=stream("gas", "outlet", "0.602 [g/s]")))
 
 
 def test_two_fluids_in_one_node_are_refused() -> None:
-    with pytest.raises(td.ThermidError, match=r"air \('fan'\) and He \('out'\) meet in 'gas'"):
+    with raises_code("model.streams-differ", td.ThermidError, match="'fan'.*'out'.*'gas'"):
         td.simulation.compile_network(bay(fan=stream("inlet", "gas"), out=stream("gas", "outlet", fluid="He")))
 
 
@@ -246,7 +247,7 @@ def test_a_liquid_and_a_gas_close_each_for_itself() -> None:
     """An exchanger of one temperature: air passes through it, and a liquid ends in it."""
     loop = stream("inlet", "gas", "1 [g/s]", fluid="liquid", specific_heat="4180 [J/(kg K)]")
     td.simulation.compile_network(bay(fan=stream("inlet", "gas"), out=stream("gas", "outlet"), loop=loop))
-    with pytest.raises(td.ThermidError, match=r"'gas' takes in 1 g/s \('loop'\) and passes on 2 g/s"):
+    with raises_code("model.streams-unbalanced", td.ThermidError, match="'gas'.*1.*'loop'.*2"):
         td.simulation.compile_network(
             bay(fan=stream("inlet", "gas"), loop=loop, back=loop | {"between": ["gas", "outlet"], "mass_flow": "2 [g/s]"})
         )
