@@ -5,8 +5,8 @@ from __future__ import annotations
 import copy
 import json
 import pickle
-import subprocess
 import sys
+from collections.abc import Callable
 from pathlib import Path
 
 import pytest
@@ -14,6 +14,7 @@ import pytest
 import thermid as td
 from by_code import raises_code, warns_code
 from thermid import errors
+from thermid.app.cli.app import main
 from thermid.base.codes import CodedText, add_codes, code_of, mark_codes
 from thermid.base.errors import ThermidError, ThermidWarning
 from thermid.physics.air import dry_air
@@ -101,13 +102,24 @@ def deck(tmp_path: Path) -> Path:
     return path
 
 
-def run(*words: object) -> tuple[str, str]:
+@pytest.fixture
+def run(monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]) -> Callable[..., tuple[str, str]]:
     """What a command prints on both outputs."""
-    done = subprocess.run([sys.executable, "-m", "thermid", *map(str, words)], capture_output=True, text=True, check=False)
-    return done.stdout, done.stderr
+
+    def printed(*words: object) -> tuple[str, str]:
+        monkeypatch.setattr(sys, "argv", ["thermid", *map(str, words)])
+        with pytest.raises(SystemExit):
+            main()
+        out, err = capsys.readouterr()
+        return out, err
+
+    return printed
 
 
-def test_the_command_line_shows_the_code_of_an_error(deck: Path) -> None:
+Run = Callable[..., tuple[str, str]]
+
+
+def test_the_command_line_shows_the_code_of_an_error(deck: Path, run: Run) -> None:
     deck.write_text(DECK.replace("J/K", "Joule pro K"), encoding="utf-8")
     assert "unit.unknown" not in run("steady", deck, "--boundary", "air=20 [degC]")[1]
     assert run("steady", deck, "--boundary", "air=20 [degC]", "-v")[1].rstrip().endswith("[unit.unknown]")
@@ -116,7 +128,7 @@ def test_the_command_line_shows_the_code_of_an_error(deck: Path) -> None:
     assert json.loads(run("steady", "--nonsense", "--json")[0])["code"] == "command.not-understood"
 
 
-def test_the_command_line_shows_the_codes_of_findings_and_remarks(deck: Path) -> None:
+def test_the_command_line_shows_the_codes_of_findings_and_remarks(deck: Path, run: Run) -> None:
     assert {f["code"] for f in json.loads(run("check", deck, "--json")[0])["findings"]} == {"model.unconnected", "model.carrier-unstated"}
     assert "[model.unconnected]" in run("check", deck, "-v")[0]
     assert "model.unconnected" not in run("check", deck)[0]

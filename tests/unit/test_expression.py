@@ -123,17 +123,17 @@ def test_dimension_by_algebra(text: str, of: dict[str, str], result: str) -> Non
 
 
 @pytest.mark.parametrize(
-    ("text", "message"),
+    ("text", "code", "message"),
     [
-        ("a + b", r"'a \+ b' adds a length and a power\."),
-        ("2*(a - 1)", r"'a - 1' adds a length and a plain number\."),
-        ("2**a", "an exponent must be a plain number"),
-        ("a**n", "can be raised to a constant power only"),
+        ("a + b", "expression.mixed-dimensions", r"'a \+ b'"),
+        ("2*(a - 1)", "expression.mixed-dimensions", "'a - 1'"),
+        ("2**a", "expression.exponent-not-plain", ""),
+        ("a**n", "expression.exponent-not-plain", ""),
     ],
 )
-def test_dimensions_that_do_not_fit(text: str, message: str) -> None:
+def test_dimensions_that_do_not_fit(text: str, code: str, message: str) -> None:
     of = {"a": unit("m").dimension, "b": unit("W").dimension, "n": unit("1").dimension}
-    with pytest.raises(ExpressionError, match=message):
+    with raises_code(code, ExpressionError, match=message):
         parse(text).dimension(of.__getitem__)
 
 
@@ -199,25 +199,25 @@ def test_roots_of_pure_numbers() -> None:
 
 
 @pytest.mark.parametrize(
-    ("text", "message"),
+    ("text", "code", "message"),
     [
-        ("2*area [m^2]", "a unit in brackets may follow pure numbers only; names have their own units. Leave the brackets out."),
-        ("2 [m] [m]", r"'2 \[m\] \[m\]': write the unit in brackets once, at the end: '\(0\.5 \+ 1\) \[m\]'\."),
-        ("2 [m] + 1 [m]", "write the unit in brackets once, at the end"),
-        ("[y for y in x] + 1", "write the unit in brackets once, at the end"),
-        ("x[0] + 1", "write the unit in brackets once, at the end"),
-        ("2 [W", "write the unit in brackets once, at the end"),
-        ("1" + "+1" * 500, "is nested too deeply"),
-        ("-" * 1500 + "1", "is nested too deeply|cannot be read"),
-        ("f(" + "-" * 1500 + "1)", "is nested too deeply|cannot be read"),
-        ("not " * 400 + "1", "is nested too deeply|cannot be read"),
-        ("10**10**10", "has no finite value"),
-        ("(" + "*".join(["9**60"] * 60) + ")**60", "has no finite value"),
-        ("1" * 2001, "the expression has 2001 characters; the limit is 2000"),
+        ("2*area [m^2]", "expression.unit-misplaced", ""),
+        ("2 [m] [m]", "expression.unit-misplaced", r"'2 \[m\] \[m\]'.*'\(0\.5 \+ 1\) \[m\]'"),
+        ("2 [m] + 1 [m]", "expression.unit-misplaced", ""),
+        ("[y for y in x] + 1", "expression.unit-misplaced", ""),
+        ("x[0] + 1", "expression.unit-misplaced", ""),
+        ("2 [W", "expression.unit-misplaced", ""),
+        ("1" + "+1" * 500, "expression.not-arithmetic", ""),
+        ("-" * 1500 + "1", "expression.not-arithmetic", ""),
+        ("f(" + "-" * 1500 + "1)", "expression.not-arithmetic", ""),
+        ("not " * 400 + "1", "expression.not-arithmetic", ""),
+        ("10**10**10", "expression.no-finite-value", ""),
+        ("(" + "*".join(["9**60"] * 60) + ")**60", "expression.no-finite-value", ""),
+        ("1" * 2001, "cap.exceeded", "2001.*2000"),
     ],
 )
-def test_other_refusals(text: str, message: str) -> None:
-    with pytest.raises(ExpressionError, match=message):
+def test_other_refusals(text: str, code: str, message: str) -> None:
+    with raises_code(code, ExpressionError, match=message):
         parse(text)
 
 
@@ -298,34 +298,34 @@ def test_functions_and_their_derivatives(text: str, formula: Callable[..., Any],
 @pytest.mark.parametrize(
     ("text", "message"),
     [
-        ("exp(x)", r"exp\(\) takes a plain number; 'x' is a length"),
-        ("min(x, p)", r"'min\(x, p\)' compares a length and a power"),
-        ("x + 2 [W]", "adds a length and a power"),
+        ("exp(x)", "'x'"),
+        ("min(x, p)", r"'min\(x, p\)'"),
+        ("x + 2 [W]", ""),
     ],
 )
 def test_dimensions_of_functions(text: str, message: str) -> None:
     of = {"x": unit("m").dimension, "p": unit("W").dimension}
-    with pytest.raises(ExpressionError, match=message):
+    with raises_code("expression.mixed-dimensions", ExpressionError, match=message):
         parse(text).dimension(of.__getitem__)
     assert parse("sqrt(x*x)").dimension(of.__getitem__) == of["x"]
 
 
 @pytest.mark.parametrize(
-    ("text", "message"),
+    ("text", "code", "message"),
     [
-        ("min(x)", r"min\(\) takes two values or more; it has 1"),
-        ("sqrt(x, 2)", r"sqrt\(\) takes one value; it has 2"),
-        ("sqrt(x=2)", "It does not run code"),
-        ("x.sqrt(2)", "It does not run code"),
-        ("t + 20 [degC]", r"'20 \[degC\]' inside arithmetic could be a temperature or a difference\."),
-        ("in__word.x + 1", "It does not run code"),
-        ("__quantity0*x + 2 [m]", "It does not run code"),
-        ("exp(1000)", "has no finite value"),
-        ("sqrt(-1)", "has no finite value"),
+        ("min(x)", "expression.not-arithmetic", "1"),
+        ("sqrt(x, 2)", "expression.not-arithmetic", "2"),
+        ("sqrt(x=2)", "expression.not-arithmetic", ""),
+        ("x.sqrt(2)", "expression.not-arithmetic", ""),
+        ("t + 20 [degC]", "expression.scale-in-arithmetic", r"'20 \[degC\]'"),
+        ("in__word.x + 1", "expression.not-arithmetic", ""),
+        ("__quantity0*x + 2 [m]", "expression.not-arithmetic", ""),
+        ("exp(1000)", "expression.no-finite-value", ""),
+        ("sqrt(-1)", "expression.no-finite-value", ""),
     ],
 )
-def test_functions_refused(text: str, message: str) -> None:
-    with pytest.raises(ExpressionError, match=message):
+def test_functions_refused(text: str, code: str, message: str) -> None:
+    with raises_code(code, ExpressionError, match=message):
         parse(text)
 
 

@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 
 import thermid as td
+from by_code import raises_code
 from thermid.base.errors import RecordError
 
 pandas = pytest.importorskip("pandas")
@@ -50,20 +51,20 @@ def test_stamps_count_from_the_first(column: bool) -> None:
 
 
 @pytest.mark.parametrize(
-    ("channels", "change", "words"),
+    ("channels", "change", "code", "words"),
     [
-        ({"T2": {"unit": "degC", "node": "case"}}, {}, "the frame has no column 'T2'. Did you mean 'T1'"),
-        ({"T1": {"node": "case"}}, {}, "give its unit, and one of node"),
-        ({"T1": {"unit": "degC"}}, {}, "give its unit, and one of node"),
-        ({"T1": {"unit": "W", "node": "a"}}, {}, "'W' is no unit of a temperature"),
-        ({"T1": {"unit": "degC", "node": "a", "nois": "0.1 [K]"}}, {}, "no key 'nois'"),
-        ({"T1": {"unit": "degC", "node": "a"}}, {"index": [0.0, 10.0, 10.0, 30.0]}, "do not increase strictly"),
-        ({"T1": {"unit": "degC", "node": "a"}}, {"index": ["a", "b", "c", "d"]}, "neither numbers nor stamps"),
+        ({"T2": {"unit": "degC", "node": "case"}}, {}, "name.unknown", "'T2'.*'T1'"),
+        ({"T1": {"node": "case"}}, {}, "value.incomplete", ""),
+        ({"T1": {"unit": "degC"}}, {}, "value.incomplete", ""),
+        ({"T1": {"unit": "W", "node": "a"}}, {}, "unit.wrong-dimension", "'W'"),
+        ({"T1": {"unit": "degC", "node": "a", "nois": "0.1 [K]"}}, {}, "name.unknown", "'nois'"),
+        ({"T1": {"unit": "degC", "node": "a"}}, {"index": [0.0, 10.0, 10.0, 30.0]}, "record.time-order", ""),
+        ({"T1": {"unit": "degC", "node": "a"}}, {"index": ["a", "b", "c", "d"]}, "record.time-not-read", ""),
     ],
 )
-def test_what_is_wrong_is_said(channels: dict[str, Any], change: dict[str, Any], words: str) -> None:
+def test_what_is_wrong_is_said(channels: dict[str, Any], change: dict[str, Any], code: str, words: str) -> None:
     made = frame()
     if "index" in change:
         made.index = change["index"]
-    with pytest.raises(RecordError, match=words):
+    with raises_code(code, RecordError, match=words):
         td.Record.from_dataframe("bench", made, channels)

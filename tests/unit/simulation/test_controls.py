@@ -444,8 +444,8 @@ def test_check_and_diagram_know_controls() -> None:
         {"governor": CONTROLS["PI"], "spare": CONTROLS["table"]}, pipe={"control": "1 - governor"}, heater={"control": "governor"}
     )
     model = td.model_from_dict(written)
-    said = [f.message for f in model.check() if "control" in f.message]
-    assert said == ["the control 'spare' is declared but nothing names it."]
+    (found,) = [f for f in model.check() if "control" in f.message]
+    assert (found.code, "'spare'" in found.message) == ("model.unused", True)
     drawn = diagram(model)
     assert "2 W/K \u00d7 (1 - governor)" in drawn
     assert "12 W \u00d7 governor" in drawn
