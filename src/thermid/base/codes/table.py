@@ -37,12 +37,12 @@ SUBJECTS: Final[Mapping[str, str]] = {
 CODES: Final[Mapping[str, CodeMeaning]] = {
     "cap.exceeded": CodeMeaning(
         "error",
-        "A file, a text or a request asks for more than a limit of the table of caps, which lies far above usual sizes.",
+        "A file, a text or a request goes beyond a limit of the table of caps, which lies far above usual sizes.",
         "Ask for less, or raise the limit: `THERMID_CAPS=NAME=NUMBER`, the name is in the message.",
     ),
     "cap.no-number": CodeMeaning(
         "error",
-        "`THERMID_CAPS` gives a limit that is no number above zero.",
+        "`THERMID_CAPS` gives a limit that is not a number above zero.",
         "Write for example `unpacked=1e9`.",
     ),
     "command.not-understood": CodeMeaning(
@@ -97,7 +97,7 @@ CODES: Final[Mapping[str, CodeMeaning]] = {
     ),
     "file.another-kind": CodeMeaning(
         "error",
-        "The file is of another kind than what is read here, such as a campaign in place of a deck.",
+        "The file is of another kind than what is read here, such as a campaign instead of a deck.",
         "Give the file of the kind that the message asks for.",
     ),
     "file.key-missing": CodeMeaning(
@@ -153,7 +153,7 @@ CODES: Final[Mapping[str, CodeMeaning]] = {
     "file.wrong-kind": CodeMeaning(
         "error",
         "A text, number, list or table stands where one of the others is needed.",
-        "Write what the message asks for.",
+        "Write what the message requests.",
     ),
     "file.wrong-value": CodeMeaning(
         "error",
@@ -352,7 +352,7 @@ CODES: Final[Mapping[str, CodeMeaning]] = {
     ),
     "record.does-not-apply": CodeMeaning(
         "error",
-        "What is asked for applies to channels of another role or quantity.",
+        "What is requested applies to channels of another role or quantity.",
         "Leave it out, or name other channels.",
     ),
     "record.layout-unclear": CodeMeaning(
@@ -442,7 +442,7 @@ CODES: Final[Mapping[str, CodeMeaning]] = {
     ),
     "record.too-short": CodeMeaning(
         "error",
-        "There are too few samples, or too little time, for what is asked.",
+        "There are too few samples, or too little time, for the request.",
         "Use a longer log or window, or a shorter filter.",
     ),
     "record.two-readings-at-one-time": CodeMeaning(
@@ -518,7 +518,7 @@ CODES: Final[Mapping[str, CodeMeaning]] = {
     "unit.not-thermal": CodeMeaning(
         "error",
         "The unit has a dimension that no thermal network has, such as light.",
-        "Give a unit of the quantity that is asked for.",
+        "Give a unit of the quantity that is requested.",
     ),
     "unit.scale-for-difference": CodeMeaning(
         "error",
@@ -558,7 +558,7 @@ CODES: Final[Mapping[str, CodeMeaning]] = {
     "value.wrong-kind": CodeMeaning(
         "error",
         "An argument, option or key holds another kind of thing than it takes.",
-        "Give what the message asks for.",
+        "Give what the message requests.",
     ),
 }
 """Code -> what it stands for; in the order of the alphabet."""
