@@ -14,8 +14,8 @@ HEAD = """# Codes of messages
 
 Errors, warnings and remarks have a code by their cause, so that a script need not read sentences: a sentence may change, its code stays.
 `-v` prints it in brackets behind the text. Under `--json` an error and a finding of `check` have it as `code`, and `codes` lists the
-remarks of an answer. In Python it is `error.code` and `warning.code`, of a remark `code_of(text)` of `thermid.base.codes`. A message that has
-no code yet has an empty one.
+remarks of an answer. In Python it is `error.code` and `warning.code`, of a remark `code_of(text)` of `thermid.base.codes`. A message
+that has no code yet has an empty one.
 """
 
 
