@@ -146,13 +146,14 @@ def shared_parameters(source: CampaignSource, levels: list[Level], top: str, don
     """Return the values that are free in any level, and set the places of the levels.
 
     A value of a level is the same as one of the level above where the part stands there unchanged: nothing above it sets the value anew.
-    A level stands where the stages above inherit from it, or where its very deck is used.
+    A level stands where the stages above inherit from it, or where its very deck is used. Twins in any level are one value, free there or
+    in another one.
     """
     places = places_of(source, levels, top)
     levels[:] = [replace(level, positions=places[level.name]) for level in levels]
     groups: dict[Key, set[Key]] = {}
 
-    def unite(keys: Sequence[Key]) -> None:
+    def unite(keys: Iterable[Key]) -> None:
         whole = set().union(*(groups.get(k, {k}) for k in keys))
         groups.update(dict.fromkeys(whole, whole))
 
@@ -160,6 +161,8 @@ def shared_parameters(source: CampaignSource, levels: list[Level], top: str, don
     starts: dict[Key, float] = {}
     for level in levels:
         shared = level.request.shared
+        for twins in {*shared.values()}:
+            unite(k for p in twins for k in level.keys(p))
         for path in _free(level):
             keys = [k for p in shared.get(path, (path,)) for k in level.keys(p)]
             unite(keys)
@@ -170,7 +173,7 @@ def shared_parameters(source: CampaignSource, levels: list[Level], top: str, don
                     starts[k] = found.value
     by_top = {k: p for level in levels if level.name == top for p in level.literals() for k in level.keys(p)}
     classes: dict[str, Value] = {}
-    for members in {id(g): g for g in groups.values()}.values():
+    for members in {id(groups[k]): groups[k] for k in fitted}.values():
         above = tuple(p for k, p in by_top.items() if k in members)
         order = [level.name for level in levels if any(level.name in fitted.get(k, ()) for k in members)]
         name = above[0] if above else _own_name(levels, members, order)

@@ -12,7 +12,17 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from thermid.base.arguments import takes_objects
-from thermid.base.errors import DeckError, IdentificationError, RecordError, StoppedError, ThermidError, errors_at, look_up, refuse_unknown
+from thermid.base.errors import (
+    DeckError,
+    IdentificationError,
+    RecordError,
+    StoppedError,
+    ThermidError,
+    errors_at,
+    look_up,
+    quoted,
+    refuse_unknown,
+)
 from thermid.base.results import Result, Row
 from thermid.base.toml_files import resolve_inside
 from thermid.base.units import counted
@@ -22,9 +32,9 @@ from thermid.campaign._file import CampaignSource, accepting, local_of, read_cam
 from thermid.campaign._joint import JointFit, fit_jointly, joint_key
 from thermid.campaign._judge.criteria import Criteria
 from thermid.campaign._judge.verdict import Verdict, look, not_judged, validate
-from thermid.fit.calibration import Calibration, fit
+from thermid.fit.calibration import FIRST, Calibration, fit
 from thermid.fit.power import SHAPES, recovered
-from thermid.fit.problem import LocalSpec, Reading, Request, digest, freed, ingredients_of, priors_of, weighing
+from thermid.fit.problem import LocalSpec, Reading, Request, digest, freed, ingredients_of, priors_of, shared_paths, weighing
 from thermid.inference.criticism import Mistakes
 from thermid.measure.amounts import duration_text, short
 from thermid.measure.records import Record
@@ -45,10 +55,10 @@ def request_of(source: CampaignSource, stage: StageTable, k: int, done: Mapping[
     """Return what a stage asks, with what it inherits laid under the parent's own [set]; of its deck, or of a model in its place."""
     where = source.where(f"stages.{k}")
     model = source.model(stage.model, where) if model is None else model
-    model = model.cut(*stage.untie) if isinstance(stage.untie, list) else model
     store, moving, remarks = _from_below(model, stage, done, where)
     model = store.on(model)
     store, hidden = store.acting_in(model)
+    model = model.cut(*stage.untie) if isinstance(stage.untie, list) else model
     if stage.values:
         hand = hand_values(resolve_inside(source.path.parent, stage.values, f"{where}.values"), model, stage.name, f"{where}.values")
         gone = [f"'{d.path}' {d.text} by {d.origin} does not apply: {d.why}." for d in hand.dropped]
@@ -58,7 +68,8 @@ def request_of(source: CampaignSource, stage: StageTable, k: int, done: Mapping[
     points, settled = steady_points(source, stage, records, scenario, where)
     records = (*records, *points)
     prior = [p for p in moving if store.states[p].acts and store.states[p].known and store.rows([p]).any()]
-    free, frozen = freed(model, stage.free, stage.freeze, where, prior)
+    shared = {} if stage.untie is True else shared_paths(model)
+    free, frozen = freed(model, stage.free, stage.freeze, where, prior, shared)
     prior = [p for p in prior if p not in frozen]
     asked = Request(
         model,
@@ -77,7 +88,7 @@ def request_of(source: CampaignSource, stage: StageTable, k: int, done: Mapping[
         search=stage.search,
         window=literal(stage.window, "s", where),
         name=stage.name,
-        remarks=(*remarks, *hidden, *counted_twice(store, prior, records)),
+        remarks=(*remarks, *hidden, *moving_together(store, prior, shared), *counted_twice(store, prior, records)),
         seen=store.seen,
         readings=readings_of(stage.readings),
         adequate=literal(stage.adequate, "K", f"{where}.adequate") if stage.adequate else 0.0,
@@ -125,7 +136,7 @@ def _from_below(
             ahead = "" if part == "." else f"{model.canonical(part)}."
             moving |= dict.fromkeys(ahead + p for p in _may_move(store, inherit, here))
     whole, remarks = graft(model, below)
-    return whole, tuple(p for p in whole.parameters if p in moving), remarks
+    return whole, tuple(p for p in whole.parameters if p in moving), tuple(f"{FIRST}{r}" for r in remarks)
 
 
 def readings_of(tables: Mapping[str, Any]) -> dict[str, Reading]:
@@ -173,6 +184,21 @@ def _may_move(store: Store, inherit: InheritTable, where: str) -> set[str]:
         )
     refuse_unknown(inherit.move, store.parameters, f"{where}.move", "'{}' is not inherited.", DeckError)
     return set(inherit.move or store.parameters) if inherit.as_ == "prior" else set()
+
+
+def moving_together(store: Store, prior: Sequence[str], shared: Mapping[str, tuple[str, ...]]) -> list[str]:
+    """Return a remark where values that are inherited as fixed are one with a prior, and move with it.
+
+    Parameters
+    ----------
+    store : Store       What the stages below know.
+    prior : sequence    Which of it may move.
+    shared : dict       Path -> every path with its value, as `shared_paths` has it.
+    """
+    moving = {q for p in prior for a in store.states[p].acts for q in shared.get(a, ())}
+    fixed = [p for p, s in store.parameters.items() if p not in prior and moving & {*s.acts}]
+    words = "inherited as fixed, but one value with twins that are inherited as priors, so they move together. Untie them to fix them"
+    return [f"{FIRST}{quoted(fixed)} {'is' if len(fixed) == 1 else 'are'} {words}."] if fixed else []
 
 
 def counted_twice(store: Store, prior: Sequence[str], records: Sequence[Record]) -> list[str]:

@@ -360,7 +360,8 @@ def _known_line(s: State, store: Store, width: int) -> str:
     sure = f"   total +- {short(error)}" if np.isfinite(error) and error > 0 else ""
     where = f", hidden at {', '.join(s.hidden)}" if s.hidden else ""
     how = "tuned by hand" if s.origin.kind == "hand" else "fixed"
-    return f"{s.path:<{width}}  {digits(value, error):>12} {s.unit:<10}{sure} ({s.origin}, {how}{where})"
+    twins = f"; acts at {', '.join(s.acts[1:])} too" if len(s.acts) > 1 else ""
+    return f"{s.path:<{width}}  {digits(value, error):>12} {s.unit:<10}{sure} ({s.origin}, {how}{where}{twins})"
 
 
 def _bias_text(sensor: str, fit: Calibration) -> str:

@@ -27,6 +27,7 @@ from thermid.fit._problem.request import (
     key_of as key_of,
     matching as matching,
     priors_of as priors_of,
+    shared_paths as shared_paths,
     weighing as weighing,
 )
 from thermid.fit._problem.residuals import (

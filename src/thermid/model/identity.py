@@ -10,6 +10,8 @@ from thermid.model._tree.identity import (
     instances as instances,
     local_identities as local_identities,
     made_to as made_to,
+    rows_of_decks as rows_of_decks,
+    writing_places as writing_places,
 )
 from thermid.model._tree.replacement import (
     Dropped as Dropped,

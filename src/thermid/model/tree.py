@@ -26,6 +26,7 @@ from thermid.model._tree.flat import (
 from thermid.model._tree.model import Model as Model, identities as identities
 from thermid.model._tree.rules import Finding as Finding
 from thermid.model._tree.tree import (
+    SET as SET,
     Entry as Entry,
     Names as Names,
     ParameterSet as ParameterSet,

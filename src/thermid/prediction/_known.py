@@ -70,7 +70,9 @@ class Known(Result):
     @property
     def placed(self) -> tuple[FittedValues, ...]:
         """The values by the paths of the model."""
-        return tuple(values_at(v, self.at) for v in self.values)
+        if not self.at:
+            return self.values
+        return tuple(_with_twins(values_at(v, self.at), store) for v, store in zip(self.values, self.stores, strict=True))
 
     @property
     def provenances(self) -> tuple[Mapping[str, Any], ...]:
@@ -96,6 +98,12 @@ class Known(Result):
     def _summary(self) -> str:
         """Return the model's title and how many values are known."""
         return f"{self.model.title}, {sum(map(len, self.values))} fitted values{', synthetic data' if self.synthetic else ''}"
+
+
+def _with_twins(values: FittedValues, store: Store) -> FittedValues:
+    """Return fitted values that act wherever the states behind them do."""
+    items = {p: replace(v, also=tuple(q for q in store[p].acts if q != p)) if v.kind == "parameter" else v for p, v in values.items()}
+    return replace(values, items_=items)
 
 
 def values_at(values: FittedValues, at: str) -> FittedValues:

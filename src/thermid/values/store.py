@@ -13,12 +13,12 @@ from typing import Any, Literal, Protocol
 
 import numpy as np
 
-from thermid.base.errors import DeckError, NameNotFoundError, nearest
+from thermid.base.errors import DeckError, NameNotFoundError, nearest, quoted
 from thermid.base.expression import parse
 from thermid.base.linear_algebra import Array, symmetric_inverse
-from thermid.model.identity import Dropped, depth, inside
+from thermid.model.identity import Dropped, Identity, depth, inside, instances, local_identities, rows_of_decks, writing_places
 from thermid.model.parameters import UNJUDGED, Parameter, Standing, exact, worst
-from thermid.model.tree import Entry, Model, deck_text, parameter_table
+from thermid.model.tree import SET, Entry, Model, deck_text, parameter_table
 
 Kind = Literal["data", "instrument", "stated", "structural", "misfit", "variant"]
 KNOWN: tuple[Kind, ...] = ("data", "instrument", "stated")
@@ -492,7 +492,8 @@ class Store:
         def moved(s: State) -> State:
             paths = tuple(p[cut:] for p in s.paths if inside(p, part))
             hidden = tuple(p[cut:] for p in s.hidden if inside(p, part))
-            return replace(s, path=paths[0], paths=paths, hidden=hidden, at=s.at[cut:]) if s.kind == "parameter" else s
+            at = s.at[cut:] if inside(s.at, part) else ""
+            return replace(s, path=paths[0], paths=paths, hidden=hidden, at=at) if s.kind == "parameter" else s
 
         states = [moved(s) for s in inner.states.values()]
         return replace(inner, states={s.path: s for s in states})
@@ -500,13 +501,18 @@ class Store:
     def on(self, model: Model) -> Model:
         """Return the model with every state laid over it, each over the deck that its stage was of: a [set] above still wins.
 
+        At a twin elsewhere it is laid over the deck that writes the value.
+
         Raises
         ------
         NameNotFoundError   When the model has no such value.
         """
         layers: dict[tuple[str, str], dict[str, State]] = {}
+        twins = {p for s in self.parameters.values() for p in s.paths if s.at and not inside(p, s.at)}
+        places = writing_places(model, twins)
         for s in self.parameters.values():
-            layers.setdefault((s.at, str(s.origin)), {}).update(dict.fromkeys(s.paths, s))
+            for path in s.paths:
+                layers.setdefault((places.get(path, s.at), str(s.origin)), {})[path] = s
         for (at, origin), values in sorted(layers.items(), key=lambda item: -depth(item[0][0])):
             ahead = len(at) + 1 if at else 0
             inner = {p[ahead:]: s for p, s in values.items()}
@@ -580,7 +586,8 @@ def graft(model: Model, below: Sequence[tuple[str, Store]]) -> tuple[Store, tupl
     below : sequence    Part (``.`` for the model itself) and store, in any order.
 
     Of two states of one value the one nearer the root of the assembly holds, or the one that was found with the other known. What several
-    stages say of one instrument is combined by generalised least squares.
+    stages say of one instrument is combined by generalised least squares. A state acts at every twin of its place, whatever their heights;
+    a remark names those where it does not.
 
     Raises
     ------
@@ -612,7 +619,85 @@ def graft(model: Model, below: Sequence[tuple[str, Store]]) -> tuple[Store, tupl
         tuple(dict.fromkeys(replace(d, path=_under(d.path, part)) for part, store in parts for d in store.dropped)),
         tuple(dict.fromkeys(x for _, store in parts for x in store.left_out)),
     )
-    return whole.trimmed(), tuple(remarks)
+    whole, apart = _at_twins(model, whole)
+    return whole.trimmed(), (*remarks, *apart)
+
+
+def _at_twins(model: Model, whole: Store) -> tuple[Store, list[str]]:
+    """Return a store whose states act at every place of their values, and remarks on the places where none does.
+
+    What a stage found for some of the twins in its model alone is no result for others, and neither is one of several.
+    """
+    decks = rows_of_decks(model)
+    if all(len(decks[p][1]) < 2 for s in whole.parameters.values() for p in s.paths if p in decks):
+        return whole, []
+    places: dict[tuple[str, str], list[str]] = {}
+    for path, one in local_identities(model).items():
+        places.setdefault((one.owner, one.local), []).append(path)
+    states, said = dict(whole.states), _Said(decks)
+    given = {p for s in states.values() for p in s.paths}
+    for key, here in _by_identity(model, whole).items():
+        rest = tuple(p for p in places.get(key, ()) if p not in given)
+        first = next(iter(here.values()))
+        if not all(s.same(first) for s in here.values()):
+            who = " and ".join(dict.fromkeys(f"{s.origin} at {said.places([p])}" for p, s in here.items()))
+            said.add(rest, f"as the decks give it: its twins have different results, of {who}")
+            tied = [p for p in here if p in places.get(key, ())]
+            said.add(tied if len(tied) > 1 else (), f"not one value with its twins any more: there are different results, of {who}")
+        elif rest and any(not s.at or inside(p, s.at) for p in rest for s in here.values()):
+            said.add(rest, f"as the decks give it: {first.origin} fitted {said.places(here)} alone")
+        else:
+            states[first.path] = replace(states[first.path], paths=(*states[first.path].paths, *rest))
+    said.add_hidden(states.values(), parameter_table(model))
+    return replace(whole, states=states), said.remarks()
+
+
+def _by_identity(model: Model, whole: Store) -> dict[tuple[str, str], dict[str, State]]:
+    """Return owner and local path of a value in the model of the stage that gave it -> path -> state."""
+    of = {"": "", **{prefix.removesuffix("."): definition for prefix, definition in instances(model)}}
+    known: dict[str, Mapping[str, Identity]] = {}
+    out: dict[tuple[str, str], dict[str, State]] = {}
+    for s in whole.parameters.values():
+        for path in s.paths:
+            at = s.at if inside(path, s.at) else ""
+            if at not in known:
+                known[at] = local_identities(model.submodel(at) if at else model, of[at])
+            one = known[at].get(path[len(at) + 1 :] if at else path)
+            if one is not None:
+                out.setdefault((one.owner, one.local), {})[path] = s
+    return out
+
+
+class _Said:
+    """Paths of a model by what is said of them; `decks` as `rows_of_decks` has it."""
+
+    def __init__(self, decks: Mapping[str, tuple[str, tuple[str, ...]]]) -> None:
+        self._decks = decks
+        self._paths: dict[str, dict[str, None]] = {}
+
+    def add(self, paths: Iterable[str], words: str) -> None:
+        """Say something of some paths, of each what is said first."""
+        known = {p for several in self._paths.values() for p in several}
+        self._paths.setdefault(words, {}).update(dict.fromkeys(p for p in paths if p not in known))
+
+    def add_hidden(self, states: Iterable[State], table: Mapping[str, Entry]) -> None:
+        """Say which twins of states keep what a [set] or a cut gives them."""
+        states = [s for s in states if s.kind == "parameter"]
+        reading = {p for s in states for p in s.paths}
+        for s in states:
+            twins = (q for path in s.paths for q in self._decks[path][1] if q not in reading and not (s.at and inside(q, s.at)))
+            for p in twins:
+                by = table[p].origin
+                words = f"as {by} gives it" if by.startswith(SET) else "cut from its twins"
+                self.add([p], f"{words}, so the result of {s.origin} for {self.places(s.paths)} does not act there")
+
+    def places(self, paths: Iterable[str]) -> str:
+        """Return the parts in which paths stand, in words."""
+        return quoted(list(dict.fromkeys(p.removesuffix(self._decks[p][0]).rstrip(".") for p in paths)))
+
+    def remarks(self) -> list[str]:
+        """Return a remark for everything that is said."""
+        return [f"{quoted(list(paths))} {'is' if len(paths) == 1 else 'are'} {words}." for words, paths in self._paths.items() if paths]
 
 
 def _chosen(path: str, several: Sequence[tuple[str, State, Array]]) -> tuple[State, Array, list[str]]:

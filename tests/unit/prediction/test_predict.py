@@ -115,8 +115,9 @@ def test_draws_are_not_symmetric_where_it_bends(found: Calibration) -> None:
 def test_values_held_from_a_stage_below_are_not_exact(found: Calibration) -> None:
     from thermid.values.store import graft
 
-    store, _ = graft(pair(), [("a", found.store)])
-    model = store.on(pair())
+    whole = pair(second=box({"title": "Cool", "parameters/power/value": "1 [W]"}))
+    store, _ = graft(whole, [("a", found.store)])
+    model = store.on(whole)
     data = log(model, {}, {"A": "a.case", "B": "b.case"}, boundary="room", noise=0.05)
     above = fit(Request(model, (data,), ("stack.contact_conductance",), name="pair", store=store))
     scenario = Scenario("s", boundaries={"room": "24 [degC]"}, start="24 [degC]", duration="3 [h]")

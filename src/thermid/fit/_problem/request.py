@@ -152,10 +152,7 @@ class Request:
     @property
     def shared(self) -> Mapping[str, tuple[str, ...]]:
         """Path -> every path of the model that has its value, its own first, of those that share one in this fit."""
-        if self.untie:
-            return {}
-        known = local_identities(self.model)
-        return {p: (p, *(q for q in one.paths if q != p)) for p, one in known.items() if len(one.paths) > 1}
+        return {} if self.untie else shared_paths(self.model)
 
     def locals_of(self, record: Record) -> dict[str, LocalSpec]:
         """Return the local values of a record; those of its own win over the stage's."""
@@ -231,8 +228,22 @@ def matching(pattern: str, paths: Iterable[str], where: str) -> list[str]:
     return hits
 
 
-def freed(model: Model, free: Sequence[str], freeze: Sequence[str], where: str, handed: Iterable[str] = ()) -> tuple[list[str], set[str]]:
+def shared_paths(model: Model) -> Mapping[str, tuple[str, ...]]:
+    """Return path -> every path of a model that has its value, its own first, of those that are one value at several places."""
+    return {p: (p, *(q for q in one.paths if q != p)) for p, one in local_identities(model).items() if len(one.paths) > 1}
+
+
+def freed(
+    model: Model,
+    free: Sequence[str],
+    freeze: Sequence[str],
+    where: str,
+    handed: Iterable[str] = (),
+    shared: Mapping[str, tuple[str, ...]] | None = None,
+) -> tuple[list[str], set[str]]:
     """Return what is free once names and globs are read and `freeze` is taken off, and every path that is frozen.
+
+    A value that is frozen at one of its places is frozen at all.
 
     Parameters
     ----------
@@ -240,6 +251,7 @@ def freed(model: Model, free: Sequence[str], freeze: Sequence[str], where: str, 
     free, freeze : list     Names and globs. A name that is no parameter is left to the fit, which says what is near.
     where : str             For messages.
     handed : iterable       Paths that stages below free as priors.
+    shared : dict           Path -> every path with its value; none by default.
 
     Raises
     ------
@@ -261,6 +273,7 @@ def freed(model: Model, free: Sequence[str], freeze: Sequence[str], where: str, 
     candidates = {*here, *handed}
     for name in freeze:
         hits = set(matching(model.canonical(name), literals, where)) if is_glob(name) else {values.freeable(name, model.canonical)}
+        hits = {q for p in hits for q in (shared or {}).get(p, (p,))}
         if not hits & candidates:
             raise IdentificationError(
                 f"'{name}' is listed as frozen, but it is not free here, so it stays fixed anyway. Remove it from the list.", where
