@@ -18,7 +18,7 @@ from thermid.campaign._cache import recall, remember
 from thermid.fit.calibration import Calibration, fit_problem
 from thermid.fit.problem import Influence, Prior, Problem, Request, Unknown, build_problem, is_glob, matching, prior_of
 from thermid.fit.uncertainty import Moves, moves_from, part_of
-from thermid.model.identity import definition_of, instances
+from thermid.model.identity import definition_of, instances, local_identities, without_layers
 from thermid.model.tree import Model, ParameterSet
 from thermid.values.fitted import FittedValue, FittedValues
 from thermid.values.store import LeftOut, Store, graft
@@ -146,8 +146,8 @@ def shared_parameters(source: CampaignSource, levels: list[Level], top: str, don
     """Return the values that are free in any level, and set the places of the levels.
 
     A value of a level is the same as one of the level above where the part stands there unchanged: nothing above it sets the value anew.
-    A level stands where the stages above inherit from it, or where its very deck is used. Twins in any level are one value, free there or
-    in another one.
+    A level stands where the stages above inherit from it, or where its very deck is used. Places of one deck's value are
+    one in all levels, free there or in another one, and whatever stages found of each.
     """
     places = places_of(source, levels, top)
     levels[:] = [replace(level, positions=places[level.name]) for level in levels]
@@ -157,12 +157,12 @@ def shared_parameters(source: CampaignSource, levels: list[Level], top: str, don
         whole = set().union(*(groups.get(k, {k}) for k in keys))
         groups.update(dict.fromkeys(whole, whole))
 
+    for keys in _by_deck(levels):
+        unite(keys)
     fitted: dict[Key, list[str]] = {}
     starts: dict[Key, float] = {}
     for level in levels:
         shared = level.request.shared
-        for twins in {*shared.values()}:
-            unite(k for p in twins for k in level.keys(p))
         for path in _free(level):
             keys = [k for p in shared.get(path, (path,)) for k in level.keys(p)]
             unite(keys)
@@ -180,6 +180,16 @@ def shared_parameters(source: CampaignSource, levels: list[Level], top: str, don
         start = next((starts[k] for level in reversed(levels) for k in members if k in starts and level.name in fitted[k][-1:]), None)
         classes[name] = Value(frozenset(members), above, tuple(order), start)
     return Shared(classes, levels)
+
+
+def _by_deck(levels: Sequence[Level]) -> Iterable[list[Key]]:
+    """Return the keys of each value that a deck writes, in all levels together; without levels that untie all instances."""
+    out: dict[tuple[str, str], list[Key]] = {}
+    for level in (one for one in levels if not one.request.untie):
+        model = without_layers(level.request.model)
+        for path, one in local_identities(model, definition_of(model)).items():
+            out.setdefault((one.owner, one.local), []).extend(level.keys(path))
+    return out.values()
 
 
 def _own_name(levels: Sequence[Level], keys: set[Key], fitted: Sequence[str]) -> str:

@@ -67,20 +67,18 @@ def request_of(source: CampaignSource, stage: StageTable, k: int, done: Mapping[
     scenario = scenario_of(stage.scenario, stage.name)
     points, settled = steady_points(source, stage, records, scenario, where)
     records = (*records, *points)
-    prior = [p for p in moving if store.states[p].acts and store.states[p].known and store.rows([p]).any()]
     shared = {} if stage.untie is True else shared_paths(model)
-    free, frozen = freed(model, stage.free, stage.freeze, where, prior, shared)
-    prior = [p for p in prior if p not in frozen]
+    store, free, prior = _free_here(model, stage, store, moving, shared, where)
     asked = Request(
         model,
         records,
-        tuple(free),
+        free,
         {"*": scenario, **settled},
         {n: LocalSpec.read(t, f"{where}.local.{n}") for n, t in local_of(stage.local).items()},
         record_local={r.name: source.local_of_record(r.name) for r in records if r.name not in settled},
         priors=priors_of(model, {p: t if isinstance(t, str) else (t.mean, t.sd) for p, t in stage.priors.items()}, where),
         store=store,
-        prior=tuple(prior),
+        prior=prior,
         **weighing(stage.weights, where),
         loss_scale=stage.knee,
         untie=stage.untie is True,
@@ -137,6 +135,20 @@ def _from_below(
             moving |= dict.fromkeys(ahead + p for p in _may_move(store, inherit, here))
     whole, remarks = graft(model, below)
     return whole, tuple(p for p in whole.parameters if p in moving), tuple(f"{FIRST}{r}" for r in remarks)
+
+
+def _free_here(
+    model: Model, stage: StageTable, store: Store, moving: Sequence[str], shared: Mapping[str, tuple[str, ...]], where: str
+) -> tuple[Store, tuple[str, ...], tuple[str, ...]]:
+    """Return what is known, what is free, and which of what is known may move once `freeze` is taken off."""
+    may_move = {p for name in moving for s in (store.states[name],) if s.known and store.rows([name]).any() for p in s.acts}
+    free, frozen = freed(model, stage.free, stage.freeze, where, may_move, shared)
+    store = store.parted(frozen)  # twins that are untied may be frozen one by one
+    return (
+        store,
+        tuple(free),
+        tuple(p for p, s in store.parameters.items() if s.acts and not {*s.acts} - may_move and frozen.isdisjoint(s.acts)),
+    )
 
 
 def readings_of(tables: Mapping[str, Any]) -> dict[str, Reading]:

@@ -11,7 +11,6 @@ from thermid.model._tree.identity import (
     local_identities as local_identities,
     made_to as made_to,
     rows_of_decks as rows_of_decks,
-    writing_places as writing_places,
 )
 from thermid.model._tree.replacement import (
     Dropped as Dropped,
@@ -19,4 +18,5 @@ from thermid.model._tree.replacement import (
     Replacement as Replacement,
     short_text as short_text,
     touching as touching,
+    without_layers as without_layers,
 )

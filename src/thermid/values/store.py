@@ -7,7 +7,7 @@ from __future__ import annotations
 
 import hashlib
 import math
-from collections.abc import Callable, Iterable, Mapping, Sequence
+from collections.abc import Callable, Collection, Iterable, Mapping, Sequence
 from dataclasses import dataclass, field, fields, replace
 from typing import Any, Literal, Protocol
 
@@ -16,11 +16,13 @@ import numpy as np
 from thermid.base.errors import DeckError, NameNotFoundError, nearest, quoted
 from thermid.base.expression import parse
 from thermid.base.linear_algebra import Array, symmetric_inverse
-from thermid.model.identity import Dropped, Identity, depth, inside, instances, local_identities, rows_of_decks, writing_places
+from thermid.model.identity import Dropped, Identity, depth, inside, instances, local_identities, rows_of_decks
 from thermid.model.parameters import UNJUDGED, Parameter, Standing, exact, worst
 from thermid.model.tree import SET, Entry, Model, deck_text, parameter_table
 
 Kind = Literal["data", "instrument", "stated", "structural", "misfit", "variant"]
+SHOWN = 8
+"""Up to so many values that a remark is about are named one by one, more of them by their parts."""
 KNOWN: tuple[Kind, ...] = ("data", "instrument", "stated")
 """Kinds that a covariance of fitted values holds; structural ones enter budgets besides."""
 
@@ -484,6 +486,17 @@ class Store:
 
         return replace(left, states={s.path: s for s in map(outside, left.states.values())})
 
+    def parted(self, apart: Collection[str]) -> Store:
+        """Return it with the places of a value that are among some paths as a state of their own, where it acts elsewhere too."""
+        states, rows = {}, []
+        for s, row in zip(self.states.values(), self.root, strict=True):
+            halves = [tuple(p for p in s.paths if (p in apart) is side) for side in (True, False)]
+            both = len({p in apart for p in s.acts}) == len(halves)
+            for one in [replace(s, path=h[0], paths=h) for h in halves] if both else [s]:
+                states[one.path] = one
+                rows.append(row)
+        return replace(self, states=states, root=np.array(rows).reshape(len(rows), len(self.sources)))
+
     def at(self, part: str) -> Store:
         """Return what it knows inside a part, by paths of the part, instruments among it."""
         inner = self.only(lambda s: s.kind != "parameter" or any(inside(p, part) for p in s.paths))
@@ -501,15 +514,14 @@ class Store:
     def on(self, model: Model) -> Model:
         """Return the model with every state laid over it, each over the deck that its stage was of: a [set] above still wins.
 
-        At a twin elsewhere it is laid over the deck that writes the value.
+        At a twin elsewhere it is laid over the deck that writes the value in the model of that stage.
 
         Raises
         ------
         NameNotFoundError   When the model has no such value.
         """
         layers: dict[tuple[str, str], dict[str, State]] = {}
-        twins = {p for s in self.parameters.values() for p in s.paths if s.at and not inside(p, s.at)}
-        places = writing_places(model, twins)
+        places = _twins_places(model, self.parameters.values())
         for s in self.parameters.values():
             for path in s.paths:
                 layers.setdefault((places.get(path, s.at), str(s.origin)), {})[path] = s
@@ -641,11 +653,13 @@ def _at_twins(model: Model, whole: Store) -> tuple[Store, list[str]]:
         first = next(iter(here.values()))
         if not all(s.same(first) for s in here.values()):
             who = " and ".join(dict.fromkeys(f"{s.origin} at {said.places([p])}" for p, s in here.items()))
-            said.add(rest, f"as the decks give it: its twins have different results, of {who}")
+            said.add(rest, f"the value of the deck stays at {{}}: its twins have different results, of {who}.")
             tied = [p for p in here if p in places.get(key, ())]
-            said.add(tied if len(tied) > 1 else (), f"not one value with its twins any more: there are different results, of {who}")
+            said.add(
+                tied if len(tied) > 1 else (), f"{{}} are one value of a deck, but have different results, of {who}. Each keeps its own."
+            )
         elif rest and any(not s.at or inside(p, s.at) for p in rest for s in here.values()):
-            said.add(rest, f"as the decks give it: {first.origin} fitted {said.places(here)} alone")
+            said.add(rest, f"the value of the deck stays at {{}}: {first.origin} fitted that of {said.places(here)} alone.")
         else:
             states[first.path] = replace(states[first.path], paths=(*states[first.path].paths, *rest))
     said.add_hidden(states.values(), parameter_table(model))
@@ -654,22 +668,46 @@ def _at_twins(model: Model, whole: Store) -> tuple[Store, list[str]]:
 
 def _by_identity(model: Model, whole: Store) -> dict[tuple[str, str], dict[str, State]]:
     """Return owner and local path of a value in the model of the stage that gave it -> path -> state."""
-    of = {"": "", **{prefix.removesuffix("."): definition for prefix, definition in instances(model)}}
-    known: dict[str, Mapping[str, Identity]] = {}
+    known = _Identities(model)
     out: dict[tuple[str, str], dict[str, State]] = {}
     for s in whole.parameters.values():
         for path in s.paths:
-            at = s.at if inside(path, s.at) else ""
-            if at not in known:
-                known[at] = local_identities(model.submodel(at) if at else model, of[at])
-            one = known[at].get(path[len(at) + 1 :] if at else path)
+            one = known.of(path, s.at if inside(path, s.at) else "")
             if one is not None:
                 out.setdefault((one.owner, one.local), {})[path] = s
     return out
 
 
+def _twins_places(model: Model, states: Iterable[State]) -> dict[str, str]:
+    """Return path -> part over whose deck a state is laid, of the places outside of the model of its stage."""
+    known = _Identities(model)
+    out = {}
+    for s in states:
+        beyond = [p for p in s.paths if s.at and not inside(p, s.at)]
+        one = known.of(next((p for p in s.paths if inside(p, s.at)), s.path), s.at) if beyond else None
+        for path in beyond:
+            parts = [path[:k] for k, c in enumerate(path) if c == "." and path[:k] in known.decks]
+            out[path] = next((p for p in parts if one is not None and known.decks[p] == one.owner), parts[-1] if parts else "")
+    return out
+
+
+class _Identities:
+    """Values as the models of stages have them, at the places of these in a model; `decks` has the definition of every part."""
+
+    def __init__(self, model: Model) -> None:
+        self.model = model
+        self.decks = {prefix.removesuffix("."): definition for prefix, definition in instances(model)}
+        self._known: dict[str, Mapping[str, Identity]] = {}
+
+    def of(self, path: str, at: str) -> Identity | None:
+        """Return the identity of a path in the model at a place; None where there is no such value."""
+        if at not in self._known:
+            self._known[at] = local_identities(self.model.submodel(at) if at else self.model, self.decks.get(at, ""))
+        return self._known[at].get(path[len(at) + 1 :] if at else path)
+
+
 class _Said:
-    """Paths of a model by what is said of them; `decks` as `rows_of_decks` has it."""
+    """Paths of a model by what is said of them, with braces where they are named; `decks` as `rows_of_decks` has it."""
 
     def __init__(self, decks: Mapping[str, tuple[str, tuple[str, ...]]]) -> None:
         self._decks = decks
@@ -688,8 +726,8 @@ class _Said:
             twins = (q for path in s.paths for q in self._decks[path][1] if q not in reading and not (s.at and inside(q, s.at)))
             for p in twins:
                 by = table[p].origin
-                words = f"as {by} gives it" if by.startswith(SET) else "cut from its twins"
-                self.add([p], f"{words}, so the result of {s.origin} for {self.places(s.paths)} does not act there")
+                why = f"{by} gives the value" if by.startswith(SET) else "it is cut from its twins"
+                self.add([p], f"the result of {s.origin} for {self.places(s.paths)} does not act at {{}}: {why}.")
 
     def places(self, paths: Iterable[str]) -> str:
         """Return the parts in which paths stand, in words."""
@@ -697,7 +735,8 @@ class _Said:
 
     def remarks(self) -> list[str]:
         """Return a remark for everything that is said."""
-        return [f"{quoted(list(paths))} {'is' if len(paths) == 1 else 'are'} {words}." for words, paths in self._paths.items() if paths]
+        named = {words: quoted(list(paths)) if len(paths) <= SHOWN else self.places(paths) for words, paths in self._paths.items() if paths}
+        return [words.format(paths) for words, paths in named.items()]
 
 
 def _chosen(path: str, several: Sequence[tuple[str, State, Array]]) -> tuple[State, Array, list[str]]:

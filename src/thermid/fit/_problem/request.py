@@ -20,9 +20,9 @@ from thermid.base.units import TEMPERATURE, from_si, unit
 from thermid.fit._problem.experiment import first_reading
 from thermid.fit._problem.residuals import Unknown
 from thermid.measure.records import Channel, Record
-from thermid.model.identity import definition_of, identity_of, local_identities
+from thermid.model.identity import definition_of, identity_of, inside, local_identities
 from thermid.model.laws import Constant, literal
-from thermid.model.tree import Model, ParameterSet
+from thermid.model.tree import Model, ParameterSet, Tree
 from thermid.simulation.scenarios import Scenario
 from thermid.simulation.solver import Options
 from thermid.values.spreads import read_spread
@@ -228,7 +228,7 @@ def matching(pattern: str, paths: Iterable[str], where: str) -> list[str]:
     return hits
 
 
-def shared_paths(model: Model) -> Mapping[str, tuple[str, ...]]:
+def shared_paths(model: Tree) -> Mapping[str, tuple[str, ...]]:
     """Return path -> every path of a model that has its value, its own first, of those that are one value at several places."""
     return {p: (p, *(q for q in one.paths if q != p)) for p, one in local_identities(model).items() if len(one.paths) > 1}
 
@@ -462,27 +462,31 @@ def known_before(request: Request, unknowns: Sequence[Unknown]) -> KnownBefore:
     """Return what the stages below found of the values that a fit may move, and of its instruments.
 
     The accuracy of an instrument is part of what they found of it, so it counts once. Instances that a fit unties start from the same
-    value; each has its error for itself.
+    values; each errs for itself, its own values together.
     """
     store = request.store
-    at, mean, sources = [], [], list(store.sources)
-    rows: list[Array] = []
-    taken: list[State] = []
     moving = {q: store.states[p] for p in request.prior for q in store.states[p].acts}
-    for k, u in enumerate(unknowns):
-        state = _state_of(store, moving, u)
-        if state is None:
-            continue
-        row = store.rows([state.path])[0] * form(state, u)
-        if any(s.same(state) for s in taken):
-            sources += [replace(s, name=f"{s.name} at {u.name}") for s in store.sources]
-            rows = [np.concatenate([r, np.zeros(len(store.sources))]) for r in rows]
-            row = np.concatenate([np.zeros(len(sources) - len(store.sources)), row])
-        taken.append(state)
-        at.append(k)
-        mean.append(u.to_fitted(state.value))
-        rows.append(np.concatenate([row, np.zeros(len(sources) - row.size)]))
-    return KnownBefore(np.array(at, dtype=np.int64), np.array(mean), np.array(rows).reshape(len(at), len(sources)), tuple(sources))
+    known = [(k, u, state) for k, u in enumerate(unknowns) if (state := _state_of(store, moving, u)) is not None]
+    copies = [_copy(u.name, [v.name for _, v, other in known if other.same(state)]) for _, u, state in known]
+    places = {"": 0} | {place: n for n, place in enumerate(dict.fromkeys(filter(None, copies)), 1)}
+    sources = [replace(s, name=f"{s.name} at {place}") if place else s for place in places for s in store.sources]
+    count = len(store.sources)
+    rows = np.zeros((len(known), len(sources)))
+    for i, ((_, u, state), place) in enumerate(zip(known, copies, strict=True)):
+        first = places[place] * count
+        rows[i, first : first + count] = store.rows([state.path])[0] * form(state, u)
+    at = np.array([k for k, _, _ in known], dtype=np.int64)
+    return KnownBefore(at, np.array([u.to_fitted(state.value) for _, u, state in known]), rows, tuple(sources))
+
+
+def _copy(path: str, twins: Sequence[str]) -> str:
+    """Return the shortest start of a path that none of its twins has; empty for the first of them in the order of names."""
+    others = [q for q in twins if q != path]
+    if path == min(twins):
+        return ""
+    steps = path.split(".")
+    starts = (".".join(steps[:n]) for n in range(1, len(steps) + 1))
+    return next(start for start in starts if not any(inside(q, start) for q in others))
 
 
 def form(state: State, unknown: Unknown) -> float:

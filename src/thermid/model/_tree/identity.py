@@ -5,7 +5,7 @@ from __future__ import annotations
 import hashlib
 import json
 from collections import Counter
-from collections.abc import Callable, Collection, Iterable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from typing import Any
 
@@ -78,15 +78,6 @@ def inside(path: str, place: str) -> bool:
 def depth(place: str) -> int:
     """Return how many levels a place lies below the root of its assembly; the root is the empty place."""
     return place.count(".") + 1 if place else 0
-
-
-def writing_places(model: Tree, paths: Collection[str]) -> Mapping[str, str]:
-    """Return path -> the submodel whose deck writes the value that acts there; empty for the model itself, or an unknown path."""
-    if not paths:
-        return {}
-    known, of = local_identities(model), dict(instances(model))
-    owners = {p: known[p].owner if p in known else "" for p in paths}
-    return {p: next((part.removesuffix(".") for part in _prefixes(p) if of.get(part) == owner), "") for p, owner in owners.items()}
 
 
 def rows_of_decks(model: Tree) -> Mapping[str, tuple[str, tuple[str, ...]]]:

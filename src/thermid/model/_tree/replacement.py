@@ -107,7 +107,7 @@ def replaced(model: M, raw: str, new: M, keep: Sequence[str] = ()) -> tuple[M, R
     for k in lost:
         after = lay_values(after, {k: before[model.canonical(k)].parameter}, before[model.canonical(k)].origin)
     now = parameter_table(after)
-    own = {f"{path}.{p}": e for p, e in parameter_table(_bare(old)).items()}
+    own = {f"{path}.{p}": e for p, e in parameter_table(without_layers(old)).items()}
     laid = {p: e for p, e in before.items() if inside(p, path) and _differs(e, own.get(p))}
     kept = tuple(p for p in laid if p in now and now[p].origin == laid[p].origin)
     gone = {p: e for p, e in laid.items() if p not in kept}
@@ -142,9 +142,9 @@ def coefficients(model: Tree, values: ParameterSet, part: str) -> set[str]:
     return found
 
 
-def _bare(model: Tree) -> Tree:
-    """Return a model as its decks are, nothing laid over it."""
-    return replace(model, layers=(), submodels={n: s.with_model(_bare(s.model)) for n, s in model.submodels.items()})
+def without_layers(model: Tree) -> Tree:
+    """Return a model without the values that were laid over it and its parts; what is cut from its twins stays so."""
+    return replace(model, layers=(), submodels={n: s.with_model(without_layers(s.model)) for n, s in model.submodels.items()})
 
 
 def _differs(now: Entry, deck: Entry | None) -> bool:
