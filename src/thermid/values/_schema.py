@@ -122,6 +122,16 @@ class LeftOutTable(StrictTable):
 
     what: str
     kelvin: Real = float("nan")
+    listed: Flag = False
+
+
+class BesideTable(StrictTable):
+    """Another sensor's first reading beside the one that a temperature stands on."""
+
+    channel: str
+    mean: Real
+    slope: Real
+    error: Real
 
 
 class OwnTable(StrictTable):
@@ -132,6 +142,7 @@ class OwnTable(StrictTable):
     mean: Real
     sd: Real
     runs: Whole
+    beside: list[BesideTable] = []
 
 
 class KindsTable(StrictTable):
@@ -166,6 +177,14 @@ class ModeTable(StrictTable):
     unsaid: Real = 0.0
 
 
+class AccountedTable(StrictTable):
+    """What is left of noise and misfit where the deck says what carries the heat."""
+
+    key: str
+    noise: dict[str, Real]
+    misfit: dict[str, Real]
+
+
 class StructuralTable(StrictTable):
     """What a fit leaves open of the model's structure."""
 
@@ -177,6 +196,7 @@ class StructuralTable(StrictTable):
     separated: list[str]
     assumed: dict[str, list[Real]] = {}
     of_assumed: dict[str, Pair] = {}
+    accounted: AccountedTable | None = None
 
     @model_validator(mode="after")
     def _fits(self) -> Self:

@@ -284,7 +284,7 @@ def save_store(store: Store, path: str | os.PathLike[str], stage: str) -> None:
         "seen": dict(store.seen),
         "cuts": list(store.cuts),
         "dropped": [_plain(d) for d in store.dropped],
-        "left_out": [{"what": x.what, "kelvin": x.kelvin} for x in store.left_out],
+        "left_out": [_plain(x) for x in store.left_out],
     }
     lines = ["# Values with their errors and origins. Written by thermid; the decks stay as their authors wrote them."]
     lines += [f"{name} = {_toml(x)}" for name, x in head.items()]
