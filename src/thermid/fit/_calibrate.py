@@ -155,7 +155,10 @@ def stored(request: Request, problem: Problem, values: FittedValues, found: Resp
     known = [not found.unlimited[k] for k in kept]
     origin = ValueOrigin("fit", values.stage, tuple(values.provenance["records"]), key, values.provenance["date"])
     decks = {p: deck_text(entry) for p, entry in parameter_table(request.model).items()}
-    states = {v.path: replace(state_of(v, origin, decks), known=sure) for v, sure in zip(values.values(), known, strict=True)}
+    states = {
+        v.path: replace(state_of(v, origin, decks), known=sure, of_logs=v.path in request.of_logs)
+        for v, sure in zip(values.values(), known, strict=True)
+    }
     seen = {sha: f"stage '{values.stage}' as '{name}'" for name, sha in values.provenance["records"].items()}
     return in_place(request.store, Store(states, sources, rows, seen, {values.stage: values.provenance}))
 

@@ -41,7 +41,7 @@ def hand_values(path: Path, model: Model, stage: str, where: str) -> Store:
     """
     data = read_values(path)
     if "schema" in data:
-        store = load_store(path)[0].matching(model)
+        store = load_store(path)[0].in_decks(model)[0].matching(model)
         key = hashlib.sha256(repr([*store.states.values(), store.root.tolist()]).encode()).hexdigest()
         mine = ValueOrigin("hand", stage, (), key)
         return replace(store, states={p: replace(s, origin=mine) if s.origin.kind == "hand" else s for p, s in store.states.items()})
@@ -113,7 +113,7 @@ class Filed:
     values : FittedValues   What still applies, by the paths of the part that the file is of.
     lacks : tuple of str    What a file of the old format cannot say.
     gone : tuple of str     Values that are left out, since the decks give them otherwise by now.
-    hidden : tuple of str   Values that a [set] hides.
+    hidden : tuple of str   Values of logs, and places where a [set] or another value hides one of the file.
     """
 
     model: Model
@@ -146,8 +146,9 @@ def filed(path: Path, model: Model, *, at: str = "", keep: bool = False) -> File
     by_hand = "schema" not in read_values(path)
     store, stage = (hand_values(path, part, path.name, path.name), path.name) if by_hand else load_store(path)
     lacks = tuple(x.what for x in store.left_out if "(schema 1)" in x.what)
+    store, of_logs = store.in_decks(part)
     known = store if keep else store.matching(part)
     gone = tuple(f"{d.path} = {d.text} of {d.origin} was ignored: {d.why}." for d in known.dropped[len(store.dropped) :])
-    placed: Store = graft(model, [(at, known)])[0] if at else known
+    placed, twins = graft(model, [(at, known)]) if at else (known, ())
     laid = placed.on(model)
-    return Filed(laid, values_of(known, stage), lacks, gone, placed.acting_in(laid)[1])
+    return Filed(laid, values_of(known, stage), lacks, gone, (*of_logs, *twins, *placed.acting_in(laid)[1]))

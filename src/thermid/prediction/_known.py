@@ -65,7 +65,7 @@ class Known(Result):
     def stores(self) -> tuple[Store, ...]:
         """What is known at every depth behind each of `values`, by the paths of the model."""
         own = [self.fit.store] if self.fit is not None else [v.store if v.store is not None else as_store(v) for v in self.values]
-        return tuple(graft(self.model, [(self.at, s)])[0] if self.at else s for s in own)
+        return tuple(graft(self.model, [(self.at, s)])[0] if self.at else s.in_decks(self.model)[0] for s in own)
 
     @property
     def placed(self) -> tuple[FittedValues, ...]:

@@ -82,6 +82,7 @@ class StateTable(StrictTable):
     history: list[OriginTable]
     standing: StandingTable
     prior: Pair | None = None
+    of_logs: Flag = False
 
     @model_validator(mode="after")
     def _in_order(self) -> Self:

@@ -330,6 +330,7 @@ def _kept(state: State, store: Store) -> dict[str, Any]:
         "history": [_plain(o) for o in state.history],
         "standing": state.standing.kept(),
     }
+    out |= {"of_logs": True} if state.of_logs else {}
     return out | ({"prior": list(state.prior)} if state.prior is not None else {})
 
 
@@ -450,6 +451,7 @@ def _state(name: str, v: Mapping[str, Any]) -> State:
         float(v["error_random"]),
         (float(v["prior"][0]), float(v["prior"][1])) if "prior" in v else None,
         v["known"],
+        v.get("of_logs", False),
     )
 
 

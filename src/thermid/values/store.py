@@ -346,6 +346,7 @@ class State:
     random : float          Scatter that the noise of the readings alone would give in a repeat. [SI]
     prior : (float, float)  Mean and standard deviation, fitted form, of what was stated of it before any data; None for nothing.
     known : bool            Whether its error is known; otherwise it is unlimited, and its row is zero.
+    of_logs : bool          Whether it is of the logs of its stage and not of its deck: the power of a course that no log gives.
     """
 
     path: str
@@ -365,6 +366,7 @@ class State:
     random: float = 0.0
     prior: tuple[float, float] | None = None
     known: bool = True
+    of_logs: bool = False
 
     @property
     def acts(self) -> tuple[str, ...]:
@@ -472,9 +474,23 @@ class Store:
 
     def only(self, keep: Callable[[State], bool]) -> Store:
         """Return what it knows of some values; the others are marginalised."""
-        kept = [k for k, s in enumerate(self.states.values()) if keep(s)]
+        chosen = [keep(s) for s in self.states.values()]
+        kept = [k for k, stays in enumerate(chosen) if stays]
         names = list(self.states)
-        return replace(self, states={names[k]: self.states[names[k]] for k in kept}, root=self.root[kept]).trimmed()
+        left = {names[k]: self.states[names[k]] for k in kept}
+        out = [s for s in self.states.values() if s.path not in left]
+        gone, absent = ({n for s in several for n in (s.path, *s.paths)} for several in (out, [s for s in out if s.of_logs]))
+        told = {stage: _told(known, gone, absent) for stage, known in self.provenance.items()} if gone else self.provenance
+        return replace(self, states=left, root=self.root[kept], provenance=told).trimmed()
+
+    def in_decks(self, model: Model) -> tuple[Store, tuple[str, ...]]:
+        """Return it without values of logs that a model has no place for, and a remark for each."""
+        if not any(s.of_logs for s in self.states.values()):
+            return self, ()
+        table = parameter_table(model)
+        gone = {p: s for p, s in self.parameters.items() if s.of_logs and p not in table}
+        words = "is a power in the logs of {} and not of its deck, so it does not act here."
+        return self.only(lambda s: s.path not in gone), tuple(f"'{p}' {words.format(s.origin)}" for p, s in gone.items())
 
     def drop(self, place: str) -> Store:
         """Return it without what stands at a path or inside a part; twins keep what they shared with it, and instruments stay."""
@@ -605,7 +621,11 @@ def graft(model: Model, below: Sequence[tuple[str, Store]]) -> tuple[Store, tupl
     ------
     DeckError   When two stages give one value at the same depth, and neither knew of the other.
     """
-    parts = [("" if part == "." else model.canonical(part), store) for part, store in below]
+    placed = [
+        ("" if part == "." else model.canonical(part), *store.in_decks(model.submodel(part) if part != "." else model))
+        for part, store in below
+    ]
+    parts = [(part, store) for part, store, _ in placed]
     sources = tuple({s.name: s for _, store in parts for s in store.sources}.values())
     place = {s.name: k for k, s in enumerate(sources)}
     offered: dict[str, list[tuple[str, State, Array]]] = {}
@@ -616,7 +636,7 @@ def graft(model: Model, below: Sequence[tuple[str, Store]]) -> tuple[Store, tupl
             row[columns] = own
             moved = state.under(part) if part else state
             offered.setdefault(moved.path, []).append((part, moved, row))
-    chosen, remarks = {}, []
+    chosen, remarks = {}, [said for _, _, several in placed for said in several]
     for path, several in offered.items():
         state, row, remark = _chosen(path, several)
         chosen[path] = (state, row)
@@ -787,6 +807,31 @@ def _provenance(known: Mapping[str, Any], part: str) -> Mapping[str, Any]:
     structural = {"structural": structural_under(known["structural"], f"{part}.")} if part and "structural" in known else {}
     regimes = {"regimes": regimes_under(known["regimes"], f"{part}.")} if part and "regimes" in known else {}
     return {**known, **moved, **structural, **regimes}
+
+
+def _told(known: Mapping[str, Any], gone: Collection[str], absent: Collection[str]) -> Mapping[str, Any]:
+    """Return what is kept of a fit without what it says of some of its values, and without values that are in no deck."""
+    out = dict(known)
+    if "structural" in known:
+        kept = known["structural"]
+        at = [k for k, name in enumerate(kept["names"]) if name not in gone]
+
+        def some(numbers: Sequence[float]) -> list[float]:
+            return [numbers[k] for k in at]
+
+        own = kept.get("accounted")
+        noise = {"accounted": {**own, "noise": {n: x for n, x in own["noise"].items() if n not in gone}}} if own else {}
+        modes = [{**m, "response": some(m["response"])} for m in kept["modes"]]
+        assumed = {p: some(moved) for p, moved in kept.get("assumed", {}).items()}
+        out["structural"] = {**kept, "names": some(kept["names"]), "modes": modes, "assumed": assumed, **noise}
+    if "regimes" in known:
+        kept = known["regimes"]
+        rows = [k for k, name in enumerate(kept["free"]) if name not in gone]
+        columns = [k for k, name in enumerate(kept["names"]) if name not in absent]
+        responses = {kind: [[each[k][j] for j in columns] for k in rows] for kind, each in kept["responses"].items()}
+        names, groups = ([kept[key][j] for j in columns] for key in ("names", "groups"))
+        out["regimes"] = {**kept, "free": [kept["free"][k] for k in rows], "names": names, "groups": groups, "responses": responses}
+    return out
 
 
 def regimes_under(kept: Mapping[str, Any], ahead: str) -> dict[str, Any]:

@@ -49,7 +49,7 @@ CHANGES: dict[str, tuple[Any, str]] = {
     "options": (Options(tolerance=1e-5), "free and fixed"),
     "hand": (BELOW, "values by hand"),
 }
-NONE = {"name", "seen", "remarks", "key", "adequate", "accepted"}
+NONE = {"name", "seen", "remarks", "key", "adequate", "accepted", "of_logs"}
 """What no end of a search depends on."""
 
 

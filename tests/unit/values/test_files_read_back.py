@@ -41,7 +41,7 @@ ORIGIN = ValueOrigin("fit", "s", ("r",), "k", "2026-01-01")
 STANDING = Standing("failed", "why", "s", True, (Standing("not adequate", "x", "t"),))
 STATE = State(
     "a.x", 2.0, True, "W", (0.5, math.inf), ORIGIN, "parameter", ("a.x", "b.x"), ("b.x",), "a", "2 [W]",
-    (ValueOrigin("hand", "h"),), STANDING, 1.5, 0.1, (0.7, 0.2), False,
+    (ValueOrigin("hand", "h"),), STANDING, 1.5, 0.1, (0.7, 0.2), False, True,
 )  # fmt: skip
 DISCREPANCY = Discrepancy(
     {"a.skin": OperatingPoint(10.0, 300.0)}, {("a.skin", "level"): 0.1}, {("a.skin", "level"): 0.2}, ("a.x",), np.array([[0.3]]),

@@ -94,7 +94,8 @@ class PowerCourse:
 
     def within(self, request: Request) -> Request:
         """Return a request that looks for this course's power too."""
-        return replace(request, model=self.on(request.model), free=(*request.free, f"{self.name}.power"))
+        power = f"{self.name}.power"
+        return replace(request, model=self.on(request.model), free=(*request.free, power), of_logs=(*request.of_logs, power))
 
 
 def recovered(

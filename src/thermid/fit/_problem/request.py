@@ -117,6 +117,7 @@ class Request:
     adequate : float                Standard deviation that the autocorrelated part of residuals may have; 0 for the usual limits. [K]
     accepted : bool                 Whether the campaign accepts the stage as it is, whatever its standing.
     doubts : bool                   Whether errors of values count what the structure may lack, whatever its residuals.
+    of_logs : tuple of str          Free values that are of the records and not of the deck: powers of courses that were added to its model.
     """
 
     model: Model
@@ -148,6 +149,7 @@ class Request:
     adequate: float = 0.0
     accepted: bool = False
     doubts: bool = False
+    of_logs: tuple[str, ...] = ()
 
     @property
     def shared(self) -> Mapping[str, tuple[str, ...]]:
