@@ -183,6 +183,23 @@ def test_one_value_of_two_instances_is_tested_once() -> None:
     assert found.moved["a.power"].detectable_share <= 0.1
 
 
+def test_a_step_beyond_the_bounds_or_the_derivatives_is_no_value() -> None:
+    """A power of at most 8 W asked to be 30 W was printed as 125.3 W (+3033 %), a mass as 3.5e-5 kg."""
+    part = box()
+    below = fit(Request(part, (log(part, {}, {"T": "case"}, samples=61),), ("power", MASS), name="box"))
+    wide = box({"parameters/power/max": 100, "nodes/case/mass/min": 0.01})
+    for truth, path, side in (({"power": "30 [W]"}, "power", "up"), ({MASS: "0.4 [kg]"}, MASS, "down"), ({MASS: "0.05 [kg]"}, MASS, "")):
+        data = log(wide, truth, {"T": "case"}, samples=61, seed=7)
+        move = fit(Request(below.fitted_model, (data,), store=below.store, name="above")).moved[path]
+        assert math.isnan(move.alone)
+        assert "->" not in str(move)
+        if side:
+            assert move.verdict == "moved"
+            assert f"moved {side}, " in str(move)
+    near = log(wide, {"power": "6 [W]"}, {"T": "case"}, samples=61, seed=7)
+    assert fit(Request(below.fitted_model, (near,), store=below.store, name="above")).moved["power"].alone == pytest.approx(6.0, rel=0.1)
+
+
 def _values(stage: str, rows: dict[str, tuple[float, float]]) -> FittedValues:
     items = {p: FittedValue(p, v, e, e, False, "W", v, (0.0, 9.0)) for p, (v, e) in rows.items()}
     return FittedValues(stage, items, np.diag([e**2 for _, e in rows.values()]))

@@ -263,7 +263,8 @@ class Move:
     path : str              Its path in the model of the level above.
     part : str              The part that it belongs to; empty for the model itself.
     stage : str             The stage that found it below.
-    below, alone : float    As that stage found it, and by the logs of this level without its prior (of a joint fit: there). [SI]
+    below, alone : float    As that stage found it, and by the logs of this level without its prior (of a joint fit: there); NaN where that
+                            lies outside of its bounds, or farther away than derivatives reach. [SI]
     here : float            As this level uses it: fitted, or `below` where it is fixed. [SI]
     unit : str              For people.
     deviations : float      The shift over its standard error, of the fitted form; NaN where the logs say nothing of it. [-]
@@ -320,10 +321,14 @@ class Move:
         """Return one line."""
         if not self.told:
             return f"{self.path}  {self.printed} {self.unit}: {self.verdict}; {self.power}"
+        far = f"{abs(self.deviations):.1f} standard errors"
+        if math.isnan(self.alone):
+            side = "up" if self.deviations > 0.0 else "down"
+            where = "this log alone puts it outside its bounds, or so far off that it does not determine the value"
+            return f"{self.path}  {self.printed} {self.unit}: {self.verdict} {side}, {far}; {where}"
         low, high = from_si(self.below, self.unit), from_si(self.alone, self.unit)
         change = 100 * (high / low - 1) if low else 0.0
         share = (f" ({change:+.0f} %)" if abs(change) >= 10 else f" ({change:+.2g} %)") if low else ""
-        far = f"{abs(self.deviations):.1f} standard errors"
         return f"{self.path}  {self.printed} -> {high:.4g} {self.unit}{share}: {self.verdict}, {far}; {self.power}"
 
     @property
@@ -510,7 +515,7 @@ def _tested(request: Request, opened: Opened, known: _Inherited, at: Array, leve
     values = []
     for (k, state), s in zip(asked.items(), shifts(test, list(asked)), strict=True):
         u, there = unknowns[known.at[k]], known.at[k]
-        alone, used = u.to_value(start[there] + s.size), u.to_value(opened.fitted[there])
+        alone, used = _alone(u, float(at[there]), float(start[there] + s.size)), u.to_value(opened.fitted[there])
         below = (state.value, request.store.error(state.path), state.random)
         values.append(_move(u.name, part_of(request.model, u.name), state.origin.stage or state.origin.kind, below, alone, used, u, s))
     rows = {m.path: k for m, k in zip(values, asked, strict=True)}
@@ -520,6 +525,13 @@ def _tested(request: Request, opened: Opened, known: _Inherited, at: Array, leve
     low, high = (np.array(b) for b in zip(*(u.fitted_bounds() for u in unknowns), strict=True))
     inside = np.array([FARTHEST if u.log else math.inf for u in unknowns])
     return Moves(tuple(values), groups), np.clip(start + np.clip(step, -inside, inside), low, high)
+
+
+def _alone(u: Unknown, at: float, end: float) -> float:
+    """Return the value at the end of a step along derivatives at some value, both in the fitted form; NaN where it is no value."""
+    low, high = u.fitted_bounds()
+    reach = FARTHEST if u.log else NONSENSE * max(abs(at), u.scale)
+    return u.to_value(end) if low <= end <= high and abs(end - at) <= reach else math.nan
 
 
 def _beside(problem: Problem, start: Array, known: Sequence[int]) -> tuple[Array, Array]:

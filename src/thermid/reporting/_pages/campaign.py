@@ -347,12 +347,13 @@ def _result(verdict: str) -> Cell:
 
 def _line(m: Move) -> Line:
     below, alone = from_si(m.below, m.unit), from_si(m.alone, m.unit)
-    share = number(100 * (alone / below - 1), 2) if below and m.told else DASH
+    known = m.told and math.isfinite(alone)
+    share = number(100 * (alone / below - 1), 2) if below and known else DASH
     far = f"{m.deviations:+.1f}" if math.isfinite(m.deviations) else DASH
     error = m.below_error / float(unit(m.unit).factor)
     there = f"{significant(below, error)} ± {number(error, 2)}" if math.isfinite(error) else plain(below, 5)
     detectable = number(100 * m.detectable_share, 2) if m.told else DASH
-    here = plain(alone, 4) if m.told else DASH
+    here = plain(alone, 4) if known else DASH
     return [
         Cell(m.path, "", "main"), m.stage, there, here, pretty(m.unit), share, far, number(m.chance, 2), detectable, _result(m.verdict),
     ]  # fmt: skip
