@@ -25,7 +25,7 @@ from thermid.model.deck import load_model
 from thermid.model.identity import PlaceStart, Replacement, definition_of, inside, instances, short_text, touching
 from thermid.model.laws import Constant
 from thermid.model.parameters import Standing, exact
-from thermid.model.tree import Model, ParameterSet, ledger
+from thermid.model.tree import Model, Names, ParameterSet, ledger
 from thermid.physics.constants import ICE_POINT
 from thermid.simulation.network import compile_network
 from thermid.simulation.runs import steady
@@ -40,6 +40,7 @@ FELT = 0.05
 """A value is worth retuning when a change of 10 % moves some sensor by this much. [K]"""
 START = "start after a replacement"
 CARRIED = "kept after a swap: the model has the new part, but values and statistics are from the tests before."
+SEAT = "sensors = {{'{0}': 'NODE'}}, or --sensor-at {0}=NODE"
 STEP = 1e-4
 """Relative change by which the response of a joint to the number behind it is found."""
 
@@ -80,6 +81,7 @@ class StagePlan:
     part : str          Where the part stands in it; empty where it is the part itself, or does not hold it.
     alone : bool        Whether it is the part alone.
     starts : tuple      Starts of its replacement that the stage decides: values of the place that it fitted before.
+    bind : dict         Channel -> where its sensor sits in the model after the swap, of those that sat on the old part.
     """
 
     name: str
@@ -93,6 +95,7 @@ class StagePlan:
     part: str = ""
     alone: bool = False
     starts: tuple[PlaceStart, ...] = ()
+    bind: Mapping[str, str] = field(default_factory=dict)
 
 
 @dataclass(frozen=True, eq=False)
@@ -110,6 +113,7 @@ class RetunePlan(Result):
                             else as in the last record. [K]
     as_logged : dict        Sensor -> the same with the old part at the power that the last record has. [K]
     watts : (float, float)  Power of the part by its old model and by the new deck. [W]
+    powered : str           Who gave the old part's power in its model, in words.
     logged : float          Power of the old part in the last record. [W]
     replacement : Replacement   What became of the values at the place, in the uppermost model.
     campaign : Campaign     What was done before.
@@ -126,6 +130,7 @@ class RetunePlan(Result):
     after: Mapping[str, float]
     as_logged: Mapping[str, float]
     watts: tuple[float, float]
+    powered: str
     logged: float
     replacement: Replacement
     campaign: Campaign = field(repr=False)
@@ -176,7 +181,26 @@ class RetunePlan(Result):
         """What the plan takes for granted of the new part and its place, in words."""
         tested = any(s.alone for s in self.stages)
         own = "its own test must be repeated" if tested else "no stage tests it alone"
-        return (f"{self.new} has the {self.watts[1]:.4g} W and all other values of its deck; {own}", *self.replacement.assumes[1:])
+        return (
+            f"{self.new} has the {self.watts[1]:.4g} W and all other values of its deck; {own}",
+            f"at rest: temperatures compare {self.old} at the {self.watts[0]:.4g} W {self.powered} with {self.new} at the "
+            f"{self.watts[1]:.4g} W of its deck, before any test of it; they have no band",
+            *(f"sensor {sensor}: {why}" for sensor, why in self.unplaced.items()),
+            *self.replacement.assumes[1:],
+        )
+
+    @property
+    def unplaced(self) -> dict[str, str]:
+        """Sensor -> why the model after the swap has no place for it."""
+        out = {}
+        for s in self.stages:
+            names = Names(s.model)
+            for channel, target in s.bind.items():
+                if target not in names.nodes:
+                    seat = target if s.alone else target.removeprefix(f"{s.part}.")
+                    nodes = ", ".join(Names(self.model).nodes)
+                    out[channel] = f"{self.new} has no node '{seat}', where it sat (it has {nodes}). State its place: {SEAT.format(seat)}"
+        return out
 
     def __str__(self) -> str:
         """Return the plan as text."""
@@ -202,8 +226,8 @@ class RetunePlan(Result):
 
     def _at_rest(self) -> list[str]:
         """Return the temperatures before and after, and those of the last record where the old part had another power in it."""
-        old, new = self.watts
-        lines = [f"  at rest before -> after: the old part at the {old:.4g} W of its model, the new one at the {new:.4g} W of its deck:"]
+        old = self.watts[0]
+        lines = ["  at rest before -> after:"]
         lines += [f"    {s}: {self.before[s] - ICE_POINT:.2f} -> {t - ICE_POINT:.2f} degC" for s, t in self.after.items()]
         if abs(self.logged - old) > 1e-9:
             shown = ", ".join(f"{s} {self.as_logged[s] - ICE_POINT:.2f} degC" for s in self.after)
@@ -212,7 +236,9 @@ class RetunePlan(Result):
 
 
 @takes_objects
-def plan_retune(campaign: Campaign, part: str, new: Model | str | os.PathLike[str]) -> RetunePlan:
+def plan_retune(
+    campaign: Campaign, part: str, new: Model | str | os.PathLike[str], *, sensors: Mapping[str, str] | None = None
+) -> RetunePlan:
     """Return the plan of a replacement: what it assumes, drops and touches, which stages and tests are due, predictions before and after.
 
     Parameters
@@ -220,6 +246,7 @@ def plan_retune(campaign: Campaign, part: str, new: Model | str | os.PathLike[st
     campaign : Campaign     As `run_stages` returned it.
     part : str              Path of the part in the model of the last stage.
     new : Model or path     The new part, or its deck.
+    sensors : dict          Node of the old part where a sensor sat -> node of the new one where it sits; the same name by default.
 
     Raises
     ------
@@ -239,21 +266,58 @@ def plan_retune(campaign: Campaign, part: str, new: Model | str | os.PathLike[st
     places = places_of(source, levels, top)
     swapped, what = above.replaced(part, model)
     swapped = what.starting(swapped)
+    seats = _seats(old, model, sensors or {})
     plans: list[StagePlan] = []
     touched: list[Touch] = []
     for level in levels:
         plan, touches = _staged(campaign, level, places[level.name], part, model)
-        plans += plan
+        plans += [replace(p, bind=_bound(campaign.requests[p.of], p, seats)) for p in plan]
         touched += touches
     by_deck, logged = _at_rest(campaign[top], part), _at_rest(campaign[top], "")
     cold, warm, shown = _steady(above, by_deck), _steady(swapped, by_deck), _steady(above, logged)
     watts, given = (_watts(above, by_deck, part), _watts(swapped, by_deck, part)), _watts(above, logged, part)
-    before, after, as_logged = (_observed(t, campaign[top]) for t in (cold, warm, shown))
+    before, as_logged = (_observed(t, campaign[top]) for t in (cold, shown))
+    after = _observed(warm, campaign[top], {f"{part}.{a}": f"{part}.{b}" for a, b in seats.items()})
     neighbours = _neighbours(above, swapped, part, cold, warm)
     stages, values = tuple(plans), tuple(touched)
     return RetunePlan(
-        part, old.title, model.title, stages, values, neighbours, before, after, as_logged, watts, given, what, campaign, model
+        part, old.title, model.title, stages, values, neighbours, before, after, as_logged, watts, _powered(above, part), given, what,
+        campaign, model,
     )  # fmt: skip
+
+
+def _seats(old: Model, new: Model, sensors: Mapping[str, str]) -> dict[str, str]:
+    """Return node of the old part -> node of the new one, of sensors that sit elsewhere.
+
+    Raises
+    ------
+    NameNotFoundError   When one of the two has no such node.
+    """
+    return {Names(old).find(a): Names(new).find(b) for a, b in sensors.items()}
+
+
+def _bound(request: Request, plan: StagePlan, seats: Mapping[str, str]) -> dict[str, str]:
+    """Return channel -> its node after the swap, of the sensors on the part in the tests of a stage."""
+    if not (plan.alone or plan.part):
+        return {}
+    ahead = "" if plan.alone else f"{plan.part}."
+    known, out = Names(request.model), {}
+    for record in request.records:
+        for c in (c for c in record.channels.values() if c.role == "node"):
+            at = known.find(c.target or "")
+            if at.startswith(ahead):
+                seat = at.removeprefix(ahead)
+                out[c.name] = ahead + seats.get(seat, seat)
+    return out
+
+
+def _powered(model: Model, part: str) -> str:
+    """Return who gave the powers of a part in a model, in words."""
+    values, deck = ParameterSet(model), model.submodel(part)
+    loads = [f"{part}.{prefix}{name}.power" for inner, prefix in deck.walk() for name in inner.loads]
+    origins = dict.fromkeys(values.table[values.literal_behind(p)].origin for p in loads if p in values.table)
+    given = [o for o in origins if o.startswith(("stage", "[set]"))]
+    return f"of {' and '.join(given)}" if given else "of its deck"
 
 
 def _staged(campaign: Campaign, level: Level, places: tuple[str, ...], part: str, new: Model) -> tuple[list[StagePlan], list[Touch]]:
@@ -364,9 +428,10 @@ def _steady(model: Model, scenario: Scenario) -> Mapping[str, float]:
         ) from None
 
 
-def _observed(rest: Mapping[str, float], done: Calibration) -> dict[str, float]:
-    """Return sensor -> temperature at rest, of the nodes that a model still has. [K]"""
-    return {o.sensor: rest[o.seat] for o in done.experiments[-1].observations if o.seat in rest}
+def _observed(rest: Mapping[str, float], done: Calibration, seats: Mapping[str, str] | None = None) -> dict[str, float]:
+    """Return sensor -> temperature at rest, of the nodes that a model still has; `seats` says where sensors sit by now. [K]"""
+    now = {o.sensor: (seats or {}).get(o.seat, o.seat) for o in done.experiments[-1].observations}
+    return {sensor: rest[seat] for sensor, seat in now.items() if seat in rest}
 
 
 def _neighbours(
@@ -396,6 +461,8 @@ def retuned(
     """Return the campaign after a retune; see `RetunePlan.run`."""
     before = plan.campaign
     assert before.source is not None
+    if plan.unplaced:
+        raise DeckError(" ".join(f"'{sensor}': {why}." for sensor, why in plan.unplaced.items()), plan.part)
     source = data if isinstance(data, CampaignSource) else read_campaign(before.source.path, data)
     due = tuple(r for s in plan.stages if s.alone for r in s.records) if part_only else plan.tests
     source = _source(source, plan, due, everything)
@@ -415,6 +482,8 @@ def retuned(
         carried = not again and (stage.action == "carried" or (part_only and not stage.alone))
         with errors_at(source.where(f"stages.{k}"), ": "):
             told = _told_by(table, stage, renamed, again, plan, done)
+            moved = {c: node for c, node in stage.bind.items() if c not in told.ignore}
+            told = told.model_copy(update={"bind": {**told.bind, **moved}})
             told = told.model_copy(update={"records": [], "steady": {}, "free": [], "priors": {}}) if carried else told
             request = request_of(source, told, k, done, _model(source, table, k, stage, plan, before[stage.of] if again else None))
             request = request if stage.alone or again else _local(request, stage, before[stage.of], plan)
@@ -447,12 +516,21 @@ def _source(source: CampaignSource, plan: RetunePlan, due: Sequence[str], everyt
     """Return the campaign for the new logs, those of the repeated tests alone unless everything is run; other logs need not be there."""
     old = plan.campaign.source
     assert old is not None
+    due = _with_joined(old, due)
     tables = [table for name, (_, table) in old.names().items() if everything or name in due]
     records = {name: source.content.records[name] for name, table in old.content.records.items() if any(table is t for t in tables)}
     reduced = replace(source, content=source.content.model_copy(update={"records": records, "verdicts": [], "checksums": {}}))
     if reduced.data is not None and reduced.data != old.data:
         _check_repeated(reduced, reduced.data, due)
     return reduced
+
+
+def _with_joined(source: CampaignSource, due: Sequence[str]) -> tuple[str, ...]:
+    """Return records with those of other loggers that they are joined with."""
+    known = source.names()
+    tables = (known[name][1].joined for name in due)
+    several = (t if isinstance(t, list) else [t] for t in tables if t is not None)
+    return tuple(dict.fromkeys((*due, *(one.record for joined in several for one in joined))))
 
 
 def _check_repeated(source: CampaignSource, data: Path, tests: Sequence[str]) -> None:

@@ -124,7 +124,7 @@ def test_before_and_after_are_at_the_same_conditions(project: Path, campaign: Ca
     other = td.design.plan_retune(campaign, "a", box(NEW))
     assert other.watts == (4.0, 3.0)
     assert other.logged == 4.0
-    assert "at rest before -> after: the old part at the 4 W of its model, the new one at the 3 W of its deck:" in str(other)
+    assert "at rest: temperatures compare Box at the 4 W of its deck with Light at the 3 W of its deck, before any test of it" in str(other)
     assert all(other.after[s] < other.before[s] for s in other.before)
 
 

@@ -216,6 +216,10 @@ def swap(
     results: Results = None,
     new_data: Annotated[Path | None, typer.Option("--new-data", help="Folder of the repeated tests: retune with them.")] = None,
     part_only: Annotated[bool, typer.Option("--part-only", help="Fit the new part to its own tests alone, before the others.")] = False,
+    sensor_at: Annotated[
+        list[str],
+        typer.Option("--sensor-at", help="OLD=NEW: nodes of the part, where a sensor sits elsewhere on the new one."),
+    ] = [],  # noqa: B006
     to: Annotated[Path | None, typer.Option("--to", help="Folder for the values files of the retune.")] = None,
     accept: Accept = None,
     force: Force = False,
@@ -230,7 +234,7 @@ def swap(
         raise ScenarioError("without a retune there are no values to write. Give the folder of the repeated tests: --new-data.", "--to")
     if to is not None:
         to.mkdir(parents=True, exist_ok=True)  # a name that is no folder's is refused before minutes of work
-    plan = plan_retune(staged(campaign, data, results, accept), part, deck)
+    plan = plan_retune(staged(campaign, data, results, accept), part, deck, sensors=pairs(sensor_at, "--sensor-at"))
     content: dict[str, Any] = {"plan": retune_object(plan)}
     texts, standing, code = [str(plan)], plan.standing, 0
     if new_data is not None:

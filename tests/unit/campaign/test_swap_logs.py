@@ -1,0 +1,157 @@
+"""Logs of a swap: those of two loggers, a sensor that sits elsewhere on the new part, and what its first figures compare."""
+
+from __future__ import annotations
+
+import shutil
+from dataclasses import replace
+from pathlib import Path
+
+import pytest
+
+import thermid as td
+from thermid.base.errors import DeckError, MissingDataError
+from thermid.measure.records import Record
+from thermid.model.deck import load_model
+from unit.fit.bench import log
+from unit.fit.project import write_log
+
+PART = """title = "{title}"
+needs = ["air"]
+offers = ["case"]
+
+[parameters]
+power = {{ value = "{power} [W]", min = 0.1, max = 20 }}
+
+[nodes]
+case = {{ capacitance = "500 [J/K]" }}
+{seat} = {{ capacitance = "20 [J/K]" }}
+
+[conductors]
+seat = {{ kind = "conduction", between = ["case", "{seat}"], conductance = "2 [W/K]" }}
+skin = {{ kind = "conduction", between = ["{seat}", "air"], conductance = {{ value = "0.15 [W/K]", min = 0.01, max = 2 }} }}
+
+[loads]
+heat = {{ into = "case", power = "power" }}
+"""
+UNIT = """title = "Unit"
+needs = ["air"]
+submodels = { x = { use = "part.toml", bind = { air = "air" } } }
+
+[nodes]
+plate = { capacitance = "900 [J/K]" }
+
+[conductors]
+foot = { kind = "conduction", between = ["x.case", "plate"], conductance = { value = "0.5 [W/K]", min = 0.05, max = 5 } }
+face = { kind = "conduction", between = ["plate", "air"], conductance = "0.4 [W/K]" }
+"""
+CAMPAIGN = """title = "Two loggers"
+
+[records.part]
+file = "logs/part.csv"
+time = "time_s"
+joined = { record = "second", offset = "0 [s]" }
+channels = { T = { node = "d", noise = "0.03 [K]" }, AIR = { boundary = "air" } }
+
+[records.second]
+file = "logs/second.csv"
+time = "time_s"
+channels = { T2 = { node = "case", noise = "0.03 [K]" } }
+
+[records.unit]
+file = "logs/unit.csv"
+time = "time_s"
+channels = { TX = { node = "x.d", noise = "0.03 [K]" }, TP = { node = "plate", noise = "0.03 [K]" }, AIR = { boundary = "air" } }
+
+[[stages]]
+name = "part"
+model = "part.toml"
+records = ["part"]
+free = ["power", "skin.conductance"]
+
+[[stages]]
+name = "unit"
+model = "unit.toml"
+records = ["unit"]
+free = ["foot.conductance"]
+inherit = { x = { stage = "part" } }
+"""
+SKIN = "skin.conductance"
+
+
+def written(folder: Path, unit: td.Model, power: float, skin: float, seat: str, seed: int) -> None:
+    """Logs of a part by two loggers and of the unit with it."""
+    part = unit.submodel("x")
+    truth = {"power": f"{power} [W]", SKIN: f"{skin} [W/K]"}
+    folder.mkdir(exist_ok=True)
+    both = log(part, truth, {"T": seat, "T2": "case"}, noise=0.03, samples=61, seed=seed)
+    write_log(renamed(both, {"T": "T", "ROOM": "AIR"}), folder / "logs" / "part.csv")
+    write_log(renamed(both, {"T2": "T2"}), folder / "logs" / "second.csv")
+    hidden = {f"x.{p}": v for p, v in truth.items()} | {"foot.conductance": "0.7 [W/K]"}
+    seen = log(unit, hidden, {"TX": f"x.{seat}", "TP": "plate"}, noise=0.03, samples=61, seed=seed + 1)
+    write_log(renamed(seen, {"TX": "TX", "TP": "TP", "ROOM": "AIR"}), folder / "logs" / "unit.csv")
+
+
+def renamed(record: Record, names: dict[str, str]) -> Record:
+    """Some channels of a record under other names."""
+    return replace(record, channels={new: replace(record[old], name=new) for old, new in names.items()})
+
+
+@pytest.fixture(scope="module")
+def campaign(tmp_path_factory: pytest.TempPathFactory) -> td.Campaign:
+    folder = tmp_path_factory.mktemp("swap_logs")
+    (folder / "thermid.toml").write_text("")
+    (folder / "part.toml").write_text(PART.format(title="Old", power=2, seat="d"))
+    (folder / "unit.toml").write_text(UNIT)
+    (folder / "campaign.toml").write_text(CAMPAIGN)
+    written(folder, load_model(folder / "unit.toml"), 2.3, 0.2, "d", 1)
+    return td.run_stages(folder / "campaign.toml")
+
+
+def new_part(campaign: td.Campaign, folder: Path, seat: str) -> tuple[Path, Path]:
+    """The deck of a new part, and a folder with the logs of its tests."""
+    deck = folder / "new.toml"
+    deck.write_text(PART.format(title="New", power=4, seat=seat))
+    written(folder / "again", campaign["unit"].model.replace("x", load_model(deck)), 4.4, 0.25, seat, 11)
+    return deck, folder / "again"
+
+
+def check(made: td.Campaign) -> None:
+    for stage, path, true in (("part", "power", 4.4), ("part", SKIN, 0.25), ("unit", "foot.conductance", 0.7)):
+        value = made[stage].store[path]
+        assert abs(value.value - true) < 4.0 * made[stage].store.error(path), path
+
+
+def test_logs_of_two_loggers(campaign: td.Campaign, tmp_path: Path) -> None:
+    deck, again = new_part(campaign, tmp_path, "d")
+    plan = td.design.plan_retune(campaign, "x", deck)
+    made = plan.run(again)
+    check(made)
+    assert set(made["part"].sensors) == {"T", "T2"}
+    shutil.move(again / "logs" / "second.csv", tmp_path / "gone.csv")
+    with pytest.raises(MissingDataError, match="has no log of second"):
+        plan.run(again)
+
+
+def test_a_sensor_that_sits_elsewhere_on_the_new_part(campaign: td.Campaign, tmp_path: Path) -> None:
+    deck, again = new_part(campaign, tmp_path, "cover")
+    plan = td.design.plan_retune(campaign, "x", deck)
+    assert [line for line in str(plan).splitlines() if "'d'" in line and "TX" in line]
+    with pytest.raises(DeckError, match=r"'d'.*cover"):
+        plan.run(again)
+    placed = td.design.plan_retune(campaign, "x", deck, sensors={"d": "cover"})
+    check(placed.run(again))
+    assert set(placed.after) == {"TX", "TP"}
+    with pytest.raises(td.ThermidError, match="no node 'lid'"):
+        td.design.plan_retune(campaign, "x", deck, sensors={"d": "lid"})
+    with pytest.raises(td.ThermidError, match="'e'"):
+        td.design.plan_retune(campaign, "x", deck, sensors={"e": "cover"})
+
+
+def test_the_first_figures_say_whose_power_they_compare(campaign: td.Campaign, tmp_path: Path) -> None:
+    deck, _ = new_part(campaign, tmp_path, "d")
+    lines = str(td.design.plan_retune(campaign, "x", deck)).splitlines()
+    said = next(k for k, line in enumerate(lines) if "of stage 'part'" in line and "4 W of its deck" in line)
+    assert f"{campaign['part']['power'].value:.4g} W" in lines[said]
+    assert "no band" in lines[said]
+    figures = [k for k, line in enumerate(lines) if " K at rest" in line or "degC" in line]
+    assert said < min(figures)
