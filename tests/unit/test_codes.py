@@ -11,10 +11,10 @@ from pathlib import Path
 
 import pytest
 
-import thermid as td
 from by_code import raises_code, warns_code
 from thermid import errors
 from thermid.app.cli.app import main
+from thermid.base import units
 from thermid.base.codes import CodedText, add_codes, code_of, mark_codes
 from thermid.base.errors import ThermidError, ThermidWarning
 from thermid.physics.air import dry_air
@@ -69,11 +69,11 @@ def test_codes_of_a_document() -> None:
 
 def test_a_test_of_another_code_fails() -> None:
     with pytest.raises(AssertionError, match=r"unit\.unknown"), raises_code("unit.ambiguous"):
-        td.units.unit("watts per inch")
+        units.unit("watts per inch")
     with pytest.raises(AssertionError, match="999"), raises_code("unit.unknown", match="999"):
-        td.units.unit("watts per inch")
+        units.unit("watts per inch")
     with pytest.raises(AssertionError, match=r"no 'unit\.nonsense'"), raises_code("unit.nonsense"):
-        td.units.unit("watts per inch")
+        units.unit("watts per inch")
     with pytest.raises(AssertionError, match=r"physics\.outside-range"), warns_code("physics.not-one-temperature"):
         dry_air(900.0)
 
