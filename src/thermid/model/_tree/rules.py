@@ -159,8 +159,11 @@ def _laws(view: _View) -> Iterator[Finding]:
 
 
 def _impossible(view: _View) -> Iterator[Finding]:
-    """A value that physics forbids."""
-    yield from view.impossible.values()
+    """A value that physics forbids; of several fields that one number stands behind, the first."""
+    places: dict[str, Finding] = {}
+    for found in view.impossible.values():
+        places.setdefault(found.where, found)
+    yield from places.values()
 
 
 def _capacitances(view: _View) -> Iterator[Finding]:
