@@ -244,7 +244,7 @@ def test_a_workbook_whose_last_cell_is_far_out_does_not_end_the_process(tmp_path
         for name, text in parts.items():
             moved = "pages/" if before == "folder" else "worksheets/"
             archive.writestr(name.replace("worksheets/", moved), text.replace("worksheets/", moved))
-    with pytest.raises(RecordError, match=r"took more than 1000 MB of memory .* a cell that stands far out.* THERMID_CAPS"):
+    with pytest.raises(RecordError, match=r"takes more than 1000 MB of memory, as where a cell of a sheet stands far out.* THERMID_CAPS"):
         read_plain(file)
     assert read_plain(book(tmp_path)).cells.header == ("time_s", "T [degC]")
 

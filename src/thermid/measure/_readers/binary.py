@@ -1,7 +1,7 @@
 """Logs in binary files as cells: NI TDMS, MATLAB, HDF5, netCDF and workbooks, each read by a library of its own.
 
 Numbers become text with all their digits, so that units, clocks and faults are read in one place for every format. These readers run in a
-process of their own, see `confined`, which also says what is wrong where a library raises an error.
+process of their own, see `confined`, and leave the errors of libraries to it.
 """
 
 from __future__ import annotations
@@ -9,18 +9,21 @@ from __future__ import annotations
 import io
 import re
 import struct
+import sys
 import warnings
 import zipfile
 import zlib
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from datetime import datetime, timedelta
+from importlib.util import find_spec
 from typing import Any, Final, cast
 
 import numpy as np
 
-from thermid.base.errors import RecordError, UnitError, cap, raising
-from thermid.base.extensions import optional
+from thermid.base.errors import MissingExtraError, RecordError, UnitError, cap, raising
+from thermid.base.extensions import missing, optional
 from thermid.base.units import require, unit as parsed_unit
+from thermid.measure._readers.confined import confined
 from thermid.measure._readers.headers import spelt
 from thermid.measure._readers.matlab_objects import objects_of, series_of
 from thermid.measure._readers.textfile import Cells, ChannelSeries, Layout, cells_of_text, merged, text_of
@@ -30,6 +33,41 @@ _SINCE: Final = re.compile(r"(?P<unit>\w+) since (?P<stamp>.+)\Z")
 
 Vectors = dict[str, tuple[Any, str]]
 """Name -> samples (samples,), unit as text; both empty where unknown."""
+
+
+MEMORY: Final = 5.0
+"""Memory that reading a file may take, over what it may unpack to. [-]"""
+Reader = Callable[[bytes, str, str | None], Cells]
+
+
+def in_child(read: Reader, module: str = "") -> Reader:
+    """Return one of the readers below that works in a process of its own.
+
+    Parameters
+    ----------
+    read : callable     The reader.
+    module : str        Optional module that it needs, as it is imported.
+    """
+
+    def of_bytes(data: bytes, file: str, separator: str | None) -> Cells:
+        if module and (sys.modules.get(module, module) is None or find_spec(module) is None):
+            raise MissingExtraError(missing([module], "this kind of file"), file)
+        memory = MEMORY * cap("unpacked")
+        return of_json(confined(to_json, data, memory, reader=read.__name__, file=file, separator=separator))
+
+    return of_bytes
+
+
+def to_json(data: bytes, reader: str, file: str, separator: str | None) -> dict[str, Any]:
+    """Return the cells that one of the readers finds, as JSON can hold them."""
+    cells: Cells = globals()[reader](data, file, separator)
+    return vars(cells) | {"prompt": sorted(cells.prompt), "layout": vars(cells.layout)}
+
+
+def of_json(held: dict[str, Any]) -> Cells:
+    """Return cells as they were before `to_json`."""
+    held |= {"header": tuple(held["header"]), "columns": [tuple(c) for c in held["columns"]], "notes": tuple(held["notes"])}
+    return Cells(**held | {"prompt": frozenset(held["prompt"]), "layout": Layout(**held["layout"])})
 
 
 def _small(size: float, file: str) -> None:

@@ -1,48 +1,45 @@
-"""Binary logs are read in a process of their own, under a limit of memory: their libraries end the process on some damaged files.
+"""Functions that run in a process of their own, under a limit of memory and time: for libraries that end the process on a damaged file.
 
-The process starts with the first such file, answers one file after the other, and ends with the one that started it. In: the bytes of a
-file and the name of a reader in `binary`. Out: its cells, or the error that refuses it.
+The process starts with the first call, answers one after the other, and ends with the one that started it. In: a function, bytes and plain
+options. Out: what the function returns, as JSON has it, or the error that it raises.
 """
 
 from __future__ import annotations
 
 import atexit
 import contextlib
-import importlib
 import json
 import os
 import subprocess
 import sys
 from collections.abc import Callable
-from importlib.util import find_spec
+from importlib import import_module
 from pathlib import Path
 from threading import Lock, Timer
 from typing import Any, BinaryIO, Final, cast
 
 from thermid.base import errors
-from thermid.base.errors import CAPS_VARIABLE, MissingExtraError, RecordError, ThermidError, cap, raising
-from thermid.base.extensions import missing
-from thermid.measure._readers.textfile import Cells, Layout
+from thermid.base.errors import CAPS_VARIABLE, ThermidError
 
-MEMORY: Final = 5.0
-"""Memory that reading a file may take, over what it may unpack to. [-]"""
 LONGEST: Final = 120.0
-"""Time after which reading one file is given up; 200 MB take some 20 s. [s]"""
-PROGRAM: Final = "from thermid.measure._readers.confined import serve; serve()"
+"""Time after which a call is given up; a log of 200 MB takes some 20 s. [s]"""
+PROGRAM: Final = f"from {__name__} import serve; serve()"
 
-Reader = Callable[[bytes, str, str | None], Cells]
+
+class EndedError(Exception):
+    """The process ended over a call, or raised what is no error of thermid; the text says what, where something is known."""
 
 
 class _Child:
-    """The process that reads, with the process that started it; another one after a fork or an end."""
+    """The process that runs functions, for the process that started it; another one after a fork or an end."""
 
     def __init__(self) -> None:
         self._lock = Lock()
         self._process: subprocess.Popen[bytes] | None = None
         self._owner = 0
 
-    def ask(self, question: dict[str, Any], data: bytes) -> dict[str, Any] | None:
-        """Return the answer to a question about some bytes; None where the process ended over it."""
+    def ask(self, question: dict[str, Any], data: bytes) -> dict[str, Any]:
+        """Return the answer to a question about some bytes; an empty one where the process ended over it."""
         with self._lock:
             process = self._started()
             assert process.stdin is not None
@@ -54,23 +51,23 @@ class _Child:
                 process.stdin.write(data)
                 process.stdin.flush()
                 line = process.stdout.readline()
-                answer = json.loads(line) if line.endswith(b"\n") else None
-            except (BrokenPipeError, ValueError):
-                answer = None
+                answer = json.loads(line) if line.endswith(b"\n") else {}
+            except BrokenPipeError:
+                answer = {}
             except BaseException:
                 self._end()
                 raise
             finally:
                 late.cancel()
-            if answer is None:
+            if not answer:
                 self._end()
-            return cast("dict[str, Any] | None", answer)
+            return cast("dict[str, Any]", answer)
 
     def _started(self) -> subprocess.Popen[bytes]:
         """Return the process, started where this one has none."""
+        if self._owner != os.getpid():
+            atexit.register(self.close)
         if self._process is None or self._owner != os.getpid() or self._process.poll() is not None:
-            if self._owner != os.getpid():
-                atexit.register(self.close)
             self._process, self._owner = _start(), os.getpid()
         return self._process
 
@@ -98,47 +95,34 @@ def _start() -> subprocess.Popen[bytes]:
 _CHILD: Final = _Child()
 
 
-def in_child(reader: str, module: str = "") -> Reader:
-    """Return a reader of `binary` that works in a process of its own.
+def confined(function: Callable[..., Any], data: bytes, memory: float, **options: Any) -> Any:
+    """Return what a function makes of some bytes in a process of its own.
 
     Parameters
     ----------
-    reader : str    Its name there.
-    module : str    Optional module that it needs, as it is imported.
+    function : callable     Of a module, called with the bytes and the options; it returns what JSON can hold.
+    data : bytes
+    memory : float          What it may take beside what the process has. [bytes]
+    options                 What JSON can hold.
+
+    Raises
+    ------
+    ThermidError   That of the function.
+    EndedError     When the process ends, takes more memory or time, or the function raises another error.
     """
-
-    def read(data: bytes, file: str, separator: str | None) -> Cells:
-        if module and (sys.modules.get(module, module) is None or find_spec(module) is None):
-            raise MissingExtraError(missing([module], "this kind of file"), file)
-        question = {"reader": reader, "file": file, "separator": separator, "caps": os.environ.get(CAPS_VARIABLE)}
-        answer = _CHILD.ask(question, data)
-        if answer is None:
-            raise RecordError(
-                f"reading it took more than {_memory() / 1e6:.0f} MB of memory or {LONGEST:.0f} s, or it is damaged: look for a cell that "
-                f"stands far out, and save the log again, or as CSV.{raising('unpacked')}",
-                file,
-            )
-        if "error" in answer:
-            kind = getattr(errors, answer["kind"], RecordError)
-            raise cast("type[ThermidError]", kind)(answer["error"], answer["where"])
-        return _cells(answer["cells"])
-
-    return read
-
-
-def _memory() -> float:
-    """Return the memory that reading a file may take beside what the process has. [bytes]"""
-    return MEMORY * cap("unpacked")
-
-
-def _cells(held: dict[str, Any]) -> Cells:
-    """Return cells as JSON holds them."""
-    held |= {"header": tuple(held["header"]), "columns": [tuple(c) for c in held["columns"]], "notes": tuple(held["notes"])}
-    return Cells(**held | {"prompt": frozenset(held["prompt"]), "layout": Layout(**held["layout"])})
+    question = {"module": function.__module__, "function": function.__name__, "options": options, "memory": memory}
+    answer = _CHILD.ask(question | {"caps": os.environ.get(CAPS_VARIABLE)}, data)
+    if not answer:
+        raise EndedError("")
+    if "error" in answer and not answer["kind"]:
+        raise EndedError(answer["error"])
+    if "error" in answer:
+        raise cast("type[ThermidError]", getattr(errors, answer["kind"]))(answer["error"], answer["where"])
+    return answer["made"]
 
 
 def serve() -> None:
-    """Answer questions about files, one after the other, until there is no more to read."""
+    """Answer questions, one after the other, until there is no more to read."""
     questions, answers = sys.stdin.buffer, os.fdopen(os.dup(1), "wb")
     os.dup2(2, 1)  # what a library prints is no answer
     while question := questions.readline():
@@ -147,31 +131,28 @@ def serve() -> None:
 
 
 def _answer(question: dict[str, Any], source: BinaryIO) -> dict[str, Any]:
-    """Return the cells of the file that follows a question, or what refuses it."""
+    """Return what a function makes of the bytes that follow a question, or what refuses them; nothing where memory is short."""
     data = source.read(question["size"])
     os.environ.pop(CAPS_VARIABLE, None)
     os.environ |= {CAPS_VARIABLE: question["caps"]} if question["caps"] else {}
     try:
-        _limit()
-        read: Reader = getattr(importlib.import_module("thermid.measure._readers.binary"), question["reader"])
-        cells = read(data, question["file"], question["separator"])
-        return {"cells": vars(cells) | {"prompt": sorted(cells.prompt), "layout": vars(cells.layout)}}
+        function = getattr(import_module(question["module"]), question["function"])
+        _limit(question["memory"])
+        return {"made": function(data, **question["options"])}
     except ThermidError as error:
         return {"kind": type(error).__name__, "error": error.message, "where": error.where}
     except MemoryError:
-        os._exit(1)  # as where a library ends the process
+        return {}
     except Exception as error:
-        cause = f"{type(error).__name__}: {str(error)[:200]}"
-        said = f"the file is damaged, laid out in an unknown way, or takes too much memory ({cause}). Save it again, or as CSV."
-        return {"kind": "RecordError", "error": said, "where": question["file"]}
+        return {"kind": "", "error": f"{type(error).__name__}: {str(error)[:200]}"}
 
 
-def _limit() -> None:
-    """Let the process have so much more memory than it has, and no more; where the system tells how much that is."""
+def _limit(memory: float) -> None:
+    """Let the process have so much more memory [bytes] than it has, and no more; where the system tells how much that is."""
     with contextlib.suppress(ImportError, OSError, ValueError):
         import resource
 
         pages = int(Path("/proc/self/statm").read_text(encoding="ascii").split()[0])
-        most = pages * resource.getpagesize() + int(_memory())
+        most = pages * resource.getpagesize() + int(memory)
         resource.setrlimit(resource.RLIMIT_AS, (most, resource.getrlimit(resource.RLIMIT_AS)[1]))
         resource.setrlimit(resource.RLIMIT_CORE, (0, 0))

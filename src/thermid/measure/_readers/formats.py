@@ -21,10 +21,11 @@ from typing import Final
 
 import numpy as np
 
-from thermid.base.errors import RecordError, ThermidError
+from thermid.base.errors import RecordError, ThermidError, cap, raising
 from thermid.base.extensions import extension
 from thermid.base.units import unit
-from thermid.measure._readers.confined import in_child
+from thermid.measure._readers import binary
+from thermid.measure._readers.confined import EndedError
 from thermid.measure._readers.headers import MISSING, TIME_NAMES, is_number, name_and_unit, spelt
 from thermid.measure._readers.stamps import stamp_seconds
 from thermid.measure._readers.textfile import Cells, ChannelSeries, Layout, cells_of_text, decoded, merged, read_bytes
@@ -532,19 +533,17 @@ def is_workbook(head: bytes) -> bool:
     return head[:4] == b"PK\x03\x04" and any(name in head for name in (b"xl/", b"[Content_Types].xml", b"opendocument.spreadsheet"))
 
 
-_workbook = in_child("workbook", "python_calamine")
+_workbook = binary.in_child(binary.workbook, "python_calamine")
 
 FORMATS: Final = (
     Format("bench log", "its first line", is_bench_log, _bench),
-    Format("NI TDMS", "the bytes TDSm", lambda d: d[:4] == b"TDSm", in_child("tdms", "nptdms"), "npTDMS"),
-    Format("HDF5", "its signature", lambda d: d[:8] == b"\x89HDF\r\n\x1a\n", in_child("hdf5", "h5py"), "h5py"),
-    Format("netCDF classic", "the bytes CDF", lambda d: d[:3] == b"CDF" and d[3:4] in b"\x01\x02", in_child("netcdf")),
-    Format("MATLAB", "MATLAB 5.0 in its first line", lambda d: d[:10] == b"MATLAB 5.0", in_child("matlab")),
-    Format("MATLAB 7.3", "MATLAB 7.3 in its first line", lambda d: d[:10] == b"MATLAB 7.3", in_child("hdf5", "h5py"), "h5py"),
-    Format("workbook", "a zip archive with xl/ or content.xml", is_workbook, in_child("workbook", "python_calamine"), "python-calamine"),
-    Format(
-        "workbook of old Excel", "its signature", lambda d: d[:8] == OLD_OFFICE, in_child("workbook", "python_calamine"), "python-calamine"
-    ),
+    Format("NI TDMS", "the bytes TDSm", lambda d: d[:4] == b"TDSm", binary.in_child(binary.tdms, "nptdms"), "npTDMS"),
+    Format("HDF5", "its signature", lambda d: d[:8] == b"\x89HDF\r\n\x1a\n", binary.in_child(binary.hdf5, "h5py"), "h5py"),
+    Format("netCDF classic", "the bytes CDF", lambda d: d[:3] == b"CDF" and d[3:4] in b"\x01\x02", binary.in_child(binary.netcdf)),
+    Format("MATLAB", "MATLAB 5.0 in its first line", lambda d: d[:10] == b"MATLAB 5.0", binary.in_child(binary.matlab)),
+    Format("MATLAB 7.3", "MATLAB 7.3 in its first line", lambda d: d[:10] == b"MATLAB 7.3", binary.in_child(binary.hdf5, "h5py"), "h5py"),
+    Format("workbook", "a zip archive with xl/ or content.xml", is_workbook, _workbook, "python-calamine"),
+    Format("workbook of old Excel", "its signature", lambda d: d[:8] == OLD_OFFICE, _workbook, "python-calamine"),
     Format(
         "LabVIEW measurement", "LabVIEW Measurement in its first line", lambda d: _head(d).startswith("LabVIEW Measurement"), _text(labview)
     ),
@@ -573,5 +572,13 @@ def log_cells(path: Path, separator: str | None = None) -> Cells:
     data = read_bytes(path)
     name = path.name
     of = next(each for each in FORMATS if each.recognised(data[:_HEAD]))
-    cells = of.read(data, name, separator)
+    try:
+        cells = of.read(data, name, separator)
+    except EndedError as error:
+        cause, memory = f" ({error})" if str(error) else "", binary.MEMORY * cap("unpacked") / 1e6
+        raise RecordError(
+            f"the file is damaged, laid out in an unknown way, or takes more than {memory:.0f} MB of memory, as where a cell of a sheet "
+            f"stands far out{cause}. Save it again, or as CSV.{raising('unpacked')}",
+            name,
+        ) from None
     return replace(cells, layout=replace(cells.layout, format=of.name)) if cells.layout.format == Layout().format else cells
