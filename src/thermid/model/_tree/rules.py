@@ -129,7 +129,9 @@ def _refused(error: ThermidError, where: str) -> Finding:
 def _view(model: Tree) -> _View:
     flat = flatten(model)
     values = flat.parameters.evaluate({})
-    impossible = {path: Finding("error", where, message, "value.outside-range") for path, where, message in flat.impossible(values, flat.ranges)}
+    impossible = {
+        path: Finding("error", where, message, "value.outside-range") for path, where, message in flat.impossible(values, flat.ranges)
+    }
     conductances: dict[str, float] = {}
     refused = []
     for c in flat.conductors:
