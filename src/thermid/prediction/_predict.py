@@ -413,7 +413,7 @@ def predicted(
     why = Missed() if draws else missed(setting, linear)
     count = draws or (DRAWN if why.words else 0)
     sources = budget.drawn(budget.numbers(seed, 0, count))
-    members = _members(setting, linear, sources, straight=not draws and not why.bent) if count else {}
+    members, lost = _members(setting, linear, sources, straight=not draws and not why.bent) if count else ({}, "")
     bands, rest = {}, {}
     for n, column in linear.columns.items():
         now = {c: v[:-1] for c, v in parts[n].items()}
@@ -428,6 +428,7 @@ def predicted(
         *linear.run.warnings,
         *budget.remarks,
         *([f"{why.words}, so {count} members were drawn"] if why.words else []),
+        *([lost] if lost else []),
         *setting.guessed(linear),
     )
     left, least = _left_out(budget, bands)
@@ -436,14 +437,17 @@ def predicted(
     return Prediction(title, course, setting.ready.times, bands, rest, words, warnings, find, standing, left, least)
 
 
-def _members(setting: Setting, linear: Linear, sources: Array, straight: bool) -> dict[str, tuple[Array, NDArray[np.int64]]]:
-    """Return node -> temperatures (times, members) [K] and which members they are: those that reached the end."""
+def _members(setting: Setting, linear: Linear, sources: Array, straight: bool) -> tuple[dict[str, tuple[Array, NDArray[np.int64]]], str]:
+    """Return node -> temperatures (times, members) [K] and which members they are, and a remark on those that failed."""
     if straight:
         every = np.arange(sources.shape[1])
-        return {n: (linear.run[n].kelvin[:, None] + c[:-1] @ sources, every) for n, c in linear.columns.items()}
-    found = _bent(setting, linear, sources, list(linear.columns)).kelvin
-    kept = {n: np.flatnonzero(~np.isnan(m).any(axis=0)) for n, m in found.items()}
-    return {n: (m[:, kept[n]], kept[n]) for n, m in found.items() if kept[n].size}
+        return {n: (linear.run[n].kelvin[:, None] + c[:-1] @ sources, every) for n, c in linear.columns.items()}, ""
+    drawn = _bent(setting, linear, sources, list(linear.columns))
+    failed = drawn.runs.failed if drawn.runs is not None else {}
+    kept = {n: np.flatnonzero(~np.isnan(m).any(axis=0)) for n, m in drawn.kelvin.items()}
+    found = {n: (m[:, kept[n]], kept[n]) for n, m in drawn.kelvin.items() if kept[n].size}
+    why = next(iter(failed.values()), "")
+    return found, f"{len(failed)} of {sources.shape[1]} members failed; the bands leave them out. One of them: {why}" if failed else ""
 
 
 def _bent(setting: Setting, linear: Linear, sources: Array, nodes: Sequence[str]) -> Drawn:

@@ -247,7 +247,7 @@ def test_draws_stay_within_the_bounds_of_a_deck() -> None:
         ({"skin.htc.coefficient": {"low": "2 [W/(m^2 K)]", "high": "1 [W/(m^2 K)]"}}, ScenarioError, "above its high end"),
         ({"skin.htc.coefficient": "-5 [%]"}, ScenarioError, r"a standard deviation must be zero or more\."),
         ({"initial.board": "5 [%]"}, ScenarioError, "per cent do not apply to a"),
-        ({"skin.emissivity": {"low": 2.0, "high": 3.0}}, ScenarioError, "exceeds the bounds"),
+        ({"skin.emissivity": {"low": 2.0, "high": 3.0}}, ScenarioError, "exceeds its bounds"),
         ({"skin.colour": "5 [%]"}, NameNotFoundError, "no parameter"),
     ],
 )

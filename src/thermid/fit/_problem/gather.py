@@ -107,7 +107,7 @@ def _parameter(group: Sequence[str], experiments: Sequence[Experiment]) -> Unkno
     parameters = experiments[0].network.flat.parameters
     targets = [Influence(i, p) for i in range(len(experiments)) for p in group]
     value = parameters.evaluate({}, [path])[path]
-    unknown = parameter_unknown(path, parameters.table[path].parameter, parameters.dimension(path), value, targets, None)
+    unknown = parameter_unknown(path, parameters.bounded(path), parameters.dimension(path), value, targets, None)
     return replace(unknown, also=tuple(also))
 
 
