@@ -80,7 +80,7 @@ class Unknown:
 
     def to_value(self, fitted: float) -> float:
         """Return the value of a fitted form. [SI]"""
-        return math.exp(min(fitted, 700.0)) if self.log else fitted
+        return math.exp(min(max(fitted, -700.0), 700.0)) if self.log else fitted
 
     def slope(self, fitted: float) -> float:
         """Return d value / d fitted."""

@@ -328,6 +328,16 @@ def hidden_defects(seen: Fitted) -> Iterator[MissingElement]:
                 yield _linked(seen.request, place.node, boundary, SMALL * (place.loss or 1.0))
 
 
+def plain_lacks(seen: Fitted) -> Iterator[MissingElement]:
+    """Yield what honest decks lack most often: a lag, a mass, a leak, or another law of surfaces and powers, at one place or at all."""
+    yield from hidden_defects(seen)
+    places = _places(seen)
+    for place in (p for p in places if p.boundary):
+        yield _steeper(seen.request, place)
+        yield _radiation(seen.request, place)
+    yield from _alike(seen, places)
+
+
 def changes_of(seen: Fitted) -> Iterator[MissingElement]:
     """Changes of structure of a whole network: those at one place, between two, over all places alike, and of the commands' timing."""
     places = _places(seen)

@@ -27,6 +27,8 @@ from thermid.simulation.scenarios import Scenario
 
 PULSES = 20
 """Stretches of a record in which heat is tried; windows are made of whole ones first."""
+LARGEST = 30
+"""Nodes that store heat in which unlogged heat is looked for: each has `PULSES` derivatives of every node's temperature."""
 PLACED = "unlogged_heat_"
 MANY = 3
 """Most nodes and loads at which a course of an unlogged power is tried."""
@@ -214,9 +216,14 @@ def _misfit(fit: RoughFit, base: RoughEnd, experiment: int) -> float:
     return float(sum(np.sum((t.whiten @ r) ** 2) for t, r in zip(fit.traces, base.left, strict=True) if t.experiment == experiment))
 
 
+def stores_of(e: Experiment) -> tuple[str, ...]:
+    """Return the nodes that store heat, sensors that are nodes left out."""
+    return tuple(n.path for n in e.network.flat.nodes if n.fields and n.path not in e.tips)
+
+
 @dataclass(frozen=True, eq=False)
 class Pulses:
-    """The answer of all readings to a watt in each stretch of a record, into each node that stores heat.
+    """The answer of all readings to a watt in each stretch of a record, into each node that stores heat; of many, those near readings.
 
     Parameters
     ----------
@@ -236,7 +243,8 @@ class Pulses:
         """Return the pulses of a record."""
         e = fit.problem.experiments[experiment]
         span = e.scenario.seconds
-        nodes = tuple(n.path for n in e.network.flat.nodes if n.fields and n.path not in e.tips)
+        near = {*(t.node for t in fit.traces), *(load.node for load in e.network.flat.loads)}
+        nodes = tuple(sorted(stores_of(e), key=lambda n: n not in near)[:LARGEST])
         edges = np.linspace(0.0, span, PULSES + 1)
         places: dict[str, str] = {}
         tables, amounts = {}, []
