@@ -484,6 +484,11 @@ class Budget:
             out[cause] = quadratic_forms(sized[:, own], self.alike[np.ix_(own, own)])
         return out
 
+    def shifts(self, columns: Array) -> dict[str, Array]:
+        """Return cause -> what the means of its sources do (times,), of causes with some; `columns` as in `parts`. [K]"""
+        means = {cause: np.where([c == cause for c in self.causes], self.means, 0.0) for cause in dict.fromkeys(self.causes)}
+        return {cause: np.asarray(columns @ m) for cause, m in means.items() if m.any()}
+
     def beside(
         self, sources: Sequence[Source], cause: str, targets: Sequence[Target] = (), gain: Array | float = 0.0, alike: Array | None = None
     ) -> Budget:

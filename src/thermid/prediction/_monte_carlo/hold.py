@@ -308,7 +308,8 @@ def hold(runs: UncertainRuns, limits: Mapping[str, Any], *, confidence: float = 
     limited = {p.node for p in points}
     sizes = [float(np.abs(row).sum()) for t, row in zip(budget.targets, budget.gain, strict=True) if t.form == "node" and t.name in limited]
     causes = tuple(dict.fromkeys(c for c in budget.causes if c not in ("stated", "fit")))
-    known = (len(runs.assumed), runs.warnings, max(sizes, default=None), runs.standing, runs.left_out, runs.not_counted, causes)
+    said = (*runs.warnings, *([runs.centre] if runs.centre else []))
+    known = (len(runs.assumed), said, max(sizes, default=None), runs.standing, runs.left_out, runs.not_counted, causes)
     return Hold(runs.title, runs.scenario, confidence, runs.times, len(runs), tuple(points), together, *known)
 
 
