@@ -63,7 +63,7 @@ def own_standing(
     wrong = [*contradicted(values).values(), *([] if found.converged else [f"the fit did not converge: {found.message}"])]
     if wrong:
         return Standing("not credible", "; ".join(wrong), values.stage, request.accepted)
-    short_of = [f"'{u.name}' ended at its {side} bound" for u, side, _ in at_bounds(problem, found, total) if u.kind == "parameter"]
+    short_of = [f"'{u.name}' ended at its {side} bound" for u, side, _ in at_bounds(problem, found, total)]
     short_of += _missed(request, problem, found, spread) if spread is not None else []
     far = _far(problem, found)
     if far and (size := max(far.values())) > STRAINED:

@@ -20,7 +20,7 @@ from thermid.measure.amounts import duration_text, short
 from thermid.model.elements import HeatLoad
 from thermid.model.laws import TableSignal
 from thermid.model.parameters import parameter
-from thermid.model.tree import FlatConductor
+from thermid.model.tree import FlatConductor, parameter_table
 from thermid.physics.constants import ICE_POINT
 from thermid.simulation.runs import Solution, prepare
 from thermid.simulation.scenarios import Scenario
@@ -190,7 +190,8 @@ def _ran(fit: RoughFit, x: Array, experiment: int) -> Solution:
     """Return a run of a record with the parameters of a rough fit."""
     e, found = fit.problem.experiments[experiment], zip(fit.problem.unknowns, x, strict=False)
     values = {t.name: u.to_value(float(v)) for u, v in found for t in u.targets if t.experiment == experiment}
-    named = {n: v for n, v in values.items() if n in e.network.flat.parameters.table}
+    own = parameter_table(e.model)  # a sensor that lags has values of its own beside the model
+    named = {n: v for n, v in values.items() if n in own}
     return prepare(e.model, e.bare, tuple(named), times=fit.meshes[experiment][0]).run(named)
 
 
