@@ -13,6 +13,8 @@ from types import ModuleType
 from thermid.renamed import moved
 
 _TOP = {
+    "celsius": "expression",
+    "quantity": "expression",
     "Model": "model.tree.model",
     "load_model": "model.deck.modelfile",
     "model_from_dict": "model.deck.modelfile",

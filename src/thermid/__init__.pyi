@@ -16,6 +16,8 @@ from thermid.campaign.stages import Campaign as Campaign
 from thermid.campaign.stages import run_stages as run_stages
 from thermid.errors import ThermidError as ThermidError
 from thermid.errors import ThermidWarning as ThermidWarning
+from thermid.expression import celsius as celsius
+from thermid.expression import quantity as quantity
 from thermid.fit.calibrate import calibrate as calibrate
 from thermid.fit.calibration import Calibration as Calibration
 from thermid.inference.identifiability import identifiability as identifiability

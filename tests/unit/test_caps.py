@@ -228,7 +228,7 @@ def test_a_number_that_no_float_holds_is_refused_with_its_place(tmp_path: Path) 
     with pytest.raises(ScenarioError, match=r"x.toml:4, environment\.air\.humidity: a number has too many digits \(some 399\)"):
         td.load_scenario(written(tmp_path, "x.toml", text))
     with pytest.raises(ThermidError, match="no finite value"):
-        td.Scenario("x", boundaries={"air": 10**400})
+        td.Scenario("x", commands={"q": 10**400})
 
 
 def test_a_workbook_whose_last_cell_is_far_out_does_not_end_the_process(tmp_path: Path) -> None:

@@ -25,7 +25,7 @@ ROOT = Path(__file__).parents[2]
 def _log(name: str, run: td.Solution, seed: int) -> td.Record:
     """Log of node a with noise."""
     noisy = run["a"].kelvin + np.random.default_rng(seed).normal(0.0, 0.05, run.times.size)
-    return td.Record.from_arrays(name, run.times, {"T": td.Channel.of("T", noisy, role="node", target="a", noise=0.05)})
+    return td.Record.from_arrays(name, run.times, {"T": td.Channel.of("T", noisy, unit="K", role="node", target="a", noise=0.05)})
 
 
 @pytest.fixture(scope="module")

@@ -22,6 +22,7 @@ import numpy as np
 
 from thermid.acquire.wire import MAGIC, BoardLine, parse_line, sealed, unsealed
 from thermid.errors import OutputError, RecordError
+from thermid.expression import Kelvin
 from thermid.files import COPY, write_bytes
 from thermid.measure.readers.formats import is_bench_log
 from thermid.measure.readers.textfile import UNFINISHED, Cells
@@ -500,7 +501,7 @@ class _Columns:
                 self.resolution[name] = f"{2.0 ** (8 - bits)} [K]"
             if "offset_K" in known:
                 paper = {key: float(known[f"{key}_K"]) for key in ("offset", "uncertainty", "at")}
-                self.certificates[name] = SensorCertificate(**paper, date=str(known["date"]))
+                self.certificates[name] = SensorCertificate(paper["offset"], paper["uncertainty"], Kelvin(paper["at"]), str(known["date"]))
                 notes.append(f"{name}: its certificate in the log, of {known['date']}, states {paper['offset']:+g} K")
         absent = sorted(set(range(self.rows)) - set(lines))
         if absent:

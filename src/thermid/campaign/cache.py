@@ -16,11 +16,12 @@ from typing import Any
 import numpy as np
 
 from thermid.errors import ThermidError
+from thermid.expression import Kelvin
 from thermid.files import OWN, read_bytes, replacing, write_text
 from thermid.fit.minimisation import KeptFit
 from thermid.measure import Channel, Record
 from thermid.measure.record.channel import Origin
-from thermid.measure.record.sensor import SensorPart
+from thermid.measure.record.sensor import TEMPERATURES, SensorPart
 
 _ARRAYS = ("values", "valid", "masks")
 _ABOUT = "about"
@@ -152,7 +153,8 @@ def _read(path: Path, key: str) -> Record | None:
             written = []
             for k, one in enumerate(about["channels"]):
                 masks = {reason: kept[f"mask {k} {n}"] for n, reason in enumerate(one["reasons"])}
-                part = None if one["part"] is None else SensorPart(**one["part"])
+                fields: dict[str, Any] = {n: Kelvin(v) if n in TEMPERATURES else v for n, v in (one["part"] or {}).items()}
+                part = SensorPart(**fields) if fields else None
                 written.append(Channel(values=kept[f"values {k}"], valid=kept[f"valid {k}"], masks=masks, part=part, **one["plain"]))
             origin = Origin(**{**about["origin"], "columns": tuple(about["origin"]["columns"])})
             return Record(about["name"], kept["times"], {c.name: c for c in written}, origin, tuple(about["steps"]))

@@ -13,6 +13,7 @@ from thermid.arguments import takes_objects
 from thermid.campaign.file import read_campaign
 from thermid.campaign.stages import Campaign
 from thermid.errors import DeckError, NameNotFoundError, nearest, refuse_unknown
+from thermid.expression import Kelvin
 from thermid.extensions import by_grammar
 from thermid.files import STUDY, write_text
 from thermid.fit.problem.residuals import SensorTrace
@@ -252,7 +253,7 @@ def _passed(name: str, component: Component, solution: Solution, node: str) -> l
         if limit is None:
             continue
         celsius = limit - ICE_POINT
-        time = trace.crossing(celsius, below=sign < 0.0)
+        time = trace.crossing(Kelvin(limit), below=sign < 0.0)
         if time is not None:
             out.append(Exceeded(name, node, celsius, trace.highest if sign > 0.0 else trace.lowest, time))
     return out

@@ -10,6 +10,7 @@ import numpy as np
 from thermid.arguments import takes_objects
 from thermid.dual import value_of
 from thermid.errors import DeckError, RecordError
+from thermid.expression import Kelvin
 from thermid.fit.calibration import Calibration
 from thermid.fit.problem.experiment import at_their_seats, attached, bind, role_and_target
 from thermid.linear_algebra import Array
@@ -210,9 +211,9 @@ class _Case:
         measured = {n: by["node", n] for n in self.nodes}
         at = dict(measured)
         if self.calculated:
-            driven = replace(given, prescribed={n: Constant(v) for n, v in measured.items()}, initial={}, start=ICE_POINT + 20.0)
+            driven = replace(given, prescribed={n: Constant(v) for n, v in measured.items()}, initial={}, start=Kelvin(ICE_POINT + 20.0))
             at |= {n: t for n, t in steady(self.model, driven).items() if n in self.calculated}
-        wiring = Wiring(self.network, replace(given, initial={}, start=ICE_POINT + 20.0))
+        wiring = Wiring(self.network, replace(given, initial={}, start=Kelvin(ICE_POINT + 20.0)))
         engine, a, zero = Engine(wiring), wiring.assemble(), np.zeros(1)
         at |= {b: float(wiring.boundary(b, zero, a.offsets)[0]) for b in self.network.boundaries}
         what = "an energy balance at one instant"

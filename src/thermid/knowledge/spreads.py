@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 
 from thermid.errors import ScenarioError, nearest
-from thermid.expression import parse
+from thermid.expression import THREE_WAYS, parse, stated
 from thermid.knowledge.store import Cut, Distribution, LogNormal, Normal, Uniform
 from thermid.model.laws.signal import literal
 from thermid.units import TEMPERATURE
@@ -94,9 +94,9 @@ def _uniform(table: Mapping[str, Any], slot: str, nominal: float, where: str, bo
 
 def _absolute(text: Any, where: str) -> bool:
     """Return whether a written number is a temperature and no difference of two."""
-    number = parse(text).literal if isinstance(text, str) else None
+    number = parse(text).literal if isinstance(text, str) else stated(text)
     if number is None:
-        raise ScenarioError(f"'{text}' must be a number with a unit.", where)
+        raise ScenarioError(f"{text!r} is no number with a unit. {THREE_WAYS}; a shift is '2 [K]'.", where)
     return number.unit.absolute
 
 

@@ -10,7 +10,7 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from thermid.errors import ThermidError, ThermidWarning, errors_at
-from thermid.expression import parse
+from thermid.expression import si_value
 from thermid.physics._number import Number
 from thermid.physics.air import Gas, dry_air
 from thermid.physics.convection import effective_htc, effective_htc_error
@@ -23,7 +23,7 @@ from thermid.physics.plates import (
 )
 from thermid.physics.radiation import linearised_htc
 from thermid.results import Result
-from thermid.units import TEMPERATURE, require_unit
+from thermid.units import TEMPERATURE
 
 LAMINAR_LIMIT = 1e9
 CORRELATION_ERROR = 0.15
@@ -253,14 +253,9 @@ def _settled(
 
 def _number(value: str | float, slot: str, name: str) -> float:
     """Return a value in SI."""
-    if not isinstance(value, str):
-        return float(value)
     with errors_at(name):
-        literal = parse(value).literal
-        if literal is None:
-            raise ThermidError(f"'{value}' must be a number with a unit.")
-        require_unit(literal.unit, slot)
-    return literal.value
+        si = si_value(value, slot)
+    return float(value) if si is None else si
 
 
 def _correlations(hot: float, cold: float, height: float, box: tuple[float, ...] | None, air: Gas) -> tuple[HtcEstimate, ...]:

@@ -15,6 +15,7 @@ from typing import Any
 import numpy as np
 
 from thermid.arguments import takes_objects
+from thermid.expression import Kelvin
 from thermid.fit.calibrate import fit as fitted_to
 from thermid.fit.calibration import Calibration
 from thermid.fit.problem.experiment import Experiment, Observation, as_found, attached, first_reading
@@ -366,7 +367,7 @@ def as_run(problem: Problem, end: Array, e: Experiment) -> Scenario:
     """Return the scenario of a record with the rooms and starts that were fitted to it, as it was run."""
     values = {n: x for n, x in zip(problem.bench(0, end).free, problem.inputs(0, end)[0], strict=True)}
     boundaries = {n: Constant(x) for n, x in values.items() if isinstance(e.scenario.boundaries.get(n), Constant)}
-    initial = {n.removeprefix("initial."): x for n, x in values.items() if n.startswith("initial.")}
+    initial = {n.removeprefix("initial."): Kelvin(x) for n, x in values.items() if n.startswith("initial.")}
     return e.scenario.with_(boundaries=boundaries, initial=initial)
 
 

@@ -458,7 +458,7 @@ def _settled(
 def _temperature(value: Any, network: SparseNetwork, where: str) -> float:
     if value in network.boundaries:
         return float(network.boundary(network.boundaries.index(value), np.zeros(1))[0])
-    return literal(value, TEMPERATURE, where) if isinstance(value, str) else float(value)
+    return literal(value, TEMPERATURE, where)
 
 
 def _stilled(network: SparseNetwork, span: float) -> SparseNetwork:

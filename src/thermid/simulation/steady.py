@@ -10,6 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from thermid.arguments import takes_objects
+from thermid.expression import Kelvin
 from thermid.linear_algebra import Array
 from thermid.model.blocks.block import Block
 from thermid.model.laws.signal import literal
@@ -97,11 +98,11 @@ def steady(model: Model | Block, scenario: Scenario, time: float | str = 0.0) ->
     """
     kind = time if time in (MEAN, PERIODIC) else ""
     instant = 0.0 if kind else literal(time, "s", f"{scenario.title}, steady") if isinstance(time, str) else float(time)
-    asked = scenario.with_(duration=max(scenario.seconds, instant), start=scenario.start or ICE_POINT)
+    asked = scenario.with_(duration=max(scenario.seconds, instant), start=scenario.start or Kelvin(ICE_POINT))
     if isinstance(model, Block):
         return steady_block(model, asked, instant, kind)
     # the start plays no part
-    asked = replace(asked, start=ICE_POINT, initial={})
+    asked = replace(asked, start=Kelvin(ICE_POINT), initial={})
     wiring = Wiring(network_for(model, asked), asked)
     if kind and wiring.cycle and wiring.cycle > asked.seconds:
         asked = asked.with_(duration=wiring.cycle)
@@ -174,7 +175,7 @@ def steady_levels(model: Model | Block, scenario: Scenario) -> tuple[Steady, ...
     """
     if isinstance(model, Block):
         return steady_levels_of_block(model, scenario, MOST_LEVELS)
-    asked = replace(scenario, start=ICE_POINT, initial={})
+    asked = replace(scenario, start=Kelvin(ICE_POINT), initial={})
     wiring = Wiring(network_for(model, asked), asked)
     length = max(asked.seconds, wiring.cycle or 0.0)
     if length > asked.seconds:

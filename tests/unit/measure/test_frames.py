@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 import thermid as td
-from thermid.errors import RecordError
+from thermid.errors import ThermidError
 
 pandas = pytest.importorskip("pandas")
 CHANNELS: dict[str, dict[str, Any]] = {
@@ -58,12 +58,12 @@ def test_stamps_count_from_the_first(column: bool) -> None:
         ({"T1": {"unit": "W", "node": "a"}}, {}, "'W' is no unit of a temperature"),
         ({"T1": {"unit": "degC", "node": "a", "nois": "0.1 [K]"}}, {}, "no key 'nois'"),
         ({"T1": {"unit": "degC", "node": "a"}}, {"index": [0.0, 10.0, 10.0, 30.0]}, "do not increase strictly"),
-        ({"T1": {"unit": "degC", "node": "a"}}, {"index": ["a", "b", "c", "d"]}, "neither numbers nor stamps"),
+        ({"T1": {"unit": "degC", "node": "a"}}, {"index": ["a", "b", "c", "d"]}, "numbers in seconds, texts such as"),
     ],
 )
 def test_what_is_wrong_is_said(channels: dict[str, Any], change: dict[str, Any], words: str) -> None:
     made = frame()
     if "index" in change:
         made.index = change["index"]
-    with pytest.raises(RecordError, match=words):
+    with pytest.raises(ThermidError, match=words):
         td.Record.from_dataframe("bench", made, channels)

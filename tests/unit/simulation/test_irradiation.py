@@ -27,7 +27,11 @@ def plate(**surface: Any) -> td.Model:
 def under(kelvin: float = 2.7, duration: str = "4 [h]", **flux: Any) -> td.Scenario:
     """What falls on it."""
     return td.Scenario(
-        "sun", boundaries={"space": f"{kelvin} [K]"}, irradiation={"face": td.network.Irradiation(**flux)}, start=300.0, duration=duration
+        "sun",
+        boundaries={"space": f"{kelvin} [K]"},
+        irradiation={"face": td.network.Irradiation(**flux)},
+        start="300 [K]",
+        duration=duration,
     )
 
 
@@ -74,7 +78,11 @@ def test_a_joint_shades_what_it_covers() -> None:
     deck["submodels"]["b"]["use"] = deck["submodels"]["a"]["use"]
     made = td.model_from_dict(deck)
     sun = td.Scenario(
-        "sun", boundaries={"space": "2.7 [K]"}, irradiation={"a.face": td.network.Irradiation(direct=BRIGHT)}, start=300.0, duration=600.0
+        "sun",
+        boundaries={"space": "2.7 [K]"},
+        irradiation={"a.face": td.network.Irradiation(direct=BRIGHT)},
+        start="300 [K]",
+        duration=600.0,
     )
     powers = td.simulate(made, sun).load_powers
     assert powers["a.face.sun"] == pytest.approx(0.25 * 0.06 * SUN)
@@ -97,7 +105,7 @@ def test_what_two_suns_do_is_the_sum_of_what_each_does() -> None:
     linear = plate(htc="5 [W/(m^2 K)]", emissivity=None)
 
     def rise(**flux: str) -> np.ndarray:
-        made = under(300.0, **flux) if flux else td.Scenario("dark", boundaries={"space": "300 [K]"}, start=300.0, duration="4 [h]")
+        made = under(300.0, **flux) if flux else td.Scenario("dark", boundaries={"space": "300 [K]"}, start="300 [K]", duration="4 [h]")
         run = td.simulate(linear, made)
         assert run.statistics["method"] == "modal"
         return run["plate"].kelvin - 300.0

@@ -7,6 +7,7 @@ from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass, replace
 
 from thermid.errors import IdentificationError, RecordError, nearest, refuse_unknown
+from thermid.expression import Kelvin
 from thermid.fit.problem.experiment import OFFSET, RATE, SCALE, Experiment, bind, first_reading, gain_of, lag_of
 from thermid.fit.problem.request import Request, known_before
 from thermid.fit.problem.residuals import Influence, Prior, Problem, Unknown, parameter_unknown
@@ -282,7 +283,7 @@ def _settled(request: Request, experiment: Experiment, starts: Mapping[str, _Sta
     for name, start in starts.items():
         value = start.reading - request.held_bias.get(start.sensor, 0.0) + start.shift
         if name.startswith("initial."):
-            initial[name.removeprefix("initial.")] = value
+            initial[name.removeprefix("initial.")] = Kelvin(value)
         else:
             boundaries[name] = Constant(value)
     return replace(experiment, scenario=experiment.scenario.with_(boundaries=boundaries, initial=initial))

@@ -166,9 +166,11 @@ def _channel(cells: Cells, binding: Binding, parsed: list[FloatArray | int]) -> 
         """Return an error or step of the column in SI; one in per cent is a share of the full scale."""
         return None if given is None else amount(given, difference, f"{where}, {word}") * scale
 
-    made = Channel.of(
+    values = in_si(samples, unit_text) * scale
+    made = Channel(
         binding.name,
-        in_si(samples, unit_text) * scale,
+        values,
+        np.isfinite(values),
         quantity=quantity if watts is None else "power",
         role=binding.role,
         target=binding.target,

@@ -26,7 +26,7 @@ from thermid.model.tree.model import Model
 from thermid.model.tree.tree import ParameterSet, parameter_table
 from thermid.physics.constants import ICE_POINT
 from thermid.reporting.blocks.content import DASH, Cell, Head, Line, Table, duration, number, plain, pretty, signed, significant
-from thermid.reporting.pages.views import Quantity, view
+from thermid.reporting.pages.views import ShownValue, view
 from thermid.units import NAMES, Dimension, from_si, unit
 
 Names = tuple[tuple[str, str], ...]
@@ -76,7 +76,7 @@ def parameters(calibration: Calibration) -> Table:
     return Table.of(columns, rows)
 
 
-def _bounds(q: Quantity) -> str:
+def _bounds(q: ShownValue) -> str:
     low, high = (plain(b, 4) if math.isfinite(b) else "" for b in q.bounds)
     return f"{low} .. {high}" if low and high else f"from {low}" if low else f"to {high}" if high else DASH
 
