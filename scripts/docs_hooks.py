@@ -36,6 +36,7 @@ ROOT_PAGES = {"changelog.md": "CHANGELOG.md", "contributing.md": "CONTRIBUTING.m
 """Page of the site -> file at the root of the repository."""
 
 ROOMS = {
+    "expression": "Values with their unit, as they enter from Python.",
     "model": "The hardware: parts, decks, areas, laws.",
     "network": "The equations of a model, with surrounding gas and radiation.",
     "simulation": "Conditions of a run, and its results.",

@@ -6,7 +6,7 @@ exponentials and ``pi`` are rounded where they stand.
 
 Values that enter from Python state their unit as a text does (``"24 [degC]"``), by `celsius` or `quantity`, or are a Quantity of pint, a
 pandas Series or an xarray DataArray with a unit; `si_values` is the one door of all of them. A number without a unit is SI where a function
-says so; it is never a temperature.
+states this; it is never a temperature.
 """
 
 from __future__ import annotations

@@ -156,7 +156,8 @@ def _read(path: Path, key: str) -> Record | None:
                 fields: dict[str, Any] = {n: Kelvin(v) if n in TEMPERATURES else v for n, v in (one["part"] or {}).items()}
                 part = SensorPart(**fields) if fields else None
                 written.append(Channel(values=kept[f"values {k}"], valid=kept[f"valid {k}"], masks=masks, part=part, **one["plain"]))
-            origin = Origin(**{**about["origin"], "columns": tuple(about["origin"]["columns"])})
+            lists: dict[str, Any] = {k: tuple(v) if isinstance(v, list) else v for k, v in about["origin"].items()}
+            origin = Origin(**lists)
             return Record(about["name"], kept["times"], {c.name: c for c in written}, origin, tuple(about["steps"]))
     except (OSError, EOFError, ValueError, KeyError, TypeError, zipfile.BadZipFile, ThermidError):
         return None  # a damaged file is as good as none: the log is read again

@@ -96,7 +96,7 @@ def _absolute(text: Any, where: str) -> bool:
     """Return whether a written number is a temperature and no difference of two."""
     number = parse(text).literal if isinstance(text, str) else stated(text)
     if number is None:
-        raise ScenarioError(f"{text!r} is no number with a unit. {THREE_WAYS}; a shift is '2 [K]'.", where)
+        raise ScenarioError(f"{text!r} has no unit. {THREE_WAYS}; a shift is '2 [K]'.", where)
     return number.unit.absolute
 
 

@@ -295,7 +295,5 @@ def test_commas_as_separator_and_as_decimal_sign(log):
 
 
 def test_a_table_in_memory_is_no_log():
-    with pytest.raises(
-        RecordError, match=r"a dict is not a file\. For columns in memory use Record\.from_arrays, with temperatures in kelvin\."
-    ):
+    with pytest.raises(RecordError, match=r"a dict is not a file\. For columns in memory use Record\.from_arrays, with unit"):
         read_record({"T1": [20.0, 21.0]}, {"T1": {"node": "a"}})

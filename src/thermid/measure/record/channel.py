@@ -44,6 +44,7 @@ class Origin:
     rows : int              Lines with samples.
     time : str              Name of the time column.
     synthetic : bool        Whether the samples were made and not measured.
+    questions : tuple       What the log leaves open and its owner can answer, in words: a unit, an hour, two readings at one time.
     """
 
     file: str
@@ -53,6 +54,7 @@ class Origin:
     rows: int
     time: str = "time"
     synthetic: bool = False
+    questions: tuple[str, ...] = ()
 
 
 def digest(columns: Iterable[tuple[str, ArrayLike]]) -> str:
@@ -629,6 +631,12 @@ def stray_readings(records: Sequence[Samples]) -> tuple[str, ...]:
                     f"prepare = [{{ faults = {{ codes = [{step}] }} }}] of the record."
                 )
     return tuple(out)
+
+
+def open_questions(records: Sequence[Samples]) -> tuple[str, ...]:
+    """Return what the owner of the logs should answer first: readings that are codes of faults, and the questions of each log."""
+    asked = (f"record '{r.name}': {question}" for r in records for question in r.origin.questions)
+    return (*stray_readings(records), *dict.fromkeys(asked))
 
 
 def codes_to_mask(codes: Iterable[float], channel: Channel) -> list[str]:
