@@ -580,6 +580,11 @@ class Wiring:
             start = self.network.boundaries[0]
         self._start = self._temperature(start, "start") if self.start is None else STEADY
         self._initial = {n: self._temperature(v, f"initial.{n}") for n, v in self.scenario.initial.items()}
+        if self.start is not None and self._initial and {n.path for n in self.network.flat.nodes if n.fields} <= {*self._initial}:
+            raise ScenarioError(
+                f"start = '{start}' has no effect, because [initial] gives every node a temperature. Leave one of them out.",
+                f"{self.scenario.title}, start",
+            )
 
     def _temperature(self, value: Any, key: str) -> Number | str:
         """Return an initial temperature: a number, or the canonical name of a boundary."""
