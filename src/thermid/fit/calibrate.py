@@ -139,6 +139,8 @@ def rests_on(request: Request, values: FittedValues) -> dict[str, Standing]:
     for s in request.store.states.values():
         if s.kind != "parameter" and s.path in values:
             out.setdefault(str(s.origin), []).append(s.standing)
+    for what in request.model.missing_parts():
+        out.setdefault(f"deck '{request.model.title}'", []).append(Standing("incomplete", what))
     return {who: worst(several) for who, several in out.items()}
 
 

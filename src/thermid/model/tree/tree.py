@@ -88,6 +88,7 @@ class Tree:
     made_in : dict              Gas node, or ``*`` -> `MadeIn`: of a reduced model, whose conductances hold the gas of that state alone.
     box : str                   white, light grey, dark grey or black.
     use : str                   The intended use, in words.
+    incomplete : str            What of the hardware it lacks, in words: what an import could not take over.
     file : str                  The deck's file name, for messages.
     lines : dict                Key path -> line of the deck, for messages.
     memo : Memo                 The tree laid flat, once it was asked for.
@@ -115,6 +116,7 @@ class Tree:
     made_in: Mapping[str, MadeIn] = field(default_factory=dict)
     box: str = "light grey"
     use: str = ""
+    incomplete: str = ""
     file: str = field(default="", compare=False)
     lines: Mapping[str, int | str] = field(default_factory=dict, compare=False, repr=False)
     memo: Memo = field(init=False, default_factory=Memo, compare=False, repr=False)
@@ -205,6 +207,13 @@ class Tree:
         """Return the paths of the parameters that belong to no part alone: what a submodel stage tunes."""
         own = [name for name, _, given in self.own_parameters() if given.is_literal]
         return (*own, *(path for path, given in self.settings.items() if given.is_literal))
+
+    def missing_parts(self, prefix: str = "") -> Iterator[str]:
+        """Yield what the model and its parts lack, each with its place."""
+        if self.incomplete:
+            yield f"{prefix.removesuffix('.')}: {self.incomplete}" if prefix else self.incomplete
+        for name, part in self.submodels.items():
+            yield from part.model.missing_parts(f"{prefix}{name}.")
 
     def without_test_only(self) -> Self:
         """Return the flight model: every element tagged `test_only` is dropped, at every depth."""
