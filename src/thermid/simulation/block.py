@@ -14,7 +14,7 @@ from thermid.errors import NameNotFoundError, ScenarioError, SolverError, neares
 from thermid.linear_algebra import Array
 from thermid.memo import Memo
 from thermid.model.blocks.block import FACES, Block, Exchange, exchange_cells, links
-from thermid.model.laws.signal import Constant, Drawn, Signal, common_cycle, literal, multiplied
+from thermid.model.laws.signal import Constant, Drawn, Signal, common_cycle, in_run, literal, multiplied
 from thermid.physics.convection import convection_conductance
 from thermid.physics.radiation import radiation_coefficient
 from thermid.results import Result
@@ -111,7 +111,8 @@ class BlockSolution(Solution):
     def load_powers(self) -> Mapping[str, Array]:
         """Heater -> power (times,). [W]"""
         out = {}
-        for name, signal in _powers(self.block, self._scenario).items():
+        for name, course in _powers(self.block, self._scenario).items():
+            signal = in_run(course, self._scenario.seconds)
             out[name] = np.full(self.times.shape, signal.value) if isinstance(signal, Constant) else signal.at(self.times)
         return out
 
@@ -371,13 +372,13 @@ def compile_block(block: Block, scenario: Scenario) -> SparseNetwork:
         return len(inputs) - 1
 
     boundaries = block.boundaries
-    signals = [scenario.boundaries[b].drawn(scenario.seconds) for b in boundaries]
+    signals = [in_run(scenario.boundaries[b], scenario.seconds) for b in boundaries]
     offsets = np.array([s.value if isinstance(s, Constant) else 0.0 for s in signals])
     places = tuple(place(s) for s in signals)
     rows = [row for e in block.exchanges for row in _rows(block, e, boundaries)]
     loads = []
     for tag, (name, course) in enumerate(_powers(block, scenario).items()):
-        power = course.drawn(scenario.seconds)
+        power = in_run(course, scenario.seconds)
         nodes = block.heater_cells(name)
         coefficients = np.zeros((4, nodes.size))
         coefficients[0] = (power.value if isinstance(power, Constant) else 1.0) / nodes.size

@@ -114,7 +114,9 @@ def steady(model: Model | Block, scenario: Scenario, time: float | str = 0.0) ->
     """
     kind = time if time in (MEAN, PERIODIC) else ""
     instant = 0.0 if kind else literal(time, "s", f"{scenario.title}, steady") if isinstance(time, str) else float(time)
-    asked = scenario.with_(duration=max(scenario.seconds, instant), start=scenario.start or Kelvin(ICE_POINT))
+    # a run sees what is before its end; the inputs of an instant are those from it on
+    lasting = scenario.seconds if scenario.seconds > instant else instant * (1.0 + 1e-9)
+    asked = scenario.with_(duration=lasting, start=scenario.start or Kelvin(ICE_POINT))
     if isinstance(model, Block):
         return steady_block(model, asked, instant, kind)
     # the start plays no part

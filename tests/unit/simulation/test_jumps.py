@@ -66,8 +66,9 @@ def test_what_has_a_capacitance_has_not_moved_what_has_none_has(method: str, lin
     # a millisecond moves the fast node by 3 K x 1.4 W/K x 1 ms / C; mid takes a third of that
     within = 3.0 * 1.4e-3 / capacitance + 3e-3
     assert before[1] - after[1] > 0.9  # the jump itself, as mid sees it
-    assert (fast, mid, slow) == pytest.approx((before[0], after[1], before[2]), abs=within)
-    assert found["air"].kelvin[-1] == 255.0
+    ends = duration < SPAN  # a run that ends on the jump has not seen it
+    assert (fast, mid, slow) == pytest.approx((before[0], before[1] if ends else after[1], before[2]), abs=within)
+    assert found["air"].kelvin[-1] == (258.0 if ends else 255.0)
 
 
 def test_a_capacitance_however_small_has_not_moved() -> None:

@@ -30,6 +30,8 @@ SINE_SAMPLES = 400
 """Samples of a period where a sine must become a table: within 3e-5 of its amplitude. [-]"""
 JUMP = 1e-6
 """Time in which a held value jumps where it meets one that is not held. [s]"""
+ROUNDED = 1e-12
+"""Share of a run by which times of an edge and of its end may differ. [-]"""
 BEND = 2e-5
 """Share of a signal's range by which straight lines may miss what follows from other signals. [-]"""
 MOST_HALVINGS = 8
@@ -610,6 +612,28 @@ class MeanOf(_Still):
 Signal = Constant | TableSignal | Sine | Mixed | MeanOf
 Drawn = Constant | TableSignal | Sine
 """What a run sees, and what is written for other programs."""
+
+
+def in_run(given: Signal, end: float) -> Drawn:
+    """Return a signal as a run from zero to `end` [s] sees it: what jumps at the end itself keeps the value before."""
+    drawn = given.drawn(end)
+    if not isinstance(drawn, TableSignal) or end <= 0.0:
+        return drawn
+    before = np.flatnonzero(drawn.times < end * (1.0 - ROUNDED))
+    if not before.size or before.size == drawn.times.size:
+        return drawn
+    last, following = before[-1], before[-1] + 1
+    if drawn.hold:
+        return (
+            drawn
+            if drawn.values[last] == drawn.values[following]
+            else replace(drawn, times=drawn.times[before], values=drawn.values[before])
+        )
+    if drawn.times[following] - drawn.times[last] <= 2.0 * JUMP:  # a jump that is written as a steep line
+        values = drawn.values.copy()
+        values[following:] = values[last]
+        return replace(drawn, values=values)
+    return drawn
 
 
 def check_span(given: Signal, end: float, where: str) -> None:

@@ -10,7 +10,7 @@ from typing import Any
 
 from thermid.errors import ScenarioError, errors_at, refuse_unknown
 from thermid.expression import Kelvin, kelvin
-from thermid.model.laws.signal import Constant, Signal, TableSignal, check_span, literal, own_signal, signal
+from thermid.model.laws.signal import Constant, Signal, TableSignal, check_span, in_run, literal, own_signal, signal
 from thermid.model.tree.flat import Flat
 from thermid.network.environment import Environment
 from thermid.network.irradiation import Irradiation, Sky
@@ -144,7 +144,7 @@ class Scenario:
 
     def media(self) -> Media:
         """Return the state of every gas, and what falls on outer surfaces."""
-        gases = {gas: e.mapped(lambda s: s.drawn(self.seconds)) for gas, e in self.environment.items()}
+        gases = {gas: e.mapped(lambda s: in_run(s, self.seconds)) for gas, e in self.environment.items()}
         return Media(gases, self.as_printed, self.irradiation, self.seconds)
 
     def signals(self) -> Iterator[tuple[str, Signal]]:

@@ -21,6 +21,7 @@ from thermid.model.laws.signal import (
     Sine,
     TableSignal,
     common_cycle,
+    in_run,
     literal,
     multiplied,
     pulses,
@@ -166,7 +167,7 @@ class Schedule:
 
     def __init__(self, signals: Mapping[str, Signal], duration: float) -> None:
         self.signals = dict(signals)
-        drawn = [s.drawn(duration) for s in signals.values()]
+        drawn = [in_run(s, duration) for s in signals.values()]
         self.times, self.hold = together(drawn, duration)
         columns = np.column_stack([s.at(self.times) for s in drawn])
         if not self.hold:  # a flow that turns has a knot where it is zero
@@ -516,7 +517,7 @@ class Wiring:
         changing = {n: s for n, s in (*signals.items(), *follow.items()) if s.cycle != 0.0}
         self.changing = tuple(dict.fromkeys(_shown(n) for n in changing))
         self.cycle = common_cycle([s.cycle for s in changing.values()])
-        self.signals: dict[str, Drawn] = {name: signal.drawn(self.scenario.seconds) for name, signal in signals.items()}
+        self.signals: dict[str, Drawn] = {name: in_run(signal, self.scenario.seconds) for name, signal in signals.items()}
         self._follow: dict[tuple[str, int, int], str] = {}
         self.courses = ScheduledCoefficients.of(network, self.schedule) if self.schedule is not None else None
         for key, course in self.courses.signals.items() if self.courses is not None else ():
