@@ -15,7 +15,7 @@ STEFAN = 5.670374419e-8
 PERIOD = 600.0
 NEAR = 1e-3
 """What is allowed beside Radau. [K]"""
-SPACED = np.linspace(0.0, 1.0, 1000) ** 3
+SPACED = np.linspace(0.0, 1.0, 250) ** 3
 """Instants at which the oracle looks for extremes, as shares of a piece: dense where fast nodes turn."""
 
 
