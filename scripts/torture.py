@@ -80,6 +80,11 @@ def elements(seconds: float, seed: int, count: int) -> Found:
     return told("-m", "torture.elements", str(count if count < sys.maxsize else max(5, round(seconds / 0.4))), str(seed))
 
 
+def values(seconds: float, seed: int, count: int) -> Found:
+    """Decks with one hostile number each, by every way that a number comes in."""
+    return told("-m", "torture.values", str(count if count < sys.maxsize else max(100, round(seconds / 0.004))), str(seed))
+
+
 def kills(seconds: float, seed: int, count: int) -> Found:
     """Jobs that are killed or find the disk full at each call that writes, or at every so many as far as the time allows."""
     every = 1 if count < sys.maxsize else max(1, round(600.0 / max(seconds, 1.0)))
@@ -117,6 +122,7 @@ PARTS = {
     "calls": Part("arguments of functions", 0.05, mutants("calls")),
     "kernel": Part("random networks of the kernel, against exponentials and scipy", 0.15, kernels),
     "elements": Part("random decks of every kind of element, against Radau at 1e-10", 0.15, elements, "500"),
+    "values": Part("decks with a hostile number, by every way that it comes in", 0.05, values, "20,000"),
     "kills": Part("jobs killed or on a full disk, at calls that write", 0.1, kills, "each call of eight jobs"),
     "outputs": Part("outputs of commands aimed at inputs, by four names of each", 0.05, outputs, "every output at every file"),
     "hostile": Part("hostile requests to the studio", 0.1, hostile, "10,000"),

@@ -39,6 +39,7 @@ NO_INPUT = {
     "thermid.bench.bench_files": "the map is changed in its place",
     "thermid.bench.benchlog": "the log is continued",
     "thermid.campaign._cache": "results of its own, and the code",
+    "thermid.measure._readers.confined": "the system's word on the memory of the process",
     "thermid.interop.c99": "a text of the package",
     "thermid.base.toml_files": "locks and verdicts are carried on",
     "thermid.model._deck.save": "a deck may be changed in its place",

@@ -108,6 +108,8 @@ def copy(tmp_path_factory: pytest.TempPathFactory) -> Path:
     shutil.copy(str(thermid._kernel.__file__), folder / "src" / "thermid")
     kinds = folder / "src" / "thermid" / "model" / "_parts" / "kinds.py"
     kinds.write_text(with_bolts(kinds.read_text(encoding="utf-8")), encoding="utf-8")
+    ranges = folder / "src" / "thermid" / "model" / "_parts" / "ranges.py"
+    ranges.write_text(lengthened(ranges.read_text(encoding="utf-8"), "RANGES: Final", EXAMPLE["range"]), encoding="utf-8")
     diagram = folder / "src" / "thermid" / "reporting" / "_diagrams" / "diagram.py"
     diagram.write_text(lengthened(diagram.read_text(encoding="utf-8"), "STYLES: Mapping", EXAMPLE["line-style"]), encoding="utf-8")
     for name, table, row, end in WALKS:

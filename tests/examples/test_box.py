@@ -69,7 +69,7 @@ MISTAKES = {
         "box.toml",
         "value = 0.88, min = 0.84, max = 0.93",
         "value = 88",
-        "emissivity: the emissivity is 88. Give 0 to 1.",
+        "parameters.paint: 'base_out.emissivity' is 88. Give 0 to 1",
     ),
     "radiation into air": ("zone.toml", 'sees = "base", ', "", "which is gas, and gas does not absorb"),
     "a screw with nothing behind it": ("box.toml", '"base", "mount"]', '"base", "lid"]', "' has no connections. Connect it or remove it."),

@@ -68,7 +68,7 @@ def test_the_tile_of_a_stage_that_is_not_credible_says_so_and_those_that_rest_on
     tiles = shown.run(TILES)
     assert set(tiles) == {"part", "pair", "whole"}
     assert all("NOT CREDIBLE" in text and "RMSE" not in text for text in tiles.values())
-    assert "rests on stage 'part' (T_LAB would have to be wrong by" in shown.text("#stage-detail")
+    assert "rests on stage 'part' (T_LAB would need an error of" in shown.text("#stage-detail")
     for stage, sensor in (("pair", "T_PLATE"), ("part", "T1"), ("whole", "T_BASE")):
         shown.click(f"[data-stage={stage}]")
         shown.until(f"document.querySelector('[data-sensor={sensor}]')")

@@ -21,6 +21,7 @@ import tempfile
 import time
 import traceback
 import warnings
+import zipfile
 from collections import Counter
 from collections.abc import Callable
 from pathlib import Path
@@ -144,8 +145,17 @@ def calls(name: str, base: Path, seed: str) -> str:
 
 
 def _mutant(name: str, seed: str, good: bytes) -> bytes:
-    """Return a mutant; of a packed file half the time one of what it packs."""
-    if name.endswith(".gz") and int(seed.rpartition(" ")[2]) % 2:
+    """Return a mutant; of a packed file half the time one of what it packs, of a workbook of one of its parts."""
+    number = int(seed.rpartition(" ")[2])
+    if name.endswith(".xlsx") and number % 2:
+        out = io.BytesIO()
+        with zipfile.ZipFile(io.BytesIO(good)) as book, zipfile.ZipFile(out, "w") as made:
+            parts = book.namelist()
+            for part in parts:
+                data = book.read(part)
+                made.writestr(part, mutant(seed, data) if part == parts[number // 2 % len(parts)] else data)
+        return out.getvalue()
+    if name.endswith(".gz") and number % 2:
         return gzip.compress(mutant(seed, gzip.decompress(good)), mtime=0)
     return mutant(seed, good)
 

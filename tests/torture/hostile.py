@@ -14,6 +14,7 @@ import subprocess
 import sys
 import tempfile
 import time
+import urllib.parse
 from collections import Counter
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager, suppress
@@ -40,6 +41,8 @@ ASKED: Final[dict[str, Any]] = {
     "save": {"stage": "nothing", "values": {}, "name": "x"},
     "stop": {},
 }  # fmt: skip
+TOKENS: Final[dict[int, str]] = {}
+"""Token of the studio at each port."""
 READ = ("project", "desk", "shelf", "job", "fresh", "logs")
 QUERIES = ("", "?stage=unit", "?stage=", "?stage=%00", "?stage=" + "x" * 5000, "?stage=unit&stage=x", "?a[b]=%ff%fe", "?%", "?stage=../..")
 PATHS = (
@@ -51,7 +54,8 @@ PATHS = (
 def request(dice: random.Random, port: int, courses: Sequence[str] = ("x",)) -> tuple[bytes, bool]:
     """Return the bytes of one hostile request, and whether it is whole, so that an answer must come."""
     kind = dice.choice(("order",) * 10 + ("question", "question", "path", "headers", "broken", "large"))
-    host = f"host: 127.0.0.1:{port}\r\n"
+    known = f"thermid-studio-{port}={TOKENS.get(port, '') if dice.random() < 0.98 else 'wrong'}"
+    host = f"host: 127.0.0.1:{port}\r\ncookie: {known}\r\n"
     if kind == "question":
         return f"GET /api/{dice.choice(READ)}{dice.choice(QUERIES)} HTTP/1.1\r\n{host}connection: close\r\n\r\n".encode(), True
     if kind == "path":
@@ -61,7 +65,7 @@ def request(dice: random.Random, port: int, courses: Sequence[str] = ("x",)) -> 
     body = _body(dice, name, courses)
     if kind == "large":
         body = dice.choice((b"[" * 200_000, b'{"a":' * 100_000, b" " * 1_500_000, b'{"values": {' + b'"x": 1,' * 50_000 + b'"y": 2}}'))
-    head = {"host": f"127.0.0.1:{port}", "x-thermid-studio": "1", "content-length": str(len(body)), "connection": "close"}
+    head = {"host": f"127.0.0.1:{port}", "cookie": known, "x-thermid-studio": "1", "content-length": str(len(body)), "connection": "close"}
     if kind == "headers":
         key = dice.choice((*head, "origin", "cookie", "x-thermid-studio", "transfer-encoding", "expect", "upgrade", "content-type"))
         wrong = (
@@ -145,7 +149,10 @@ def studio(folder: Path) -> Iterator[tuple[int, int]]:
         process = subprocess.Popen(command, stdout=subprocess.PIPE, stderr=said, text=True, cwd=tests, env=more)
     assert process.stdout is not None
     try:
-        yield process.pid, int(process.stdout.readline().rstrip("/\n").rpartition(":")[2])
+        address = urllib.parse.urlparse(process.stdout.readline().strip())
+        assert address.port is not None
+        TOKENS[address.port] = urllib.parse.parse_qs(address.query)["token"][0]
+        yield process.pid, address.port
     finally:
         process.kill()
         process.wait()
@@ -162,7 +169,7 @@ def _why(said: Path) -> str:
 def read(port: int, name: str) -> Any:
     """Return what the studio answers to a question."""
     connection = http.client.HTTPConnection("127.0.0.1", port, timeout=PATIENCE)
-    connection.request("GET", f"/api/{name}")
+    connection.request("GET", f"/api/{name}?token={TOKENS[port]}")
     answer = json.loads(connection.getresponse().read())
     connection.close()
     return answer

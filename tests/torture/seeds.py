@@ -25,6 +25,7 @@ from thermid.qualify.plans import lock_plan, lock_status
 from thermid.values.fitted import FittedValue, FittedValues
 from torture.elements import network
 from torture.mutants import _toml
+from unit.measure.samples import excel, labview_with_x, tdms
 from unit.qualify.project import PLAN, project
 
 DECK = """title = "unit"
@@ -250,6 +251,9 @@ def binary(folder: Path) -> None:
         for name, values in columns.items():
             file.create_dataset(name, data=values, compression="gzip").attrs["units"] = {"time": "s", "POWER": "W"}.get(name, "degC")
     savemat(folder / "rig.mat", columns, do_compression=True)
+    savemat(folder / "table.mat", {"log": {"time": times, "signals": {"values": columns["T_CASE"], "label": "T_CASE"}}})
+    for name, made in (("rig.xlsx", excel), ("rig.tdms", tdms), ("rig.lvm", labview_with_x)):
+        (folder / name).write_bytes(made().data)
     with netcdf_file(folder / "rig.nc", "w") as held:
         held.createDimension("time", times.size)
         for name, values in columns.items():
@@ -385,6 +389,10 @@ KINDS: Final[dict[str, Kind]] = {
     "packed log": Kind("rig.csv.gz", _record, (("look", "{}"),)),
     "log of a bench": Kind("bench.csv", lambda f: read_plain(os.fspath(f)), (("look", "{}"),)),
     "log in HDF5": Kind("rig.h5", lambda f: read_plain(os.fspath(f)), (("look", "{}"),)),
+    "structure of MATLAB": Kind("table.mat", lambda f: read_plain(os.fspath(f))),
+    "log in a workbook": Kind("rig.xlsx", lambda f: read_plain(os.fspath(f)), (("look", "{}"),)),
+    "log in TDMS": Kind("rig.tdms", lambda f: read_plain(os.fspath(f))),
+    "log of LabVIEW": Kind("rig.lvm", lambda f: read_plain(os.fspath(f)), (("look", "{}"),)),
     "log in MATLAB": Kind("rig.mat", lambda f: read_plain(os.fspath(f)), (("look", "{}"),)),
     "log in netCDF": Kind("rig.nc", lambda f: read_plain(os.fspath(f)), (("look", "{}"),)),
     "weather": Kind("weather.csv", _weather, (("simulate", "unit.toml", "--scenario", "pad.toml"),)),

@@ -10,7 +10,8 @@ from pathlib import Path
 
 import pytest
 
-from torture import elements, hostile, logs, outputs
+import thermid as td
+from torture import elements, hostile, logs, outputs, values
 
 TESTS = Path(__file__).parents[1]
 
@@ -24,6 +25,19 @@ def test_a_sample_of_mutants_ends_in_an_answer_or_an_error_of_the_library(how: s
     found = json.loads(run.stdout)
     assert found["findings"] == {}
     assert len(found["counts"]) >= 10
+
+
+def test_a_sample_of_hostile_numbers_by_every_way_in() -> None:
+    found = values.campaign(300, 1)
+    assert found["findings"] == {}
+    assert {f"{route}, {how}" for route in values.ROUTES for how in ("ran", "refused")} <= {*found["counts"]}
+
+
+def test_a_number_that_is_accepted_by_mistake_is_found() -> None:
+    """What finds nothing could find something."""
+    deck = values.DECKS[8]
+    case = values.Case("x.emissivity", "python", td.model_from_dict(deck), values.SCENARIO, {"x.emissivity": 1.5})
+    assert values.faults(case) == ["x.emissivity = 1.5 is accepted"]
 
 
 def test_a_sample_of_every_kind_of_element_beside_radau() -> None:
@@ -49,6 +63,13 @@ def test_a_sample_of_hostile_requests() -> None:
     found = hostile.campaign(60, 3)
     assert found["findings"] == {}
     assert found["counts"][200] >= 10
+
+
+@pytest.mark.campaign
+def test_twenty_thousand_hostile_numbers() -> None:
+    found = values.campaign(20_000, 1)
+    assert found["findings"] == {}
+    assert sum(found["counts"].values()) == 20_000
 
 
 @pytest.mark.campaign

@@ -7,7 +7,7 @@
 namespace thermid {
 
 struct Program {
-    enum Operation { NUMBER = 0, NAME, ADD, SUBTRACT, MULTIPLY, DIVIDE, NEGATE, POWER, OPERATIONS };
+    enum Operation { NUMBER = 0, NAME, ADD, SUBTRACT, MULTIPLY, DIVIDE, NEGATE, POWER, LEAST, LARGEST, ROOT, EXPONENTIAL, LOGARITHM, OPERATIONS };
     struct Step { int operation, a, b; };
     std::vector<Step> steps;
     std::vector<double> numbers;
@@ -21,7 +21,7 @@ struct Program {
             bool ok = false;
             if (s.operation == NUMBER) ok = among(s.a, numbers.size());
             else if (s.operation == NAME) ok = among(s.a, names);
-            else if (s.operation == NEGATE) ok = before(s.a);
+            else if (s.operation == NEGATE || (s.operation >= ROOT && s.operation < OPERATIONS)) ok = before(s.a);
             else if (s.operation > NAME && s.operation < OPERATIONS) ok = before(s.a) && before(s.b);
             if (!ok) throw std::invalid_argument("the formulas of the model are damaged");
         }
@@ -42,6 +42,11 @@ struct Program {
                 case MULTIPLY: value[k] = value[s.a] * value[s.b]; break;
                 case DIVIDE: value[k] = value[s.a] / value[s.b]; break;
                 case NEGATE: value[k] = -value[s.a]; break;
+                case LEAST: value[k] = value[s.b] < value[s.a] ? value[s.b] : value[s.a]; break;
+                case LARGEST: value[k] = value[s.b] > value[s.a] ? value[s.b] : value[s.a]; break;
+                case ROOT: value[k] = std::sqrt(value[s.a]); break;
+                case EXPONENTIAL: value[k] = std::exp(value[s.a]); break;
+                case LOGARITHM: value[k] = std::log(value[s.a]); break;
                 default: value[k] = std::pow(value[s.a], value[s.b]);
             }
         }
@@ -61,6 +66,11 @@ struct Program {
                 case MULTIPLY: slope[k] = slope[s.a] * value[s.b] + value[s.a] * slope[s.b]; break;
                 case DIVIDE: slope[k] = std::isinf(value[s.b]) ? 0.0 : (slope[s.a] - value[k] * slope[s.b]) / value[s.b]; break;
                 case NEGATE: slope[k] = -slope[s.a]; break;
+                case LEAST: slope[k] = slope[value[s.b] < value[s.a] ? s.b : s.a]; break;
+                case LARGEST: slope[k] = slope[value[s.b] > value[s.a] ? s.b : s.a]; break;
+                case ROOT: slope[k] = slope[s.a] == 0.0 ? 0.0 : 0.5 * slope[s.a] / value[k]; break;
+                case EXPONENTIAL: slope[k] = value[k] * slope[s.a]; break;
+                case LOGARITHM: slope[k] = slope[s.a] / value[s.a]; break;
                 default:
                     slope[k] = slope[s.a] == 0.0 ? 0.0 : value[s.b] * std::pow(value[s.a], value[s.b] - 1.0) * slope[s.a];
                     if (slope[s.b] != 0.0) slope[k] += value[k] * std::log(value[s.a]) * slope[s.b];

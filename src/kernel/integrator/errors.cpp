@@ -104,10 +104,13 @@ bool Integrator::clear_of_knees(double& next) {
     return t_ + next == t_ || next < 1e-9 * std::fabs(t_);
 }
 
+constexpr double FAINT = 1e-3;
+
 // Largest error of a step's sensitivities, relative to the effect that a parameter has had.
 double Integrator::slope_tolerance() const { return std::min(1e-2, std::max(leftover_ ? 1e-4 : 1e-7, 100.0 * tolerance())); }
 
-// The same for the sensitivities, relative to the largest effect that each parameter has had: where temperatures rest they may still move.
+// The same for the sensitivities, relative to the largest effect that each parameter has had: where temperatures rest they may still move. What a
+// parameter far away has done so far may be any power of time; an error is let be where doubling the parameter would show FAINT of a temperature's.
 double Integrator::sensitivity_error() {
     const size_t np = np_, m = static_cast<size_t>(n_) * np;
     const double* from[STAGES];
@@ -129,8 +132,9 @@ double Integrator::sensitivity_error() {
     double worst = 0.0;
     peak_.assign(np, 0.0);
     largest(peak_.data(), G_.data(), counts_.data(), n_, np_);
+    const double felt = FAINT * tolerance() / slope_tolerance();
     for (size_t q = 0; q < np; ++q)
-        if (reach_[q] > 0.0) worst = std::max(worst, peak_[q] / reach_[q]);
+        if (reach_[q] > 0.0) worst = std::max(worst, peak_[q] / std::max(reach_[q], felt * faint_[q]));
     return worst / slope_tolerance();
 }
 

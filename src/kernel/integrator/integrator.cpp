@@ -3,6 +3,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <limits>
 #include <stdexcept>
 #include <string>
 
@@ -27,6 +28,12 @@ Integrator::Integrator(const Problem& p, const double* coef, const CoefJacobian&
         if (moves(e.coef)) load_u_.push_back(e);
     }
     parameters_.build(p, d);
+    faint_.assign(np, std::numeric_limits<double>::infinity());
+    for (size_t c = 0; np > 0 && c + 1 < d.indptr.size(); ++c)
+        for (int k = d.indptr[c]; k < d.indptr[c + 1]; ++k)
+            if (coef[c] != 0.0) faint_[d.indices[k]] = std::min(faint_[d.indices[k]], std::fabs(d.data[k] / coef[c]));
+    for (double& each : faint_)
+        if (!std::isfinite(each)) each = 0.0;
     for (int k : p.con.kind) curved_ |= !is(k, STRAIGHT);
     for (int k : p.load.kind) curved_ |= k != SIGNAL;
     for (int k : p.control.kind) curved_ |= k != THERMOSTAT;

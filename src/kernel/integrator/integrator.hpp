@@ -122,7 +122,7 @@ class Integrator {
     std::vector<int> massless_begin_, massless_at_;  // of each node: places of J(i, m) and J(m, i) of massless neighbours m, and of J(m, m)
     std::vector<double> shed_[2];  // error estimates, filtered again
     std::vector<double> acc_con_, acc_load_, E_con_, E_load_;
-    std::vector<double> xa_, fp_, row_, lag_, lag_s_, reach_, peak_;
+    std::vector<double> xa_, fp_, row_, lag_, lag_s_, reach_, peak_, faint_;  // faint_: of each parameter, one over its size
     std::vector<char> counts_;
     bool curved_ = false;    // some law is not linear in temperature
     bool closes_ = false;    // what Newton leaves is taken up at the end of each step

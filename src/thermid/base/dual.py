@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -111,6 +112,12 @@ Number = float | Dual
 def value_of(number: Number) -> float:
     """Return the value alone."""
     return number.value if isinstance(number, Dual) else float(number)
+
+
+def is_finite(number: Number) -> bool:
+    """Return whether a number is finite; of numbers of members all must agree."""
+    value: Any = value_of(number)
+    return bool(value > -math.inf and value < math.inf)
 
 
 def gradient_of(number: Number, free: int) -> NDArray[np.float64]:

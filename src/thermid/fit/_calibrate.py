@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import replace
@@ -32,7 +33,7 @@ from thermid.fit._uncertainty.information import Information, Responses, elsewhe
 from thermid.fit._uncertainty.moved import Moves, moves_above
 from thermid.fit._uncertainty.noise import Autocorrelation, TraceNoise, autocorrelation
 from thermid.measure.amounts import short, some
-from thermid.measure.records import Record, stray_readings
+from thermid.measure.records import Record, noise_seen, stray_readings
 from thermid.model.identity import identity_of
 from thermid.model.laws import TableSignal
 from thermid.model.parameters import CREDIBLE, UNJUDGED, Standing, worst
@@ -47,6 +48,8 @@ autocorrelated part may be so many times the independent one, or so much of what
 ASIDE, STRAINED = 3.0, 5.0
 """Standard deviations from its prior at which a value of a single record is remarked on, and from which its fit is not adequate: what
 one record takes up so far from what is known of it is physics that the model lacks, or a prior that is wrong. [-]"""
+APART, NO_NOISE = 1.5, 1e-3
+"""Factor between stated noise and the noise that readings show, from which it is said; what they show below which they have none [K]."""
 SURE = 3.0
 """Standard deviations of chi-square by chance, from which residuals that wander are asked whether the structure lacks something. [-]"""
 REFUTED = 1e-3
@@ -60,7 +63,7 @@ def own_standing(
     wrong = [*contradicted(values).values(), *([] if found.converged else [f"the fit did not converge: {found.message}"])]
     if wrong:
         return Standing("not credible", "; ".join(wrong), values.stage, request.accepted)
-    short_of = [f"'{u.name}' ended at its {side} bound" for u, side, _ in at_bounds(problem, found, total) if u.kind == "parameter"]
+    short_of = [f"'{u.name}' ended at its {side} bound" for u, side, _ in at_bounds(problem, found, total)]
     short_of += _missed(request, problem, found, spread) if spread is not None else []
     far = _far(problem, found)
     if far and (size := max(far.values())) > STRAINED:
@@ -87,6 +90,7 @@ def _missed(request: Request, problem: Problem, found: Fit, spread: Autocorrelat
     seen = {(e.record.name, o.sensor): o for e in problem.experiments for o in e.observations}
     scatter = {(record, sensor): float(np.sqrt(s.mean_square)) for record, sensor, s in found.sums}
     missed: list[tuple[float, str]] = []
+    shown = _seen_noise(problem)
     for t in spread.traces:
         o = seen[t.record, t.sensor]
         sigma = o.sigma(problem.noise)
@@ -95,7 +99,10 @@ def _missed(request: Request, problem: Problem, found: Fit, spread: Autocorrelat
             limit, what = request.adequate, "'adequate'"
         elif o.noise is not None:
             size = scatter[t.record, t.sensor] if size > 0.0 else 0.0
-            limit, what = NOISES * o.noise, f"{NOISES:g} times its stated noise"
+            noise, what = o.noise, "its stated noise"
+            if noise > APART * shown.get((t.record, t.sensor), math.inf):
+                noise, what = shown[t.record, t.sensor], "the noise that its readings show"
+            limit, what = NOISES * noise, f"{NOISES:g} times {what}"
         else:
             limit = max(NOISES * float(np.sqrt(t.white_variance)) * sigma, OF_RANGE * float(np.ptp(o.measured)))
             what = f"{NOISES:g} noises and {100 * OF_RANGE:g} % of its range"
@@ -521,6 +528,7 @@ def _warnings(problem: Problem, found: Fit, total: Array, spread: Autocorrelatio
             )
     out += _strained(problem, found)
     out += differing(problem)
+    out += _noise_apart(problem)
     out += _taken_as_instants(problem)
     freedom = round(problem.freedom)
     reduced = found.chi_square / max(freedom, 1)
@@ -592,6 +600,31 @@ def differing(problem: Problem) -> list[str]:
                     f"and accuracy allow {short(allowed)} K. Correct their accuracy, or look for a temperature gradient between them."
                 )
     return out[:1]
+
+
+def _seen_noise(problem: Problem) -> dict[tuple[str, str], float]:
+    """Return record and sensor -> the noise that the readings show, of those that show some and whose noise is not said to be slow. [K]"""
+    seen = {
+        (e.record.name, o.sensor): noise_seen(e.record.channels[o.sensor])
+        for e in problem.experiments
+        for o in e.observations
+        if o.effective_share == 1.0
+    }
+    return {key: size for key, size in seen.items() if size > NO_NOISE}
+
+
+def _noise_apart(problem: Problem) -> list[str]:
+    """Return one remark on sensors whose stated noise is far from what their readings show; the farthest is named."""
+    seen, stated = _seen_noise(problem), {(e.record.name, o.sensor): o.noise for e in problem.experiments for o in e.observations}
+    apart = {key: (said, size) for key, size in seen.items() if (said := stated[key]) and abs(math.log(said / size)) > math.log(APART)}
+    if not apart:
+        return []
+    (record, sensor), (said, size) = max(apart.items(), key=lambda item: abs(math.log(item[1][0] / item[1][1])))
+    others = f", and that of {counted(len(apart) - 1, 'further trace')} is off too" if len(apart) > 1 else ""
+    return [
+        f"the stated noise of '{sensor}' is {short(said)} K, but its readings in {record} scatter by {short(size)} K from one to the next"
+        f'{others}. Errors and limits rest on the stated noise. State what the readings show, noise = "{short(size)} [K]", or why not.'
+    ]
 
 
 def _far(problem: Problem, found: Fit) -> dict[str, float]:
@@ -740,11 +773,24 @@ def _fitted(request: Request, problem: Problem, progress: Progress | None, known
 
 
 def _suspect(fit: Calibration, spread: Autocorrelation) -> bool:
-    """Whether the residuals of a fit may refute its structure: larger than the stated noise allows, and some of them wander."""
-    if fit.problem is None or any(o.noise is None for o in fit.problem.observations()):
+    """Whether the residuals of a fit may refute its structure: larger than the noise allows, and some of them wander.
+
+    The noise is what the readings show where none is stated, or more than that.
+    """
+    if fit.problem is None:
         return False
-    slow = any(t.white_variance > 0.0 and wanders(t.effective_samples, t.samples) for t in spread.traces)
-    return slow and fit.chi_square > fit.freedom + SURE * (2.0 * max(fit.freedom, 1)) ** 0.5
+    seen = _seen_noise(fit.problem)
+    taken = {(e.record.name, o.sensor): o.noise or fit.problem.noise[o.sensor] for e in fit.problem.experiments for o in e.observations}
+    stated = all(o.noise is not None for o in fit.problem.observations())
+    slow = _slow(spread)
+    # squares of what wanders in units of the noise that the readings show
+    more = [max(taken[key] / seen[key], 1.0) ** 2 if (key := (t.record, t.sensor)) in seen else float(stated) for t in slow]
+    squares = [t.samples * (t.white_variance + t.correlated_variance) * m for t, m in zip(slow, more, strict=True)]
+    count = sum(t.samples for t in slow)
+    return bool(slow) and (
+        (stated and fit.chi_square > fit.freedom + SURE * (2.0 * max(fit.freedom, 1)) ** 0.5)
+        or sum(squares) > count + SURE * (2.0 * count) ** 0.5
+    )
 
 
 def _as_they_are_worth(request: Request, problem: Problem, found: Fit, progress: Progress | None, stoppable: bool) -> tuple[Problem, Fit]:

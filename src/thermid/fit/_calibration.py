@@ -110,6 +110,13 @@ class Local:
     error: float
     unit: str = "K"
 
+    @property
+    def words(self) -> str:
+        """The value with its error."""
+        if self.unit == "degC":
+            return f"{self.value - 273.15:.2f} +- {short(self.error)} degC"
+        return f"{digits(self.value, self.error)} +- {short(self.error)} {self.unit if self.unit != '1' else ''}".rstrip()
+
 
 @dataclass(frozen=True, eq=False)
 class Calibration(Result):
@@ -292,7 +299,7 @@ class Calibration(Result):
         lines += [f"  {share}" for share in (*sensor_shares(self), *instrument_shares(self))]
         if self.local:
             lines.append("  per record:")
-            lines += [f"    {i.record}: {i.name} {_local_text(i)}" for i in self.local]
+            lines += [f"    {i.record}: {i.name} {i.words}" for i in self.local]
         if self.correlations:
             pairs = sorted(self.correlations.items(), key=lambda item: -abs(item[1]))[:10]
             lines.append("  correlations: " + "; ".join(f"{a} ~ {b} {c:+.2f}" for (a, b), c in pairs))
@@ -370,12 +377,6 @@ def _bias_text(sensor: str, fit: Calibration) -> str:
         held = fit.bias.get(sensor, 0.0)
         return f"   bias {held:+.2f} K (held)" if held else ""
     return f"   bias {found.value:+.2f} +- {short(found.error)} K"
-
-
-def _local_text(i: Local) -> str:
-    if i.unit == "degC":
-        return f"{i.value - 273.15:.2f} +- {short(i.error)} degC"
-    return f"{digits(i.value, i.error)} +- {short(i.error)} {i.unit if i.unit != '1' else ''}".rstrip()
 
 
 WORTH = 0.05

@@ -10,6 +10,7 @@ from thermid.measure._record.channel import (
     even_step as even_step,
     found_noise as found_noise,
     gap_from as gap_from,
+    noise_seen as noise_seen,
     step_of as step_of,
     stray_readings as stray_readings,
     stretch as stretch,

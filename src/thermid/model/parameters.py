@@ -2,6 +2,7 @@
 
 from thermid.model._parts.parameter import (
     CREDIBLE as CREDIBLE,
+    POSITIVE as POSITIVE,
     UNJUDGED as UNJUDGED,
     Parameter as Parameter,
     Standing as Standing,

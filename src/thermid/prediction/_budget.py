@@ -41,6 +41,7 @@ from thermid.simulation.network import Network, compile_network
 from thermid.simulation.runs import Simulator, prepare
 from thermid.simulation.scenarios import Scenario
 from thermid.values.fitted import FittedValues
+from thermid.values.spreads import cut
 from thermid.values.store import Distribution, LeftOut, Logarithm, Normal, Shifted, Source, Uniform, uniforms
 
 Groups = Sequence[tuple[Sequence[str], Any]]
@@ -48,12 +49,15 @@ Groups = Sequence[tuple[Sequence[str], Any]]
 Form = Literal["add", "log", "factor", "mode", "node"]
 FURTHEST = 1e-7
 """Share of a law below which no member lies. [-]"""
+NEAR_ZERO = 0.01
+"""Part of a value below which a law that reaches there is not taken by its logarithm. [-]"""
 SEEN = 0.8
 """Part of the variance of an assumed value that readings leave at most, where they count; its stated law stays as it is beyond. [-]"""
 TENTH = 0.1
 """Standard deviation of an assumed value whose deck gives no range: a tenth of it."""
 UNFITTED = "the model's own error, because no fit has measured it"
 SILENT = "the misfit, because the fitted values do not include the residuals of their fit"
+OFF = "(switched off)"
 FELT = 0.1
 """Share of a band from which what it does not count is named in the first line. [-]"""
 
@@ -480,6 +484,11 @@ class Budget:
             out[cause] = quadratic_forms(sized[:, own], self.alike[np.ix_(own, own)])
         return out
 
+    def shifts(self, columns: Array) -> dict[str, Array]:
+        """Return cause -> what the means of its sources do (times,), of causes with some; `columns` as in `parts`. [K]"""
+        means = {cause: np.where([c == cause for c in self.causes], self.means, 0.0) for cause in dict.fromkeys(self.causes)}
+        return {cause: np.asarray(columns @ m) for cause, m in means.items() if m.any()}
+
     def beside(
         self, sources: Sequence[Source], cause: str, targets: Sequence[Target] = (), gain: Array | float = 0.0, alike: Array | None = None
     ) -> Budget:
@@ -549,7 +558,7 @@ class Budget:
         own = [Target(free[k], known[free[k]].form if free[k] in known else "log", tied.get(free[k], ())) for k in held]
         words = seen.words
         acting = [k for k, n in enumerate(names) if n not in fixed]
-        targets = [_deviation(names[k], tied.get(names[k], ())) for k in acting]
+        targets = [Target(names[k], "log", tied.get(names[k], ())) for k in acting]
         sources = [Source(f"kind of run: {names[k]}", "structural", Normal(), words) for k in acting]
         gain = gain[np.ix_(acting, acting)]
         fitted = [Source(f"kinds that were fitted: {k + 1}", "structural", Normal(), words) for k in range(root.shape[1])]
@@ -583,10 +592,10 @@ class Budget:
         for names, how in groups:
             first, *also = map(ready.canonical, names)
             nominal = ready.nominal[first]
-            law = narrowed(ready.law(first, how), nominal, self.said.get(first))
+            law = cut(narrowed(ready.law(first, how), nominal, self.said.get(first)), ready.bounds(first), first)
             again = [self.followed[n] for n in (first, *also) if n in self.followed]
             # by its logarithm, so that what the fit would have found with another value compensates all of it and not to first order
-            positive = bool(again) and nominal > 0.0 and float(law.at(np.array([FURTHEST]))[0]) > 0.0
+            positive = bool(again) and nominal > 0.0 and float(law.at(np.array([FURTHEST]))[0]) > NEAR_ZERO * nominal
             own: Distribution = Logarithm(law, nominal) if positive else Shifted(law, -nominal)
             target = Target(first, "log" if positive else "add", tuple(also))
             out = out.with_one(Source(first, "stated", own, f"the stated spread of {first}"), "stated", target)
@@ -622,11 +631,6 @@ class Budget:
             modes=modes,
             whole=self.whole or (self if len(modes) < len(self.modes) else None),
         )
-
-
-def _deviation(name: str, also: tuple[str, ...]) -> Target:
-    """Return what a relative deviation of an element acts on."""
-    return Target(name, "factor" if name.startswith("scale.") else "log", also)
 
 
 def combined(weights: Array, rows: Array) -> Array:
@@ -728,7 +732,7 @@ def left_out_of(known: Known, whole: Budget, without: Sequence[str]) -> tuple[Le
     off = [s for s, cause in zip(whole.sources, whole.causes, strict=True) if {s.kind, cause, s.name} & {*without}]
     if off:
         causes = dict.fromkeys(cause for s, cause in zip(whole.sources, whole.causes, strict=True) if s in off)
-        out.append(LeftOut(f"{', '.join(causes)} (switched off)"))
+        out.append(LeftOut(f"{', '.join(causes)} {OFF}"))
     network = compile_network(whole.model, media=whole.scenario.media(), prescribed=tuple(whole.scenario.prescribed))
     silent = {stage: s for s in known.stores for stage, own in s.provenance.items() if kept_in(own) is None}
     for stage, store in silent.items():

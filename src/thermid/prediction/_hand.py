@@ -91,7 +91,7 @@ def _state(path: str, table: Mapping[str, Any], values: ParameterSet, origin: Va
     spread = {("mean" if k == "value" else k): v for k, v in table.items()}
     law = read_spread(spread, slot, 0.0, path) if set(spread) - {"mean"} else None
     value = law.mean if isinstance(law, Uniform) else literal(table["value"], slot, path)
-    u = parameter_unknown(path, old, values.dimension(path), value, (), None)
+    u = parameter_unknown(path, values.bounded(path), values.dimension(path), value, (), None)
     size = math.sqrt(law.variance) / (value if u.log else 1.0) if law is not None else 0.0
     size = law.log_sd if isinstance(law, LogNormal) and u.log else size
     shape = UNIT if isinstance(law, Uniform) else Normal()

@@ -22,7 +22,7 @@ from thermid.base.results import PlottedTrace, Result, Row
 from thermid.fit.calibration import Calibration
 from thermid.fit.discrepancy import OperatingPoint
 from thermid.inference.criticism import ExplainedFit, explained, summary
-from thermid.measure.amounts import short
+from thermid.measure.amounts import duration_text, short
 from thermid.model.parameters import UNJUDGED, Standing, worst
 from thermid.model.tree import Model
 from thermid.physics.constants import ICE_POINT
@@ -46,8 +46,12 @@ MEAN_MISS, WIDTH_MISS = 0.1, 0.1
 """What the mean may be off by, in half-widths of the 95 % band, and its half-width, relative, before derivatives do not do."""
 SMALL = 0.05
 """Half-width of the 95 % band below which nobody minds how it was computed. [K]"""
+TOLD = 0.1
+"""Part of that below which a cause of a shift is not named. [-]"""
 SHAPE = 4096
 """Draws of a straight model that give the quantiles of its laws."""
+BENT = "members that differ in other ways than a straight line"
+"""Cause: the mean of a curved answer, or of laws that are not normal, is not the answer at the mean."""
 DEFECTS = "hidden defects"
 """Cause: which of several defects that explain a fit its unit has; also what `without` calls them."""
 FORM, FORM_SHARE = "form of the defect", 0.05
@@ -91,6 +95,7 @@ class Band:
     shift : array (times,)          What it is expected to be wrong by, where coefficients that it holds constant are used further off. [K]
     parts : dict                    Cause -> variance (times,). [K^2]
     members : array or None         Temperatures (times, members) of drawn members, where draws were asked for. [K]
+    shifts : dict                   Cause -> its part of `shift` (times,). [K]
     """
 
     path: str
@@ -99,6 +104,14 @@ class Band:
     shift: Array
     parts: Mapping[str, Array]
     members: Array | None = field(default=None, repr=False)
+    shifts: Mapping[str, Array] = field(default_factory=dict, repr=False)
+
+    @property
+    def moved(self) -> dict[str, Array]:
+        """What moves the centre of the band from the run with the best values, cause -> (times,); drawn members have a mean too. [K]"""
+        named = {c: v for c, v in self.shifts.items() if v.any()}
+        rest = self.kelvin - self.simulated - np.sum([np.zeros(self.times.size), *named.values()], axis=0)
+        return named | ({BENT: rest} if float(np.abs(rest).max(initial=0.0)) > EXACT else {})
 
     @property
     def kelvin(self) -> Array:
@@ -211,6 +224,8 @@ class Prediction(Result):
 
         nodes = {
             n: {
+                "run_C": float(b.simulated[-1]) - ICE_POINT,
+                "moved_K": {c: float(v[-1]) for c, v in b.moved.items()},
                 "final": plain(b.final),
                 "steady": plain(self.settled[n]) if n in self.settled else None,
                 "at": [plain(b.at(t)) for t in at or []],
@@ -250,8 +265,14 @@ class Prediction(Result):
             lines.append(
                 f"  {name:<{width}}  end {e.celsius:8.2f} +- {short(e.error)} degC   95 %: {e.low:.2f} .. {e.high:.2f}{rest}{_why(e)}"
             )
+        lines += [f"  {words}" for words in [self.centre] if words]
         lines += [f"  {cause}: {text}" for cause, text in self.causes.items()]
         return self.standing.over("\n".join([*lines, *(f"  warning: {w}" for w in self.warnings)]))
+
+    @property
+    def centre(self) -> str:
+        """How far the centres of the bands lie from the run with the best values, and why; empty where nobody minds."""
+        return centre_words({n: b.moved for n, b in self.bands.items()}, self.times)
 
     def _as_traces(self) -> Sequence[PlottedTrace]:
         """Return every node with its 95 % band."""
@@ -264,6 +285,27 @@ class Prediction(Result):
     def _ipython_key_completions_(self) -> list[str]:
         """Return the nodes."""
         return list(self.bands)
+
+
+def centre_words(moved: Mapping[str, Mapping[str, Array]], times: Array) -> str:
+    """Return how far the centre of a band lies from the run with the best values, where that is most, and why; empty where nobody minds.
+
+    Parameters
+    ----------
+    moved : dict            Node -> cause -> what it moves the centre by (times,). [K]
+    times : array (times,)  [s]
+    """
+    apart = {n: np.sum([np.zeros(times.size), *parts.values()], axis=0) for n, parts in moved.items()}
+    node = max(apart, key=lambda n: float(np.abs(apart[n]).max(initial=0.0)), default="")
+    if not node or float(np.abs(apart[node]).max(initial=0.0)) < SMALL:
+        return ""
+    k = int(np.abs(apart[node]).argmax())
+    named = sorted(((c, float(v[k])) for c, v in moved[node].items()), key=lambda item: -abs(item[1]))
+    why = ", ".join(f"{c} {v:+.2g} K" for c, v in named if abs(v) >= TOLD * SMALL)
+    return (
+        f"the centre of the band of '{node}' lies {float(apart[node][k]):+.2g} K from the run with the best values at "
+        f"{duration_text(float(times[k]))} ({why}), those of other nodes by less; simulate and verdicts show that run"
+    )
 
 
 def _why(e: Estimate) -> str:
@@ -379,7 +421,11 @@ def _mixture(plain: Band, bands: Sequence[Band], weights: Array) -> Band:
         parts[DEFECTS] = weights @ (kelvin - mean) ** 2
     parts[FORM] = np.full(plain.times.size, float(np.mean((FORM_SHARE * (mean - plain.kelvin)) ** 2)))
     simulated = weights @ np.array([b.simulated for b in bands])
-    return Band(plain.path, plain.times, simulated, mean - simulated, parts)
+    shifts: dict[str, Array] = {}
+    for b, w in zip(bands, weights, strict=True):
+        for cause, v in b.shifts.items():
+            shifts[cause] = shifts.get(cause, np.zeros(b.times.size)) + w * v
+    return Band(plain.path, plain.times, simulated, mean - simulated, parts, shifts=shifts)
 
 
 def _mixed(plain: Estimate, several: Sequence[Estimate], weights: Array) -> Estimate:
@@ -413,12 +459,13 @@ def predicted(
     why = Missed() if draws else missed(setting, linear)
     count = draws or (DRAWN if why.words else 0)
     sources = budget.drawn(budget.numbers(seed, 0, count))
-    members = _members(setting, linear, sources, straight=not draws and not why.bent) if count else {}
+    members, lost = _members(setting, linear, sources, straight=not draws and not why.bent) if count else ({}, "")
     bands, rest = {}, {}
     for n, column in linear.columns.items():
         now = {c: v[:-1] for c, v in parts[n].items()}
         own, kept = members.get(n, (None, None))
-        bands[n] = Band(n, setting.ready.times, linear.run[n].kelvin, shifts[n][:-1], now, own)
+        expected = {c: v[:-1] for c, v in budget.shifts(column).items()}
+        bands[n] = Band(n, setting.ready.times, linear.run[n].kelvin, shifts[n][:-1], now, own, expected)
         if n in linear.settled:
             end = np.array([linear.settled[n]])
             # from the end of each member to where it settles: as in the straight model
@@ -428,6 +475,7 @@ def predicted(
         *linear.run.warnings,
         *budget.remarks,
         *([f"{why.words}, so {count} members were drawn"] if why.words else []),
+        *([lost] if lost else []),
         *setting.guessed(linear),
     )
     left, least = _left_out(budget, bands)
@@ -436,14 +484,17 @@ def predicted(
     return Prediction(title, course, setting.ready.times, bands, rest, words, warnings, find, standing, left, least)
 
 
-def _members(setting: Setting, linear: Linear, sources: Array, straight: bool) -> dict[str, tuple[Array, NDArray[np.int64]]]:
-    """Return node -> temperatures (times, members) [K] and which members they are: those that reached the end."""
+def _members(setting: Setting, linear: Linear, sources: Array, straight: bool) -> tuple[dict[str, tuple[Array, NDArray[np.int64]]], str]:
+    """Return node -> temperatures (times, members) [K] and which members they are, and a remark on those that failed."""
     if straight:
         every = np.arange(sources.shape[1])
-        return {n: (linear.run[n].kelvin[:, None] + c[:-1] @ sources, every) for n, c in linear.columns.items()}
-    found = _bent(setting, linear, sources, list(linear.columns)).kelvin
-    kept = {n: np.flatnonzero(~np.isnan(m).any(axis=0)) for n, m in found.items()}
-    return {n: (m[:, kept[n]], kept[n]) for n, m in found.items() if kept[n].size}
+        return {n: (linear.run[n].kelvin[:, None] + c[:-1] @ sources, every) for n, c in linear.columns.items()}, ""
+    drawn = _bent(setting, linear, sources, list(linear.columns))
+    failed = drawn.runs.failed if drawn.runs is not None else {}
+    kept = {n: np.flatnonzero(~np.isnan(m).any(axis=0)) for n, m in drawn.kelvin.items()}
+    found = {n: (m[:, kept[n]], kept[n]) for n, m in drawn.kelvin.items() if kept[n].size}
+    why = next(iter(failed.values()), "")
+    return found, f"{len(failed)} of {sources.shape[1]} members failed; the bands leave them out. One of them: {why}" if failed else ""
 
 
 def _bent(setting: Setting, linear: Linear, sources: Array, nodes: Sequence[str]) -> Drawn:

@@ -6,6 +6,7 @@ followed of that, the constant error of the sensor, and the noise of one reading
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from itertools import pairwise
@@ -20,6 +21,7 @@ from thermid.base.units import TEMPERATURE
 from thermid.fit.calibration import Calibration, fit as fitted_to
 from thermid.fit.discrepancy import BALANCE, KindsSeen, OwnValue, wandering
 from thermid.fit.problem import (
+    SCALE,
     Experiment,
     LocalSpec,
     Observation,
@@ -326,9 +328,11 @@ def record_bands(calibration: Calibration, shown: Calibration, without: Sequence
     budget = budget_of(known, scenario, without=without)
     seen = KindsSeen.of(known.provenances)
     budget, open_ = _with_own(budget, shown, e, seen)
+    fresh = _fresh(calibration, e)
+    budget = _with_inputs(budget, known, e, fresh)
     every = np.unique(np.concatenate([e.times[o.index] for o in e.observations]))
     grid = every[np.unique(np.linspace(0, every.size - 1, min(POINTS, every.size)).round().astype(int))]
-    bands, guessed = _banded(budget, known, problem, end, e, shown.blocks, grid, seen)
+    bands, guessed = _banded(budget, known, problem, end, e, shown.blocks, grid, seen, fresh)
     listed = (
         LeftOut(f"the temperature of {', '.join(open_)}, which is assumed: no fit shows how it differs between runs") if open_ else None
     )
@@ -426,6 +430,7 @@ def _banded(
     blocks: Sequence[SensorTrace],
     grid: Array,
     seen: KindsSeen,
+    fresh: Mapping[str, float],
 ) -> tuple[dict[str, SensorBand], list[str]]:
     """Return the band of every sensor, and what nobody stated of constant coefficients."""
     setting = Setting.of(budget, times=grid, options=problem.options)
@@ -435,12 +440,12 @@ def _banded(
     still = [k for k, s in enumerate(budget.sources) if s.kind != "misfit"]
     moved = np.concatenate([linear.columns[linear.run[o.node].path][:-1] for o in e.observations])
     moved[:, [k for k in range(moved.shape[1]) if k not in still]] = 0.0
-    moved, more = _with_biases(moved, budget, known, e, grid.size)
+    moved, more = _with_biases(moved, budget, known, e, grid.size, fresh)
     left = _followed(problem, end, e, grid, np.concatenate([moved, more], axis=1))
     moved, more = left[:, : moved.shape[1]], left[:, moved.shape[1] :]
     parts = {c: v for c, v in budget.parts(moved).items() if v.any()}
     if more.shape[1]:
-        parts[SENSORS] = np.sum(more**2, axis=1)
+        parts[SENSORS] = parts.get(SENSORS, 0.0) + np.sum(more**2, axis=1)
     parts[MISFIT] = _wanders(problem, end, e, grid, misfit)
     shift = moved @ budget.means
     out = {}
@@ -466,15 +471,44 @@ def _misfit(budget: Budget, e: Experiment) -> Array:
     return np.array([sizes.get(o.seat, 0.0) for o in e.observations])
 
 
-def _with_biases(moved: Array, budget: Budget, known: Known, e: Experiment, points: int) -> tuple[Array, Array]:
+def _fresh(calibration: Calibration, e: Experiment) -> dict[str, float]:
+    """Return instrument -> stated accuracy, of those of a record that the fit does not know, or knows with another accuracy. [K], [-]"""
+    stated: dict[str, float] = {}
+    for one in calibration.experiments:
+        stated |= {o.sensor: o.accuracy for o in one.observations if o.accuracy} | {s: sd for s, (_, sd) in one.shared.items()}
+    own = {o.sensor: o.accuracy for o in e.observations if o.accuracy} | {s: sd for s, (_, sd) in e.shared.items()}
+    powers = {s for s, (target, _) in e.shared.items() if target.startswith(SCALE)}  # relative, and so another one at another power
+    return {s: sd for s, sd in own.items() if s not in stated or (s not in powers and not math.isclose(sd, stated[s]))}
+
+
+def _with_inputs(budget: Budget, known: Known, e: Experiment, fresh: Mapping[str, float]) -> Budget:
+    """Return the budget with the constant errors of logged boundaries and powers: as the fit knows them, or as a record states them."""
+    rows, place = instruments_of(known), {s.name: k for k, s in enumerate(budget.sources)}
+    for sensor, (target, sd) in e.shared.items():
+        name = f"{sensor} error"
+        if sensor in fresh or name not in rows.names:
+            budget = budget.with_one(Source(f"instrument {sensor}", "instrument", Normal(0.0, sd), name), SENSORS, Target(target, "add"))
+            continue
+        own = dict(zip((s.name for s in rows.sources), rows.matrix[rows.names.index(name)].tolist(), strict=True))
+        rest = float(np.linalg.norm([x for s, x in own.items() if s not in place]))
+        budget = budget.with_one(Source(f"instrument {sensor}", "instrument", Normal(0.0, rest), name), SENSORS, Target(target, "add"))
+        for s, x in own.items():
+            if s in place:
+                budget.gain[-1, place[s]] = x
+    return budget
+
+
+def _with_biases(moved: Array, budget: Budget, known: Known, e: Experiment, points: int, fresh: Mapping[str, float]) -> tuple[Array, Array]:
     """Return the answers to the sources (rows, sources) with the sensors' constant errors, and to sources of these alone."""
     rows = instruments_of(known)
     place = {s.name: k for k, s in enumerate(budget.sources)}
-    more = np.zeros((moved.shape[0], len(rows.sources)))
+    more = np.zeros((moved.shape[0], len(rows.sources) + len(e.observations)))
     for i, o in enumerate(e.observations):
         own = slice(i * points, (i + 1) * points)
         name = f"sensor {o.sensor}"
-        if name in rows.names:
+        if o.sensor in fresh:
+            more[own, len(rows.sources) + i] = fresh[o.sensor]
+        elif name in rows.names:
             for k, s in enumerate(rows.sources):
                 size = rows.matrix[rows.names.index(name), k]
                 if s.name in place:

@@ -33,6 +33,7 @@ from thermid.prediction._budget import Budget, Target, combined, listed
 from thermid.simulation.runs import Ensemble, Simulator, Solution, prepare
 from thermid.simulation.scenarios import Scenario
 from thermid.simulation.solver import Engine, MemberTurnings, Options, Wiring
+from thermid.values.store import Shifted, deviated
 
 GUESSED = 0.25
 """Shift, or half-width, by what nobody has stated, from which it is spoken of. [K]"""
@@ -256,15 +257,24 @@ class Setting:
         return np.sum(rows, axis=0) if rows else np.zeros(len(self.budget.sources))
 
     def values(self, sources: Array) -> dict[str, Array]:
-        """Return free name -> value of every member (members,), at values (sources, members) of the sources. [SI]"""
+        """Return free name -> value of every member (members,), at values (sources, members) of the sources. [SI]
+
+        No value passes what physics allows, see `deviated`. A stated law keeps to that by itself.
+        """
         moved = combined(self.budget.gain, sources)
+        stated = np.array([isinstance(s.law, Shifted) for s in self.budget.sources], dtype=bool)
         out: dict[str, Array] = {}
-        # the logarithm first, then factors, then what is added: a conductance without its gas stays above zero
-        for form in ("log", "factor", "add", "mode"):
-            for t, row in zip(self.budget.targets, moved, strict=True):
+        # what is added first, then the logarithm, then factors: a conductance without its gas stays above zero
+        for form in ("add", "log", "factor", "mode"):
+            for t, row, gain in zip(self.budget.targets, moved, self.budget.gain, strict=True):
                 for name in self.carriers.get(t, ()) if t.form == form else ():
                     base = out.get(name, np.full(row.shape, 0.0 if form == "mode" else self.ready.nominal[name]))
-                    out[name] = base * np.exp(row) if form == "log" else base * (1.0 + row) if form == "factor" else base + row
+                    if form == "log":
+                        out[name] = deviated(base, base * np.expm1(row), (-np.inf, self.ready.domain(name)[1]))
+                    elif form == "add" and not stated[gain != 0.0].all():
+                        out[name] = deviated(base, row, self.ready.domain(name))
+                    else:
+                        out[name] = base * (1.0 + row) if form == "factor" else base + row
         return out
 
     def told(self, sources: Array) -> dict[str, Array]:

@@ -380,9 +380,7 @@ def before_model(model: Model, priors: Mapping[str, tuple[str, str]], scenario: 
 def unknown_of(model: Model, path: str) -> Unknown:
     """Return the unknown that a parameter of a model would be."""
     parameters = compile_network(model).flat.parameters
-    return parameter_unknown(
-        path, parameters.table[path].parameter, parameters.dimension(path), float(parameters.evaluate({})[path]), (), None
-    )
+    return parameter_unknown(path, parameters.bounded(path), parameters.dimension(path), float(parameters.evaluate({})[path]), (), None)
 
 
 def _opened(known: Known) -> Known:

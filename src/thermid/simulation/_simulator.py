@@ -15,8 +15,9 @@ from thermid.base.codes import CodedText
 from thermid.base.dual import value_of
 from thermid.base.errors import NameNotFoundError, ScenarioError, cap, raising, refuse_unknown
 from thermid.base.linear_algebra import Array
-from thermid.base.units import TEMPERATURE
+from thermid.base.units import TEMPERATURE, unit
 from thermid.model.laws import Constant, literal
+from thermid.model.parameters import POSITIVE
 from thermid.model.tree import Model, streams_of
 from thermid.simulation._ensemble import Ensemble, run_members
 from thermid.simulation._network.environment import Environment
@@ -28,9 +29,10 @@ from thermid.simulation._solver.engine import Engine, settle
 from thermid.simulation._solver.problem import Options, Traces
 from thermid.simulation._solver.wiring import Wiring
 from thermid.values.spreads import read_spread
-from thermid.values.store import Distribution
+from thermid.values.store import Distribution, domain
 
 DEFAULT_SAMPLES = 301
+NUMBER = unit("1").dimension
 
 
 def network_for(model: Model, scenario: Scenario) -> Network:
@@ -265,11 +267,23 @@ class Simulator:
         return (TEMPERATURE if constant else "K"), "K"
 
     def bounds(self, name: str) -> tuple[float, float]:
-        """Return the bounds that a deck sets for a free name, infinite where it sets none. [SI]"""
+        """Return the bounds that a deck or physics sets for a free name, infinite where none does. [SI]"""
+        least = 0.0 if self.nominal[name] > 0.0 and self._positive(name) else -np.inf
         if name not in self._wiring.parameters:
-            return -np.inf, np.inf
-        parameter = self._wiring.network.flat.parameters.table[name].parameter
-        return -np.inf if parameter.minimum is None else parameter.minimum, np.inf if parameter.maximum is None else parameter.maximum
+            return least, np.inf
+        parameter = self._wiring.network.flat.parameters.bounded(name)
+        return least if parameter.minimum is None else parameter.minimum, np.inf if parameter.maximum is None else parameter.maximum
+
+    def _positive(self, name: str) -> bool:
+        """Return whether a free name is a quantity that cannot be negative, or a factor on a power."""
+        if name not in self._wiring.parameters:
+            return name.startswith("scale.")
+        return self._wiring.network.flat.parameters.dimension(name) in POSITIVE
+
+    def domain(self, name: str) -> tuple[float, float]:
+        """Return what physics allows of a free name, see `store.domain`. [SI]"""
+        parameters = self._wiring.network.flat.parameters
+        return domain(*self.bounds(name), name in self._wiring.parameters and parameters.dimension(name) == NUMBER)
 
     def law(self, name: str, given: Any) -> Distribution:
         """Return the law of the value of a free name that a written spread means; see `read_spread`. [SI]"""

@@ -358,7 +358,7 @@ def outside(run: Run) -> tuple[str, ...]:
         highest = float(np.max(root**4 * np.abs(hot - cold), initial=0.0))
         fields = words[row.name]
         if "tilt" in fields:
-            gap = GapLaw(degrees(fields["tilt"]), float(fields["aspect"]))
+            gap = GapLaw(degrees(fields["tilt"]), literal(fields["aspect"], "1"))
             if highest > gap.high:
                 out.append(f"{gap.name}, of '{row.name}', goes up to a Rayleigh number of {gap.high:g}; here it reaches {highest:.3g}")
             continue

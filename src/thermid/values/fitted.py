@@ -22,7 +22,7 @@ from thermid.base.toml_files import Places
 from thermid.base.units import from_si, unit
 from thermid.model.identity import Dropped
 from thermid.model.parameters import UNJUDGED, Parameter, Standing, exact, worst
-from thermid.values.store import KNOWN, LeftOut, Normal, Source, State, Store, ValueOrigin
+from thermid.values.store import KNOWN, LeftOut, Normal, Source, State, Store, ValueOrigin, deviated, domain
 
 SCHEMA = 2
 AGREES = 1e-6
@@ -154,6 +154,7 @@ class FittedValues(Mapping[str, FittedValue]):
     def draws(self, members: int, seed: int) -> dict[str, Array]:
         """Return path -> value of every member (members,) for `ensemble`, normal in the fitted forms with their covariance.
 
+        None passes what physics allows, see `deviated`: 1 of an emissivity, zero of what cannot be negative.
         Paths of instances that share a value get the same draws; constant errors of instruments are left out. [SI]
 
         Raises
@@ -171,7 +172,8 @@ class FittedValues(Mapping[str, FittedValue]):
         deviations = root @ np.random.default_rng(seed).standard_normal((len(found), members))
         out: dict[str, Array] = {}
         for row, (path, v) in zip(deviations, found.items(), strict=True):
-            values = v.value * np.exp(row) if v.log else v.value + row
+            ends = domain(*v.bounds, v.unit == "1")
+            values = deviated(v.value, v.value * np.expm1(row) if v.log else row, (-np.inf if v.log else ends[0], ends[1]))
             out |= dict.fromkeys((path, *v.also), values)
         return out
 

@@ -37,7 +37,7 @@ def read_spread(given: Any, slot: str, nominal: float, where: str, *, bounds: tu
     slot : str              Unit of the value: a unit text, `temperature`, or K for a shift of a temperature that varies in time.
     nominal : float         What the value is otherwise; zero for a shift. [SI]
     where : str             What is spread, for messages.
-    bounds : (float, float) Of the deck: they cut normal laws, and a uniform one must lie within them. [SI]
+    bounds : (float, float) Of the deck and of physics: they cut normal laws, and a uniform one must lie within them. [SI]
 
     Raises
     ------
@@ -62,7 +62,7 @@ def read_spread(given: Any, slot: str, nominal: float, where: str, *, bounds: tu
     else:
         law = Normal(mean, _from_zero(_deviation(table["sd"], slot, mean, where), where))
         size = law.sd
-    return law if size == 0.0 or not np.isfinite(bounds).any() else _cut(law, bounds, where)
+    return law if size == 0.0 else cut(law, bounds, where)
 
 
 def _form(table: Any, where: str) -> str:
@@ -85,7 +85,7 @@ def _uniform(table: Mapping[str, Any], slot: str, nominal: float, where: str, bo
     slack = 1e-9 * max(abs(low), abs(high), 1e-300)
     if low < bounds[0] - slack or high > bounds[1] + slack:
         raise ScenarioError(
-            f"{table['low']} to {table['high']} exceeds the bounds of its deck, {bounds[0]:.6g} to {bounds[1]:.6g} in SI units. "
+            f"{table['low']} to {table['high']} exceeds its bounds, {bounds[0]:.6g} to {bounds[1]:.6g} in SI units. "
             'Give ends within them, or "range".',
             where,
         )
@@ -130,10 +130,18 @@ def _from_zero(sd: float, where: str) -> float:
     return sd
 
 
-def _cut(law: Normal | LogNormal, bounds: tuple[float, float], where: str) -> Cut:
-    out = Cut(law, *bounds)
+def cut(law: Distribution, bounds: tuple[float, float], where: str) -> Distribution:
+    """Return a law without what lies beyond two ends; itself where it does not reach them.
+
+    Raises
+    ------
+    ScenarioError   When almost all of it lies beyond.
+    """
+    out = Cut(law, *bounds) if isinstance(law, Normal | LogNormal) else None
+    if out is None or out.share == 1.0:
+        return law
     if not out.share > LEAST:
         raise ScenarioError(
-            "almost all values of this spread lie outside the bounds of the deck. Choose a mean inside them, or a smaller spread.", where
+            "almost all values of this spread lie outside its bounds. Choose a mean inside them, or a smaller spread.", where
         )
     return out

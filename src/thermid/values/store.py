@@ -265,6 +265,25 @@ def uniforms(seed: int, name: str, first: int, members: int) -> Array:
     return out
 
 
+def domain(low: float, high: float, dimensionless: bool) -> tuple[float, float]:
+    """Return what physics allows of a value by its bounds: 0 to 1 of a share, zero or more of what is not negative, else anything. [SI]"""
+    if dimensionless and 0.0 <= low and high <= 1.0:
+        return 0.0, 1.0
+    return (0.0, np.inf) if low >= 0.0 else (-np.inf, np.inf)
+
+
+def deviated(value: Array | float, deviation: Array, ends: tuple[float, float]) -> Array:
+    """Return values with a deviation, which near an end of what physics allows grow less and never pass it.
+
+    Towards an end at a distance d a deviation x counts as ``d tanh(x / d)``: a logistic curve, as of a logit, and x itself where it is
+    small or the end is at infinity. [SI]
+    """
+    distance = np.maximum(np.where(deviation > 0.0, ends[1] - value, value - ends[0]), 0.0)
+    near = np.isfinite(distance) & (distance > 0.0)
+    part = np.divide(deviation, distance, out=np.zeros_like(distance), where=near)
+    return np.asarray(value + np.where(np.isfinite(distance), np.where(near, distance, 0.0) * np.tanh(part), deviation))
+
+
 @dataclass(frozen=True)
 class Source:
     """A named cause of uncertainty.

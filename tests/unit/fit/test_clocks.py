@@ -9,6 +9,7 @@ import numpy as np
 import pytest
 
 import thermid as td
+from thermid.app.cli.summary import show_campaign
 from thermid.base.errors import DeckError, IdentificationError, RecordError
 from thermid.fit._problem.gather import build_problem
 from thermid.fit._problem.request import Request
@@ -330,7 +331,7 @@ def test_clocks_that_cannot_be_left_open() -> None:
         first.joined(second, (0.0, 300.0)).joined(third, (0.0, 300.0))
 
 
-def test_a_campaign_says_which_log_has_another_clock(tmp_path: Path) -> None:
+def test_a_campaign_says_which_log_has_another_clock(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     first, second = held(130.0, 1.08)
     first.to_csv(tmp_path / "bench.csv")
     second.to_csv(tmp_path / "meter.csv")
@@ -340,6 +341,8 @@ def test_a_campaign_says_which_log_has_another_clock(tmp_path: Path) -> None:
     found = td.run_stages(campaign, cache=tmp_path / "results")
     clock = {i.name: i.value for i in found["box"].local}
     assert clock == pytest.approx({"clock offset": 130.0, "clock rate": 1.08}, abs=0.6)
+    show_campaign(found, ["box.values.toml"])
+    assert "box: bench: clock offset 130" in capsys.readouterr().out
     again = td.run_stages(campaign, cache=tmp_path / "results")
     assert again["box"].fitted == found["box"].fitted
     assert again["box"]["out.conductance"].error == pytest.approx(found["box"]["out.conductance"].error, rel=1e-5)
@@ -364,3 +367,16 @@ def test_intervals_of_clocks_hold_the_truth() -> None:
     held_in = np.mean(np.abs(pulls) < 1.96, axis=0)
     assert (held_in > 0.86).all(), held_in
     assert (np.mean(np.square(pulls), axis=0) > 0.5).all()
+
+
+def test_a_clock_at_the_end_of_its_range_is_flagged_with_its_value() -> None:
+    """The true offset is 130 s, the range ends at 60 s: the fit must not count as adequate for it, a verdict says where it ended."""
+    first, second = held(130.0, 1.0)
+    narrow = first.joined(second, (0.0, 60.0))
+    fit = td.calibrate(BOX, narrow, FREE, scenario=AIR)
+    assert fit.own.state == "not adequate"
+    assert "'bench: clock offset' ended at its upper bound" in fit.own.because
+    right = td.calibrate(BOX, open_clock(130.0, 1.08), FREE, scenario=AIR)
+    said = str(td.validate(right, narrow, td.Criteria(rmse="9 [K]"), scenario=AIR))
+    assert "fitted to this record: clock offset 60" in said
+    assert "'bench: clock offset' ended at its upper bound 60" in said

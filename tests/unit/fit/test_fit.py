@@ -9,6 +9,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+import thermid as td
 from thermid.base.errors import IdentificationError, RecordError, SolverError
 from thermid.campaign.verdicts import compare
 from thermid.fit._calibrate import calibrate, fit, refuse_after, summarise
@@ -388,3 +389,38 @@ def test_progress_counts_evaluations() -> None:
     assert [n for n, _ in seen] == list(range(1, len(seen) + 1))
     assert seen[-1][0] == found.evaluations
     assert seen[-1][1] == pytest.approx(1.0, abs=0.4)
+
+
+def chain(count: int) -> td.Model:
+    """Nodes in a row from a heater to the air, a conductance between each two."""
+    nodes = {f"n{k}": {"capacitance": "20 [J/K]"} for k in range(count)}
+    ends = [*nodes, "air"]
+    paths = {
+        f"c{k}": {"kind": "conduction", "between": ends[k : k + 2], "conductance": {"value": "1.3 [W/K]", "min": 0.01, "max": 100}}
+        for k in range(count)
+    }
+    loads = {"heater": {"into": "n0", "power": "5 [W]"}}
+    return td.model_from_dict({"title": "chain", "needs": ["air"], "nodes": nodes, "conductors": paths, "loads": loads})
+
+
+def test_fifty_values_of_a_row_are_refused_by_name_and_not_by_steps() -> None:
+    """What the last conductance has done after a second is some 1e-60 K; its share of that would take a million steps."""
+    room = td.Scenario("room", boundaries={"air": "20 [degC]"}, start="20 [degC]", duration="2 [h]")
+    free = [f"c{k}.conductance" for k in range(50)]
+    run = td.simulate(chain(50).with_values(dict.fromkeys(free, "1 [W/K]")), room, every="1 [min]")
+    reading = run["n0"].kelvin + np.random.default_rng(1).normal(0.0, 0.05, run.times.size)
+    channels = {"T": td.Channel.of("T", reading, role="node", target="n0", noise=0.05), "air": td.Channel.of("air", run["air"].kelvin)}
+    with pytest.raises(IdentificationError, match=r"'c0\.conductance', 'c1\.conductance'.*'c49\.conductance'"):
+        td.calibrate(chain(50), td.Record.from_arrays("log", run.times, channels), free=free)
+
+
+def test_derivatives_that_grow_as_high_powers_of_time_are_those_of_differences() -> None:
+    room = td.Scenario("room", boundaries={"air": "20 [degC]"}, start="20 [degC]", duration="20 [min]")
+    tight = Options(tolerance=1e-10, relative=1e-11)
+    model, name, at = chain(25), "c20.conductance", np.linspace(0.0, 1200.0, 7)
+    run = td.prepare(model, room, [f"c{k}.conductance" for k in range(25)], times=at, options=tight).run(sensitivities=True)
+    ahead, back = (td.simulate(model.with_values({name: f"{1.3 + d} [W/K]"}), room, times=at, options=tight) for d in (1e-3, -1e-3))
+    differences = (ahead["n19"].kelvin - back["n19"].kelvin) / 2e-3
+    assert np.abs(differences[-1]) > 1e-3
+    np.testing.assert_allclose(run.sensitivity("n19", name), differences, rtol=1e-5, atol=1e-8)
+    assert run.statistics["steps"] < 5000

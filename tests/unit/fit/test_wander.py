@@ -244,3 +244,39 @@ def test_weights_that_are_none_are_refused(weights: object, words: str) -> None:
     given = td.Scenario("run", boundaries={"room": "20 [degC]"}, start="20 [degC]", loads={"heat": "4 [W]"})
     with pytest.raises(td.errors.IdentificationError, match=words):
         td.calibrate(bar(), drifting("run", 0.0, 1), ["skin.conductance"], scenario=given, weights=weights)  # type: ignore[arg-type]
+
+
+def lagging_box(noise: float | None) -> Record:
+    """A log of a box with a mass in it that its deck lacks, read with 0.05 K of noise; what is stated of it differs."""
+    times = np.linspace(0.0, 18000.0, 301)
+    inner = {"conductance": "0.5 [W/K]", "kind": "conduction", "between": ["inner", "case"]}
+    deck = td.model_from_dict(
+        {"title": "x", "nodes": {"inner": {"capacitance": "900 [J/K]"}, "case": {"capacitance": "1 [J/K]"}}, "conductors": {"tie": inner}}
+    )
+    hidden = replace(
+        box(), nodes={**box().nodes, "inner": deck.nodes["inner"]}, conductors={**box().conductors, "tie": deck.conductors["tie"]}
+    )
+    given = Scenario("bench", boundaries={"air": (times, room(times))}, start="24 [degC]", duration=18000.0)
+    truth = simulate(hidden, given, times=times)["case"].kelvin
+    case = Channel.of("T", truth + 0.05 * np.random.default_rng(7).standard_normal(301), role="node", target="case", noise=noise)
+    return Record.from_arrays("bench", times, {"T": case, "ROOM": Channel.of("ROOM", room(times), role="boundary", target="air")})
+
+
+@pytest.mark.parametrize("noise", [0.05, None, 0.15])
+def test_a_structure_that_lacks_a_mass_is_not_credible_or_its_interval_holds(noise: float | None) -> None:
+    """Errors and limits that stood on a noise three times too large said 'credible' of a mass that was errors off."""
+    found = calibrate(box(), lagging_box(noise), [HTC, MASS])
+    off = abs(np.log(found[MASS].value * 900.0 / (1.7 * 900.0 + 900.0))) * found[MASS].value / found[MASS].error
+    assert found.own.state != "credible" or off < 1.96, (found.own.state, off)
+
+
+@pytest.mark.parametrize(("stated", "said"), [(0.05, False), (0.07, False), (0.15, True), (0.02, True)])
+def test_a_stated_noise_far_from_what_the_readings_show_is_remarked_on(stated: float, said: bool) -> None:
+    record = log(box(), {HTC: "5 [W/(m^2 K)]", MASS: "1.7 [kg]"}, {"T": "case"}, seed=3)
+    channel = replace(record.channels["T"], noise=stated)
+    found = calibrate(box(), record.with_channels(channel), [HTC, MASS])
+    remarks = [w for w in found.warnings if "the stated noise of 'T' is" in w]
+    assert len(remarks) == said
+    if said:
+        shown = float(remarks[0].split('noise = "')[1].split(" [K]")[0])
+        assert shown == pytest.approx(0.05, rel=0.2)

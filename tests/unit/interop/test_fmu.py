@@ -34,6 +34,7 @@ def deck(**more: Any) -> td.Model:
                 "c": "50 [J/K]",
                 "power": "5 [W]",
                 "paint": "0.8",
+                "rho": "0.1 [kg/m^3]",
                 "area": "0.02 [m^2]",
             },
             "nodes": {"a": {"capacitance": "c"}, "b": {"capacitance": "2*c"}},
@@ -52,6 +53,19 @@ CONDUCTORS = {
     "ab": {"kind": "conduction", "between": ["a", "b"], "conductance": "g"},
     "out": {"kind": "conduction", "between": ["b", "air"], "conductance": "g"},
 }
+BLOWN = {"a": {"capacitance": "c"}, "b": {"capacitance": "2*c"}, "gas": {"capacitance": "40 [J/K]", "stands_for": "air"}}
+STREAM = {
+    "in": {"kind": "flow", "between": ["air", "gas"], "mass_flow": "rho*fan.flow", "specific_heat": "1006 [J/(kg K)]"},
+    "film": {"kind": "convection", "between": ["a", "gas"], "htc": "20 [W/(m^2 K)]", "area": "area"},
+    "past": {"kind": "flow", "between": ["gas", "air"], "mass_flow": "rho*fan.flow", "specific_heat": "1006 [J/(kg K)]"},
+}
+FAN = {
+    "curve": [["0 [m^3/h]", "38 [Pa]"], ["40 [m^3/h]", "26 [Pa]"], ["95 [m^3/h]", "0 [Pa]"]],
+    "passes": ["60 [m^3/h]", "12 [Pa]"],
+    "linear_resistance": "10 [Pa s/m^3]",
+    "speed": 0.8,
+}
+"""The flow where it meets its system is the highest of the lowest of roots."""
 THERMOSTAT = {"heat": {"into": "a", "power": "6*power", "thermostat": {"sensor": "b", "on_below": "28 [degC]", "off_above": "31 [degC]"}}}
 QUIET = td.Scenario("quiet", boundaries={"air": "12 [degC]"}, start="20 [degC]", duration="1200 [s]")
 STEPS = QUIET.with_(
@@ -64,6 +78,7 @@ MODELS: dict[str, tuple[td.Model, td.Scenario, tuple[str, ...]]] = {
     "thermostat": (deck(conductors={**CONDUCTORS, "glow": GLOW}, loads=THERMOSTAT), QUIET, ("a", "b")),
     "schedule": (deck(), STEPS, ("a", "b")),
     "massless": (hot_box(), SIGNALS, ("box", "lid", "seam", "glue")),
+    "fan": (deck(nodes=BLOWN, conductors={**CONDUCTORS, **STREAM}, fans={"fan": FAN}), QUIET, ("a", "b", "gas")),
 }
 
 
@@ -125,6 +140,7 @@ CHANGES = {
     "radiation": {"paint": "0.3", "area": "0.05 [m^2]", "g": "0.4 [W/K]"},
     "thermostat": {"power": "4.2 [W]", "heat.thermostat.on_below": "299 [K]", "paint": "0.5"},
     "schedule": {"g": "0.3 [W/K]", "c": "90 [J/K]"},
+    "fan": {"fan.speed": "0.5", "fan.linear_resistance": "900 [Pa s/m^3]", "g": "0.4 [W/K]"},
     "massless": {"area": "0.13 [m^2]", "paint": "0.6", "share": "0.2", "free.htc.exponent": "0.31"},
 }
 

@@ -587,3 +587,11 @@ def test_a_deck_that_is_no_import_of_the_file_is_refused(tmp_path: Path, sinda: 
     network = read_network(_write(tmp_path, "rows.inp", ROWS))
     with pytest.raises(DeckError, match=r"has no 'contact_foot_to_wall_a1', so it is no import of this file"):
         network.written_back(read_network(sinda).model())
+
+
+def test_a_row_without_a_field_is_refused_with_its_place(tmp_path: Path) -> None:
+    for nodes, conductors in (("(|\n", ""), ("", "(|\n")):
+        text = f"HEADER NODE DATA, MAIN\n10, 20.0, 100.0\n{nodes}HEADER CONDUCTOR DATA, MAIN\n{conductors}END OF DATA\n"
+        (tmp_path / "net.cc").write_text(text, encoding="utf-8")
+        with pytest.raises(DeckError, match=r"'\(\|' is not a (node|conductor)"):
+            read_sinda(tmp_path / "net.cc")

@@ -7,7 +7,7 @@ import pytest
 
 from by_code import raises_code
 from thermid.base.errors import MissingDataError, NameNotFoundError, RecordError, UnitError
-from thermid.measure._readers.log_reader import read_record
+from thermid.measure._readers.log_reader import read_plain, read_record
 
 ANY = {"case": "T1"}
 TEXT = "is not a number. Write missing samples as empty, NaN or NA; for decimal commas give decimal=','."
@@ -290,3 +290,18 @@ def test_commas_as_separator_and_as_decimal_sign(log):
 def test_a_table_in_memory_is_no_log():
     with raises_code("value.wrong-kind", RecordError, match=r"Record\.from_arrays"):
         read_record({"T1": [20.0, 21.0]}, {"T1": {"node": "a"}})
+
+
+LABVIEW = "LabVIEW Measurement\t\nSeparator\tTab\nX_Columns\tOne\n***End_of_Header***\t\n"
+
+
+@pytest.mark.parametrize("clock", ["99999999999999:00:00", "10:00:1e400", "10:00"])
+def test_a_start_of_labview_that_cannot_be_is_left_out(log, clock):
+    text = f"{LABVIEW}Date\t2024/03/05\nTime\t{clock}\n***End_of_Header***\t\nX_Value\tcase\n0\t21.5\n1\t21.6\n"
+    cells = read_plain(log(text.encode(), "x.lvm")).cells
+    assert (cells.start, cells.columns[1]) == (None, ("21.5", "21.6"))
+
+
+def test_a_labview_file_that_ends_behind_a_header_is_refused(log):
+    with pytest.raises(RecordError, match="ends behind a header, without channels"):
+        read_record(log(f"{LABVIEW}Channels\t1\n***End_of_Header***".encode(), "x.lvm"), {"case": "case"})

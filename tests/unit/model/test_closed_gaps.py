@@ -148,9 +148,9 @@ def test_ranges_and_gas_at_rest_are_said() -> None:
     [
         ({"tilt": "0 [deg]"}, "needs both tilt"),
         ({"aspect": "4"}, "needs both tilt"),
-        ({"tilt": "190 [deg]", "aspect": "4"}, "the tilt of a gap must be"),
+        ({"tilt": "190 [deg]", "aspect": "4"}, "the tilt of a gap is 190"),
         ({"tilt": "flat", "aspect": "4"}, "'flat' is not an angle. Write a number"),
-        ({"tilt": "0", "aspect": "0.2"}, "the tilt of a gap must be"),
+        ({"tilt": "0", "aspect": "0.2"}, r"'aspect' is 0\.2"),
         ({"convection_factor": 1.1}, r"convection_factor applies to a gap that convects only\."),
     ],
 )

@@ -137,7 +137,7 @@ def test_faults(change: dict[str, Any], message: str) -> None:
         ("box", {"length": "1 [m]"}, "wall", r"'box' has no 'first' among its faces: floor, lid"),
         ("facing plates", {"length": "1 [m]", "width": "1 [m]"}, "wall", r"'facing plates' needs distance"),
         ("facing plates", {"length": "1 [m]", "width": "1 [m]", "height": "1 [m]"}, "wall", r"no 'height' among its dimensions"),
-        ("facing plates", {"length": "1 [m]", "width": "1 [m]", "distance": "0 [m]"}, "wall", r"above zero and finite"),
+        ("facing plates", {"length": "1 [m]", "width": "1 [m]", "distance": "0 [m]"}, "wall", r"'dimensions' is 0 m"),
         ("facing plates", {"length": "1 [m]", "width": "1 [m]", "distance": "1 [m]"}, None, r"do not close it: their view factors sum to"),
         (
             "facing plates",
@@ -160,7 +160,7 @@ def test_faults_of_shapes(shape: str, dimensions: dict[str, str], rest: str | No
         ({"emissivity": None, "htc": "5 [W/(m^2 K)]"}, r"it has no emissivity"),
         ({"radiates_to": "wall"}, "'a_skin' radiates to 'wall' and in the"),
         ({"emissivity": "0"}, r"the emissivity of 'a_skin' is 0\. In an enclosure it must be above 0, up to 1\."),
-        ({"emissivity": "1.2"}, r"the emissivity of 'a_skin' is 1\.2\."),
+        ({"emissivity": "1.2"}, r"'a_skin.emissivity' is 1\.2\."),
     ],
 )
 def test_faults_of_faces(surface: dict[str, str | None], message: str) -> None:

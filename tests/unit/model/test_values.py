@@ -15,6 +15,7 @@ from thermid.model._parts.parameter import parameter
 from thermid.model._tree.flat import flatten
 from thermid.model._tree.model import Model
 from thermid.model._tree.tree import ParameterSet
+from thermid.simulation.network import compile_network
 
 Build = Callable[..., Model]
 
@@ -51,12 +52,12 @@ def value(model: Model, path: str) -> float:
             "Box, parameters.area: '0.05 [m^2] + 1 [m^2]': write the unit in brackets once, at the end: '(0.5 +",
         ),
         ({"parameters/area": "power + 0.05"}, "Box, parameters.area: 'power + 0.05': 'power + 0.05' adds a power and a plain number."),
-        ({"parameters/area": "-0.05 [m^2]"}, "Box, parameters.area: an area cannot be negative."),
+        ({"parameters/area": "-0.05 [m^2]"}, "Box, parameters.area: 'skin.area' is -0.05 m^2."),
     ],
 )
 def test_wrong_dimension_where_it_was_written(part: Build, changes: dict[str, Any], message: str) -> None:
     with pytest.raises(ThermidError) as caught:
-        flatten(part(changes))
+        compile_network(part(changes))
     assert message in str(caught.value)
 
 

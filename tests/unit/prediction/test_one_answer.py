@@ -91,3 +91,27 @@ def test_a_file_gives_the_numbers_of_the_fit(name: str, tmp_path: Path) -> None:
     assert filed.shift == pytest.approx(live.shift, abs=1e-6)
     assert set(filed.parts) - {"fit of plate", "fit of stack"} == set(live.parts) - {"fit"}
     assert sum(filed.parts.values()) == pytest.approx(sum(live.parts.values()), rel=1e-5, abs=1e-12)
+
+
+@pytest.mark.parametrize("place", PLACES)
+@pytest.mark.parametrize("name", CASES)
+def test_what_moves_the_centre_of_a_band_is_said_with_its_size(name: str, place: str) -> None:
+    """Run with the best values, and what each cause adds: together the centre, of a prediction and of runs that are drawn."""
+    case = CASES[name]()
+    scenario: td.Scenario = getattr(case, place)
+    told = td.predict(case.fit, scenario, nodes=[case.node])
+    band = told[case.node]
+    run = td.simulate(case.fit.fitted_model, scenario, times=band.times)[case.node].kelvin
+    assert band.simulated == pytest.approx(run, abs=1e-3)
+    assert run + sum(band.moved.values(), np.zeros(run.size)) == pytest.approx(band.kelvin, abs=1e-3)
+    drawn = td.qualify.uncertain_runs(case.fit.model, scenario, case.fit, n=400, nodes=[case.node], seed=7)
+    middle = td.simulate(case.fit.fitted_model, scenario, times=drawn.times)[case.node].kelvin
+    off = np.abs(drawn.of(case.node).mean(axis=0) - middle).max()
+    for apart, said in ((np.abs(band.kelvin - run).max(), told.centre), (off, drawn.centre)):
+        if apart > 0.1:
+            assert f"the centre of the band of '{case.node}' lies" in said
+            assert abs(float(said.split(" lies ")[1].split(" K")[0])) == pytest.approx(apart, rel=0.3, abs=0.05)
+        if apart < 0.02:
+            assert said == ""
+    assert (drawn.centre in td.qualify.hold(drawn, {case.node: "90 [degC]"}).warnings) or not drawn.centre
+    assert told.to_dict()["nodes"][case.node]["run_C"] == pytest.approx(run[-1] - 273.15, abs=1e-3)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -212,3 +213,25 @@ def test_a_residual_that_grows_with_a_logged_power_is_named(found: Calibration) 
     wrong = predict_record(found, powered(8.0))
     assert any("grows with the power of 'part.heat'" in w for w in wrong.warnings)
     assert not any("grows with" in w for w in predict_record(found, powered(5.0)).warnings)
+
+
+def test_a_record_is_banded_by_the_accuracy_of_its_own_instruments(found: Calibration) -> None:
+    """Sensors of another test, of which the fit knows no error: bands were the same with 0.5 K and with 5 K."""
+    other = log("other", 11)
+    halves = []
+    for accuracy in (None, 0.5, 5.0):
+        fresh = [replace(other.channels[s], name=f"{s}_B", accuracy=accuracy) for s in SENSORS]
+        inputs = {n: c for n, c in other.channels.items() if n not in SENSORS}
+        record = replace(other, channels=inputs).with_channels(*fresh)
+        halves.append(float(predict_record(found, record).bands["T1_B"].half_width().mean()))
+    exact, fine, coarse = halves
+    assert fine == pytest.approx(np.hypot(exact, 1.96 * 0.5), rel=0.02)
+    assert coarse == pytest.approx(np.hypot(exact, 1.96 * 5.0), rel=0.02)
+
+
+def test_a_record_is_banded_by_the_accuracy_of_its_own_logged_room(found: Calibration) -> None:
+    other = log("other", 11)
+    plain = predict_record(found, other).bands["T1"].half_width()
+    room = predict_record(found, other.with_channels(replace(other.channels["ROOM"], accuracy=2.0))).bands["T1"].half_width()
+    # where all has settled a room that is 2 K off is in the readings as it is
+    assert room[-1] == pytest.approx(np.hypot(plain[-1], 1.96 * 2.0), rel=0.05)

@@ -126,3 +126,16 @@ def test_a_usual_column_of_85_degrees_is_no_fault(tmp_path):
     seen = td.look(path)
     assert [c.faults for c in seen.columns[1:]] == [{}, {"reset of a DS18B20 (85)": 1}]
     assert np.count_nonzero(seen.columns[1].good) == 30
+
+
+@pytest.mark.parametrize(("size", "step", "expected"), [(0.05, 0.0, 0.05), (0.05, 0.5, 0.5 / 12**0.5), (0.3, 0.1, 0.3)])
+def test_look_proposes_the_noise_that_it_measured(size: float, step: float, expected: float, tmp_path: Path) -> None:
+    """Neighbouring samples tell the noise on a slow course, and a step of the sensor counts with its width over the root of 12."""
+    times = np.arange(0.0, 6000.0, 10.0)
+    celsius = 22.0 + 15.0 * (1.0 - np.exp(-times / 2000.0)) + size * np.random.default_rng(1).standard_normal(times.size)
+    celsius = np.round(celsius / step) * step if step else celsius
+    rows = "".join(f"{t:.0f},{c:.4f},{1.8 * c + 32.0:.4f}\n" for t, c in zip(times, celsius, strict=True))
+    (tmp_path / "log.csv").write_text("time_s,case [degC],lid [degF]\n" + rows)
+    lines = tomllib.loads(td.look(tmp_path / "log.csv").campaign())["records"]["log"]["channels"]
+    for column in ("case", "lid"):
+        assert float(lines[column]["noise"].removesuffix(" [K]")) == pytest.approx(expected, rel=0.15)

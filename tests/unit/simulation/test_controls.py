@@ -288,7 +288,7 @@ WRONG: dict[str, tuple[dict[str, Any], str]] = {
         {"follows": "plate", "thermostat": {"on_below": "30 [degC]", "off_above": "28 [degC]"}},
         "Exchange on_below and off_above",
     ),
-    "a band": ({"follows": "plate", "proportional": {"setpoint": "30 [degC]", "band": "0 [K]"}}, "needs a band"),
+    "a band": ({"follows": "plate", "proportional": {"setpoint": "30 [degC]", "band": "0 [K]"}}, "band' is 0 K"),
     "a mode": ({**CONTROLS["modes"], "starts": "bost"}, "Did you mean 'boost'"),
     "lost mode": (
         {**CONTROLS["modes"], "modes": {"off": 0, "boost": 1, "hold": 0.3, "lost": 1}},

@@ -122,7 +122,7 @@ def test_members_without_a_network_fail_alone() -> None:
     conductance[[3, 7]] = -1.0
     found = td.ensemble(MODEL, ROOM, {"left.conductance": conductance}, every=600.0)
     assert list(found.failed) == [3, 7]
-    assert "negative conductance" in found.failed[7]
+    assert "'left.conductance' is -1 W/K" in found.failed[7]
     assert np.isnan(found.temperatures("seam")[:, 7]).all()
     others = td.ensemble(MODEL, ROOM, {"left.conductance": np.full(12, 2.0)}, every=600.0)
     assert np.abs(found.quantile("board", 0.5) - others.quantile("board", 0.5)).max() < 3e-4
@@ -247,7 +247,7 @@ def test_draws_stay_within_the_bounds_of_a_deck() -> None:
         ({"skin.htc.coefficient": {"low": "2 [W/(m^2 K)]", "high": "1 [W/(m^2 K)]"}}, ScenarioError, "above its high end"),
         ({"skin.htc.coefficient": "-5 [%]"}, ScenarioError, r"a standard deviation must be zero or more\."),
         ({"initial.board": "5 [%]"}, ScenarioError, "per cent do not apply to a"),
-        ({"skin.emissivity": {"low": 2.0, "high": 3.0}}, ScenarioError, "exceeds the bounds"),
+        ({"skin.emissivity": {"low": 2.0, "high": 3.0}}, ScenarioError, "exceeds its bounds"),
         ({"skin.colour": "5 [%]"}, NameNotFoundError, "no parameter"),
     ],
 )

@@ -146,8 +146,8 @@ def test_an_absorptance_and_a_facing_survive_a_file(tmp_path: Any) -> None:
     [
         ({"absorptance": None}, {"direct": BRIGHT}, "is in the sun but has no absorptance. Give"),
         ({"emissivity": None, "htc": "5 [W/(m^2 K)]"}, {"infrared": "200 [W/m^2]"}, "has no emissivity"),
-        ({"absorptance": 1.2}, {"direct": BRIGHT}, "the absorptance of 'face' is 1.2; give 0 to 1"),
-        ({"absorptance": -0.1}, {"direct": BRIGHT}, "the absorptance of 'face' is -0.1"),
+        ({"absorptance": 1.2}, {"direct": BRIGHT}, "'face.absorptance' is 1.2. Give 0 to 1"),
+        ({"absorptance": -0.1}, {"direct": BRIGHT}, "'face.absorptance' is -0.1"),
         ({"facing": {"tilt": 200}}, {}, r"the tilt is 200 degrees\. Give 0 \(facing up\) to 180"),
         ({"facing": {"tilt": 90, "azimuth": 400}}, {}, r"the azimuth is 400 degrees\. Give 0 to 360"),
         ({"facing": {"tilt": "90 [m]"}}, {}, "is not an angle. Write a number"),
@@ -179,4 +179,4 @@ def test_a_wrong_name_is_offered_the_right_one() -> None:
 
 
 def test_check_sees_an_absorptance_above_one() -> None:
-    assert any(f.code == "model.fraction-outside" and "1.3" in f.message for f in plate(absorptance=1.3).check())
+    assert any(f.code == "value.outside-range" and "1.3" in f.message for f in plate(absorptance=1.3).check())

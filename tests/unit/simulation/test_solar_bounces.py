@@ -145,7 +145,7 @@ def test_what_has_no_reflection_is_refused() -> None:
         td.simulate(cavity((0.3, None, 0.9)), lit("floor"))
     with pytest.raises(td.ThermidError, match="goes round for ever"):
         td.simulate(cavity((0.0, 0.0, 0.0), rest=False), lit("floor"))
-    with pytest.raises(td.ThermidError, match=r"absorptance of 'lid' is 1\.2"):
+    with pytest.raises(td.ThermidError, match=r"'lid\.absorptance' is 1\.2"):
         td.simulate(cavity((0.3, 0.6, 1.2)), lit("floor"))
     given = [[0.0, 0.2, 0.1], [0.1, 0.0, 0.3], [0.2 / 3.0, 0.4, 0.0]]
     deck = cavity()

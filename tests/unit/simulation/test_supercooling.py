@@ -320,7 +320,7 @@ WRONG = {
         {"latent_heat": None, "melts_from": None, "melts_to": None, "liquid_specific_heat": None},
         "belongs to a node that melts",
     ),
-    "not below zero": ({"supercooling": "-3 [K]"}, "give some kelvin"),
+    "not below zero": ({"supercooling": "-3 [K]"}, "'supercooling' is -3 K"),
     "more than its latent heat": (
         {"specific_heat": "1 [kJ/(kg K)]", "liquid_specific_heat": "40 [kJ/(kg K)]", "latent_heat": "20 [kJ/kg]"},
         "more than its latent heat",

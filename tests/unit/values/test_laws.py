@@ -79,7 +79,7 @@ def test_bounds_cut_normal_laws_and_range_is_between_them() -> None:
         ({"log_sd": 0.1}, TEMPERATURE, ScenarioError, "log_sd applies only to a value above zero"),
         ("1 [degC]", TEMPERATURE, UnitError, "difference"),
         ({"low": "15 [degC]", "high": "25 [degC]"}, "K", ScenarioError, "varies in time.* shift in kelvin"),
-        ({"low": "1 [W]", "high": "5 [W]"}, "W", ScenarioError, r"1 \[W\] to 5 \[W\] exceeds the bounds of its deck, 2 to 9 in SI units\."),
+        ({"low": "1 [W]", "high": "5 [W]"}, "W", ScenarioError, r"1 \[W\] to 5 \[W\] exceeds its bounds, 2 to 9 in SI units\."),
         ({"low": "8 [W]", "high": "3 [W]"}, "W", ScenarioError, "its low end is above its high"),
         ({"sd": "0.1 [W]", "mean": "20 [W]"}, "W", ScenarioError, "almost all values of this"),
         ({"sd": "1 [W]", "log_sd": 0.1}, "W", ScenarioError, "write {sd}"),

@@ -155,6 +155,7 @@ def improve(
         "cannot_tell": [t.name for t in made.last.ties if t.nodes != made.last.proposed.nodes],
         "sensors": made.rows(),
         "delays": [d.to_dict() for d in made.delays],
+        "refused": made.refused,
         "files": [str(f) for f in made.files],
     }
     say(as_json, content, str(made))

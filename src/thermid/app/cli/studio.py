@@ -12,6 +12,7 @@ from thermid.app.cli.options import Data
 from thermid.app.studio.project import Project
 from thermid.app.studio.server import serve
 from thermid.base.extensions import require
+from thermid.base.files import PAGE, scratch, write_text
 
 
 def studio(
@@ -24,14 +25,22 @@ def studio(
 ) -> None:
     """Open a deck or campaign as a page on this machine.
 
-    The page has sliders, levels, scenarios, and a view of a log that grows. Nothing leaves this machine.
+    The page has sliders, levels, scenarios, and a view of a log that grows. Nothing leaves this machine. The address holds a token: who has
+    it sees the project and may save values; other users of the machine are refused.
     """
     require("studio", "thermid studio")
     project = Project(file, data, results)
+    with scratch() as folder:
 
-    def ready(address: str) -> None:
-        typer.echo(f"studio: {address}  (this machine only; end it with Ctrl+C)")
-        if browser:
-            webbrowser.open(address)
+        def ready(address: str) -> None:
+            typer.echo(f"studio: {address}  (this machine only; end it with Ctrl+C)")
+            if browser:
+                webbrowser.open(_leading_to(address, folder).as_uri())
 
-    serve(project, port, ready, log.resolve() if log is not None else None)
+        serve(project, port, ready, log.resolve() if log is not None else None)
+
+
+def _leading_to(address: str, folder: Path) -> Path:
+    """Return a page in a private folder that leads to an address: the arguments of a browser are seen by every user of the machine."""
+    page = f'<!doctype html><meta charset="utf-8"><title>studio</title><meta http-equiv="refresh" content="0; url={address}">\n'
+    return write_text(folder / "studio.html", page, PAGE)

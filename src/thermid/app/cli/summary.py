@@ -107,6 +107,9 @@ def _block(made: Campaign, name: str, fit: Calibration) -> StageRows:
     if command := next_command(made.file, fit, made.mistakes[name]):
         notes.append(f"{name}: next: {command}")
     rows = sorted(fitted, key=lambda v: -abs(v.error / v.value) if v.value else 0.0)
+    clocks = [i for i in fit.local if i.unit in ("s", "1")]
+    notes += [f"{name}: {i.record}: {i.name} {i.words}" for i in clocks]
+    notes += [f"{name}: {w}" for w in fit.warnings if any(f"'{i.record}: {i.name}' ended" in w for i in clocks)]
     return StageRows(name, fit.standing.state, sensor, tuple(map(_value, rows)), tuple(notes))
 
 

@@ -1,14 +1,20 @@
-"""The studio's server: one page and a small interface to the project behind it, on loopback and for one visitor."""
+"""The studio's server: one page and a small interface to the project behind it, on loopback and for one visitor.
+
+Every user of a machine reaches its loopback. So each studio has a token: it stands in the address that the command prints, the page's first
+answer makes a cookie of it, and what brings neither is refused.
+"""
 
 from __future__ import annotations
 
 import asyncio
 import json
+import secrets
 import threading
 from collections.abc import Awaitable, Callable, Mapping
 from importlib.resources import files
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Final
+from urllib.parse import parse_qs
 
 from thermid.app.studio.follow import Follower
 from thermid.app.studio.live import LiveWatch
@@ -31,6 +37,9 @@ POLICY = (
     "base-uri 'none'; form-action 'none'; frame-ancestors 'none'"
 )
 """Nothing from elsewhere, no script in the page; the picture of the model brings its own style element."""
+STRANGER: Final = "this studio answers those who know its token. Open the whole address that `thermid studio` printed in its terminal."
+LONGEST_NAME: Final = 80
+"""Characters of a file's name that an error shows."""
 GUARD = "x-thermid-studio"
 """A header that a page of another origin cannot send without being asked first, and is then refused."""
 PATIENCE: Final = 10.0
@@ -40,13 +49,14 @@ CROWD: Final = 4
 KINDS = {".html": "text/html; charset=utf-8", ".js": "text/javascript; charset=utf-8", ".css": "text/css; charset=utf-8"}
 
 
-def application(project: Project, port: int, log: Path | None = None) -> Starlette:
+def application(project: Project, port: int, token: str, log: Path | None = None) -> Starlette:
     """Return the studio of a project as an ASGI application.
 
     Parameters
     ----------
     project : Project   What is open.
     port : int          Where it will listen; requests under any other name are refused.
+    token : str         What every request must bring, in its address or as the page's cookie.
     log : Path or None  A log that grows, to be followed.
 
     Raises
@@ -113,19 +123,23 @@ def application(project: Project, port: int, log: Path | None = None) -> Starlet
     # a long log is read beside what the sliders ask for, not before it
     routes.append(Route("/api/bench", writes(follower.look, bench), methods=["POST"]))
     application = Starlette(routes=routes)
-    application.add_middleware(Guard, port=port)
+    application.add_middleware(Guard, port=port, token=token)
     return application
 
 
 class Guard:
     """Refuses what was not asked of this server by its own page, and tells the browser to load nothing else."""
 
-    def __init__(self, app: Any, port: int) -> None:
+    def __init__(self, app: Any, port: int, token: str) -> None:
         self.app = app
         self.hosts = {f"{host}:{port}" for host in HOSTS}
+        self.cookie, self.token = f"thermid-studio-{port}", token.encode()  # a browser keeps cookies by host alone
+
+    def _known(self, brought: str) -> bool:
+        return secrets.compare_digest(brought.encode(), self.token)
 
     async def __call__(self, scope: Any, receive: Any, send: Any) -> None:
-        """Pass a request on when its Host, and its Origin where it has one, are this server's."""
+        """Pass a request on when its Host, and its Origin where it has one, are this server's, and it brings the token."""
         if scope["type"] != "http":
             await self.app(scope, receive, send)
             return
@@ -134,10 +148,17 @@ class Guard:
         if headers.get("host") not in self.hosts or (origin is not None and origin.removeprefix("http://") not in self.hosts):
             await _refused("this studio accepts requests of its own page only.", 403)(scope, receive, send)
             return
+        asked = any(map(self._known, parse_qs(scope["query_string"].decode("latin-1")).get("token", [])))
+        kept = [pair.strip().partition("=") for pair in headers.get("cookie", "").split(";")]
+        if not asked and not any(name == self.cookie and self._known(value) for name, _, value in kept):
+            await _refused(STRANGER, 403)(scope, receive, send)
+            return
 
         async def guarded(message: Any) -> None:
             if message["type"] == "http.response.start":
                 extra = {"content-security-policy": POLICY, "x-content-type-options": "nosniff", "referrer-policy": "no-referrer"}
+                if asked:
+                    extra["set-cookie"] = f"{self.cookie}={self.token.decode()}; Path=/; HttpOnly; SameSite=Strict"
                 message["headers"] = [*message["headers"], *((k.encode(), v.encode()) for k, v in extra.items())]
             await send(message)
 
@@ -151,7 +172,11 @@ def _answer(make: Callable[[], Any]) -> Response:
         return Response(as_json(make()), media_type="application/json")
     except ThermidError as error:
         # an answer in words is no failure of the transport, and a browser would note one as an error of the page
-        return Response(as_json({"error": error.message, "where": error.where, "code": error.code}), media_type="application/json")
+        said = {"error": error.message, "where": error.where, "code": error.code}
+    except OSError as error:
+        name = Path(str(error.filename or "")).name
+        said = {"error": f"{error.strerror or error}.", "where": name if len(name) <= LONGEST_NAME else f"{name[:LONGEST_NAME]}..."}
+    return Response(as_json(said), media_type="application/json")
 
 
 async def _body(request: Request) -> bytes:
@@ -194,7 +219,7 @@ def serve(project: Project, port: int, ready: Callable[[str], None] | None = Non
     ----------
     project : Project   What is open.
     port : int          A free one is taken where it is 0.
-    ready : callable    Called with the address once it answers.
+    ready : callable    Called with the address once it answers; it holds the token.
     log : Path or None  A log that grows, to be followed.
 
     Raises
@@ -217,9 +242,10 @@ def serve(project: Project, port: int, ready: Callable[[str], None] | None = Non
         raise DeckError(f"port {port} is in use. Give another with --port, or 0 for any free one.", "studio") from None
     taken = int(listener.getsockname()[1])
     listener.listen()
+    token = secrets.token_urlsafe()
     if ready is not None:
-        ready(f"http://127.0.0.1:{taken}/")
-    server = uvicorn.Server(limited(application(project, taken, log), log_level="warning"))
+        ready(f"http://127.0.0.1:{taken}/?token={token}")
+    server = uvicorn.Server(limited(application(project, taken, token, log), log_level="warning"))
     server.run(sockets=[listener])
 
 

@@ -171,6 +171,9 @@ class Verdict(Result):
             )
         for c in self.checks:
             lines.append(f"  {c.sensor}: {c.words}: {VERDICTS[c.passed]}")
+        if self.prediction is not None and self.prediction.local:
+            lines.append(f"  fitted to this record: {', '.join(f'{i.name} {i.words}' for i in self.prediction.local)}")
+            lines += [f"  warning: {w}" for w in self.prediction.warnings if any(f"{i.name}' ended at" in w for i in self.prediction.local)]
         if self.bands is not None:
             lines += [*(f"  {line}" for line in self.bands.lines), *(f"  warning: {words}" for words in self.bands.warnings)]
         return "\n".join(lines)

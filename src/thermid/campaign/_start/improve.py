@@ -12,7 +12,7 @@ import numpy as np
 import tomlkit
 from tomlkit.items import AoT
 
-from thermid.base.errors import DeckError, IdentificationError, nearest
+from thermid.base.errors import DeckError, IdentificationError, ThermidError, nearest
 from thermid.base.files import may_write, read_text, unsealed, write_text
 from thermid.campaign._file import CampaignSource, read_campaign
 from thermid.campaign._stages import run_stages
@@ -82,6 +82,7 @@ class Improved:
     files : tuple of Path           What was written; empty where nothing is proposed.
     delays : tuple of Delay         Of logged powers and commands, by record table of the campaign.
     then : StructureSearch          The search beside these delays, for what else changes; None where there are none.
+    refused : str                   Why a full fit refuses the proposal, so that nothing was written; empty where it does not.
     """
 
     search: StructureSearch
@@ -90,6 +91,7 @@ class Improved:
     files: tuple[Path, ...]
     delays: tuple[Delay, ...] = ()
     then: StructureSearch | None = None
+    refused: str = ""
 
     @property
     def last(self) -> StructureSearch:
@@ -112,6 +114,7 @@ class Improved:
         lines = (
             [str(self.search)] if self.then is None else [f"Proposed: {LATE}.", *(f"  {d}" for d in self.delays), f"With it: {self.then}"]
         )
+        lines += [f"  nothing was written, because a full fit refuses the proposal: {self.refused}"] if self.refused else []
         if self.files:
             lines += [f"  {'RMSE [K]':<16}{'before':>10}{'after':>10}"]
             lines += [f"  {r['sensor']:<16}{short(r['before_K'], 3):>10}{short(r['after_K'], 3):>10}" for r in self.rows()]
@@ -158,27 +161,42 @@ def improve(path: Path, stage: str = "", seconds: float = 60.0, data: Path | Non
         return Improved(first, before, before, ())
     longest = 2.0 * sum(c.delay for c in first.proposed.changes)
     if not longest:
-        after = _full_fit(adopted(first.proposed), first.proposed.name, name)
+        try:
+            after = _full_fit(adopted(first.proposed), name, first.proposed.changes)
+        except IdentificationError as error:
+            return Improved(first, before, before, (), refused=error.message)
         return Improved(first, before, after, tuple(_written(path, name, asked, adopted(first.proposed), ())))
     # a delay in whole samples leaves residuals that other changes would answer: they are asked again beside the delay that a fit finds
     ranged = replace(asked, records=tuple(_ranged(r, longest) for r in asked.records))
-    found = _delays_of(_full_fit(ranged, "a delay", name))
+    found = _delays_of(_full_fit(ranged, name))
     late = replace(asked, records=tuple(r.delayed(found[r.name][0], _driven(r)) if r.name in found else r for r in asked.records))
     left = max(seconds - (time.monotonic() - begun), 0.5 * seconds)
     then = search_structure(late, changes=lambda seen: [c for c in changes_of(seen) if _beside_a_delay(c, late.records)], seconds=left)
     new, longest = adopted(then.proposed), max(longest, float(f"{2.0 * max(value for value, _ in found.values()):.3g}"))
     new = replace(new, records=tuple(_rebound(_ranged(old, longest), one) for old, one in zip(asked.records, new.records, strict=True)))
-    after = _full_fit(new, then.proposed.name, name)
+    try:
+        after = _full_fit(new, name, then.proposed.changes)
+    except IdentificationError as error:
+        return Improved(first, before, before, (), then=then, refused=error.message)
     delays = _said(source, name, asked, after, longest)
     return Improved(first, before, after, tuple(_written(path, name, asked, new, delays)), delays, then)
 
 
-def _full_fit(asked: Request, proposed: str, stage: str) -> Calibration:
+def _full_fit(asked: Request, stage: str, changes: Sequence[MissingElement] = ()) -> Calibration:
+    """Return the full fit of a proposed structure.
+
+    Raises
+    ------
+    IdentificationError   When it is refused, or ends where a change is not physically possible.
+    """
     try:
-        return fit(asked)
-    except IdentificationError as error:
-        text = f"the proposed structure ({proposed}) is refused by a full fit: {error.message}"
-        raise IdentificationError(text, stage, code=error.code) from None
+        found = fit(asked)
+    except ThermidError as error:
+        raise IdentificationError(error.message, stage, code=error.code) from None
+    for words, possible in (c.judge(found) for c in changes):
+        if not possible:
+            raise IdentificationError(f"it finds {words}, which is not physically possible.", stage)
+    return found
 
 
 def _driven(record: Record) -> list[str]:

@@ -48,6 +48,8 @@ EXPONENT, RADIATIVE = 0.15, 0.3
 halves of what is possible, 0 to 1/3 and nothing to all. [-]"""
 FARTHEST = 0.25
 """Move of the logarithm of a value beyond which a wider interval does not do: the structure is then not adequate. [-]"""
+LARGE = 10.0
+"""Factor on a value from which a move along one straight step is no size any more. [-]"""
 INSTANTS = 601
 """Instants of a run, beside those of its readings, at which heats are taken."""
 STRONG = 3.0
@@ -172,8 +174,9 @@ def _taken(fit: Calibration, moved: Array, variances: Array, asked: bool) -> Cal
 
 def _inadequate(fit: Calibration, worst: str, far: Mapping[str, float]) -> Calibration:
     """Return a fit whose values the readings ask to move so far that one step does not tell where to."""
-    percent = short(100.0 * math.expm1(far[worst]), 2)
-    because = f"what the structure may lack would move '{worst}' by {percent} %, and the residuals ask for it"
+    size = far[worst]
+    by = f"{short(100.0 * math.expm1(size), 2)} %" if abs(size) < math.log(LARGE) else f"more than a factor of {LARGE:g}"
+    because = f"what the structure may lack would move '{worst}' by {by}, and the residuals ask for it"
     accepted = fit.request is not None and fit.request.accepted
     return replace(fit, own=Standing("not adequate", because, fit.stage, accepted)).judged(fit.rests, fit.verdict)
 

@@ -36,10 +36,10 @@ class Inputs:
     shared: dict[str, tuple[str, float]] = field(default_factory=dict)
 
     def take(self, channel: Channel, role: str, path: str, signal: Signal, errors: Mapping[str, float] | None) -> None:
-        """Lay the signal of a channel over a boundary or load, with its constant error taken off or noted as one to look for."""
+        """Lay the signal of a channel over a boundary or load, its constant error taken off where it is known; what is stated is noted."""
         if role == "boundary":
             self.boundaries[path] = signal if errors is None else signal.raised(errors.get(channel.name, 0.0))
-            if errors is None and channel.accuracy:
+            if channel.accuracy:
                 self.shared[channel.name] = (path, channel.accuracy)
         elif channel.gain or role == "command":
             self.commands[path] = signal
@@ -48,7 +48,7 @@ class Inputs:
         else:
             self.loads[path] = signal if errors is None else signal.scaled(errors.get(channel.name, 1.0))
             power = power_while_on(signal)
-            if errors is None and channel.accuracy and power > 0:
+            if channel.accuracy and power > 0:
                 self.shared[channel.name] = (f"scale.{path}", channel.accuracy / power)
 
 

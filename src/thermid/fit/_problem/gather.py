@@ -107,7 +107,7 @@ def _parameter(group: Sequence[str], experiments: Sequence[Experiment]) -> Unkno
     parameters = experiments[0].network.flat.parameters
     targets = [Influence(i, p) for i in range(len(experiments)) for p in group]
     value = parameters.evaluate({}, [path])[path]
-    unknown = parameter_unknown(path, parameters.table[path].parameter, parameters.dimension(path), value, targets, None)
+    unknown = parameter_unknown(path, parameters.bounded(path), parameters.dimension(path), value, targets, None)
     return replace(unknown, also=tuple(also))
 
 
@@ -147,13 +147,13 @@ def _locals(request: Request, experiments: Sequence[Experiment]) -> list[Unknown
                 targets = (Influence(i, name), *(Influence(i, tip) for tip in _tips(experiment, name)))
                 out.append(Unknown(f"{experiment.record.name}: {name}", "local", targets, start, unit="degC"))
         out += _hidden(i, experiment, named) if request.fit_start else []
-        out += [_mean(i, experiment, name, sd) for name, sd in experiment.means.items() if name not in named]
+        sought = {target for target, _ in experiment.shared.values()} if request.held_errors is None else set()
+        out += [_mean(i, experiment, name, sd, name in sought) for name, sd in experiment.means.items() if name not in named]
     return out
 
 
-def _mean(i: int, experiment: Experiment, name: str, sd: float) -> Unknown:
-    """Return the error of the mean of a boundary [K] or power (relative) in one record."""
-    instrument = any(target == name for target, _ in experiment.shared.values())
+def _mean(i: int, experiment: Experiment, name: str, sd: float, instrument: bool) -> Unknown:
+    """Return the error of the mean of a boundary [K] or power (relative) in one record; that of an `instrument` may act there too."""
     power = name.startswith(SCALE)
     target = Influence(i, name, 1.0 if power and not instrument else 0.0, 1.0)
     label = f"{experiment.record.name}: error of the mean of {name.removeprefix(SCALE)}"

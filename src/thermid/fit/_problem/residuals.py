@@ -15,15 +15,10 @@ from thermid.base.dual import Dual, Number, gradient_of, value_of
 from thermid.base.errors import DeckError, SolverError
 from thermid.base.linear_algebra import Array
 from thermid.base.memo import Memo
-from thermid.base.units import Dimension, unit
+from thermid.base.units import Dimension
 from thermid.fit._problem.experiment import OFFSET, RATE, Experiment, Observation
-from thermid.model.parameters import Parameter
+from thermid.model.parameters import POSITIVE, Parameter
 from thermid.simulation.solver import Engine, Options, Squares, Traces, Weighing, Wiring, kept_for
-
-POSITIVE = tuple(
-    unit(u).dimension for u in ("W", "W/K", "W/(m^2 K)", "W/(m K)", "m", "m^2", "kg", "kg/s", "J/K", "J/(kg K)", "K/W", "m^2 K/W")
-)
-"""Quantities that cannot be negative: they are fitted by their logarithm."""
 
 
 @dataclass(frozen=True)
@@ -85,7 +80,7 @@ class Unknown:
 
     def to_value(self, fitted: float) -> float:
         """Return the value of a fitted form. [SI]"""
-        return math.exp(min(fitted, 700.0)) if self.log else fitted
+        return math.exp(min(max(fitted, -700.0), 700.0)) if self.log else fitted
 
     def slope(self, fitted: float) -> float:
         """Return d value / d fitted."""

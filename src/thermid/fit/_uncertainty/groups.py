@@ -232,11 +232,12 @@ def _few_terms(complement: Array, variance: Callable[[Array], float], inner: Seq
     Each combination has one unknown that no other has; rather none of `inner`, so that powers and capacitances stand over conductances.
     """
     d, r = complement.shape
-    choices = combinations(range(d), r) if comb(d, r) <= MOST_PIVOTS else [tuple(_independent(complement, r))]
+    choices = [*combinations(range(d), r)] if comb(d, r) <= MOST_PIVOTS else [tuple(_independent(complement, r))]
     best: tuple[tuple[float, ...], Array] | None = None
     for pivots in choices:
         block = complement[list(pivots)]
-        if abs(np.linalg.det(block)) < 1e-9:
+        # the smallest singular value and no determinant: that of many rows is small however independent they are
+        if len(choices) > 1 and np.linalg.svd(block, compute_uv=False)[-1] < 1e-9:
             continue
         basis = np.linalg.solve(block.T, complement.T)
         basis = np.where(np.abs(basis) < SAME, 0.0, basis)

@@ -59,6 +59,8 @@ SMALL = 0.05
 """Part of what a part loses already that a new way of its heat begins with. [-]"""
 MOST_PLACES = 6
 """Places of a network that are looked at for changes: the observed ones first."""
+SLOWEST = 10.0
+"""Time constant of a new mass, in lengths of the longest record, beyond which readings know nothing of it. [-]"""
 PACES = (0.03, 0.2, 1.0, 5.0)
 """Time constants at which a new mass is tried, in parts of that of the part beside it. [-]"""
 
@@ -328,6 +330,16 @@ def hidden_defects(seen: Fitted) -> Iterator[MissingElement]:
                 yield _linked(seen.request, place.node, boundary, SMALL * (place.loss or 1.0))
 
 
+def plain_lacks(seen: Fitted) -> Iterator[MissingElement]:
+    """Yield what honest decks lack most often: a lag, a mass, a leak, or another law of surfaces and powers, at one place or at all."""
+    yield from hidden_defects(seen)
+    places = _places(seen)
+    for place in (p for p in places if p.boundary):
+        yield _steeper(seen.request, place)
+        yield _radiation(seen.request, place)
+    yield from _alike(seen, places)
+
+
 def changes_of(seen: Fitted) -> Iterator[MissingElement]:
     """Changes of structure of a whole network: those at one place, between two, over all places alike, and of the commands' timing."""
     places = _places(seen)
@@ -556,6 +568,7 @@ def _second(request: Request, place: _Place, word: str) -> MissingElement:
     """A mass behind a resistance."""
     name = _free_name(request, f"{place.word}_{word}")
     held, link = 0.3 * place.capacity, f"{name}_link"
+    longest = SLOWEST * max(float(np.ptp(r.times)) for r in request.records)
     free = (f"{name}.capacitance", f"{link}.conductance")
     grow = _adding(
         word.replace("_", " "),
@@ -570,7 +583,7 @@ def _second(request: Request, place: _Place, word: str) -> MissingElement:
     def judge(found: Any) -> tuple[str, bool]:
         held, link = found[free[0]].value, found[free[1]].value
         text = f"{short(held, 3)} J/K behind {short(1 / link, 3)} K/W ({short(held / link, 3)} s), beside {short(place.capacity, 3)} J/K"
-        return text, 0.02 <= held / place.capacity <= 20.0
+        return text, 0.02 <= held / place.capacity <= 20.0 and held / link <= longest
 
     starts = tuple({free[0]: held, free[1]: held / (pace * place.pace)} for pace in PACES)
     return MissingElement(f"a second mass behind a resistance at '{place.node}'", make(request), judge, make, 1, starts)

@@ -20,13 +20,15 @@ from thermid.measure.amounts import duration_text, short
 from thermid.model.elements import HeatLoad
 from thermid.model.laws import TableSignal
 from thermid.model.parameters import parameter
-from thermid.model.tree import FlatConductor
+from thermid.model.tree import FlatConductor, parameter_table
 from thermid.physics.constants import ICE_POINT
 from thermid.simulation.runs import Solution, prepare
 from thermid.simulation.scenarios import Scenario
 
 PULSES = 20
 """Stretches of a record in which heat is tried; windows are made of whole ones first."""
+LARGEST = 30
+"""Nodes that store heat in which unlogged heat is looked for: each has `PULSES` derivatives of every node's temperature."""
 PLACED = "unlogged_heat_"
 MANY = 3
 """Most nodes and loads at which a course of an unlogged power is tried."""
@@ -188,7 +190,8 @@ def _ran(fit: RoughFit, x: Array, experiment: int) -> Solution:
     """Return a run of a record with the parameters of a rough fit."""
     e, found = fit.problem.experiments[experiment], zip(fit.problem.unknowns, x, strict=False)
     values = {t.name: u.to_value(float(v)) for u, v in found for t in u.targets if t.experiment == experiment}
-    named = {n: v for n, v in values.items() if n in e.network.flat.parameters.table}
+    own = parameter_table(e.model)  # a sensor that lags has values of its own beside the model
+    named = {n: v for n, v in values.items() if n in own}
     return prepare(e.model, e.bare, tuple(named), times=fit.meshes[experiment][0]).run(named)
 
 
@@ -214,9 +217,14 @@ def _misfit(fit: RoughFit, base: RoughEnd, experiment: int) -> float:
     return float(sum(np.sum((t.whiten @ r) ** 2) for t, r in zip(fit.traces, base.left, strict=True) if t.experiment == experiment))
 
 
+def stores_of(e: Experiment) -> tuple[str, ...]:
+    """Return the nodes that store heat, sensors that are nodes left out."""
+    return tuple(n.path for n in e.network.flat.nodes if n.fields and n.path not in e.tips)
+
+
 @dataclass(frozen=True, eq=False)
 class Pulses:
-    """The answer of all readings to a watt in each stretch of a record, into each node that stores heat.
+    """The answer of all readings to a watt in each stretch of a record, into each node that stores heat; of many, those near readings.
 
     Parameters
     ----------
@@ -236,7 +244,8 @@ class Pulses:
         """Return the pulses of a record."""
         e = fit.problem.experiments[experiment]
         span = e.scenario.seconds
-        nodes = tuple(n.path for n in e.network.flat.nodes if n.fields and n.path not in e.tips)
+        near = {*(t.node for t in fit.traces), *(load.node for load in e.network.flat.loads)}
+        nodes = tuple(sorted(stores_of(e), key=lambda n: n not in near)[:LARGEST])
         edges = np.linspace(0.0, span, PULSES + 1)
         places: dict[str, str] = {}
         tables, amounts = {}, []

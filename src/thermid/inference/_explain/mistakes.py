@@ -6,8 +6,9 @@ readings with the same weak priors about the deck, and compared with the request
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
-from dataclasses import dataclass, replace
+from collections.abc import Callable, Container, Iterable, Iterator, Mapping
+from contextlib import suppress
+from dataclasses import dataclass, field, replace
 from functools import partial
 from itertools import chain, combinations
 from typing import Any
@@ -16,8 +17,9 @@ import numpy as np
 
 from thermid.base.errors import ThermidError
 from thermid.base.linear_algebra import Array
-from thermid.fit.problem import Request
-from thermid.inference._explain.heats import Heat, heats_of
+from thermid.fit.problem import Prior, Request, Unknown
+from thermid.inference._explain.candidates import Fitted, plain_lacks
+from thermid.inference._explain.heats import LARGEST, Heat, heats_of, stores_of
 from thermid.inference._explain.rough_fit import QUICK, ROUNDS, Extra, RoughEnd, RoughFit
 from thermid.measure.amounts import duration_text, short
 from thermid.measure.records import Channel, Record
@@ -28,10 +30,10 @@ FULL = 101.0
 """Largest number that a duty cycle in per cent reaches, with what rounding adds."""
 SHIFTS = (0.005, 0.01, 0.02, 0.03, 0.04, 0.05, 0.065, 0.08, 0.1, 0.125, 0.15, 0.2)
 """Shifts of a clock that are tried, as parts of a record."""
+DEGREE = 1.8
+"""Degrees Fahrenheit in a kelvin. [-]"""
 ROOM = (14.0, 34.0)
 """Readings at the start of a log that a room may have. [degC]"""
-LAG = "lag"
-"""A hypothesis that is no mistake: sensors that lag. What it explains as well as a mistake does is not blamed on the mistake."""
 KINDS = {
     "per cent": "a power logged in per cent but read in watts",
     "unit": "a column in another unit than assumed",
@@ -43,16 +45,16 @@ KINDS = {
     "fan": "a change of the air flow during the log",
 }
 """Kind of mistake -> what it is."""
-LAG = "lag"
-"""A hypothesis that is no mistake: sensors that lag. What it explains as well as a mistake does is not blamed on the mistake."""
 NAMED = 9.0
 """Least gain in the logarithm of the posterior's height from which a mistake is named; chance and the search among many are in it. [-]"""
 LEFT = 0.4
 """Part of the misfit, of readings and deck together, that a named mistake may leave. [-]"""
 MOST = 4
 """Records that are looked at: the worst ones, where there are more."""
+ANY = 3.0
+"""Standard deviation of the logarithm of a value of an element that the model may lack. [-]"""
 RIVAL = 3.0
-"""What a mistake must gain over a hypothesis that is none. [-]"""
+"""What a mistake must gain over an element that the model may lack: what that explains as well is not blamed on a mistake. [-]"""
 SECOND = 6
 """How many of the best hypotheses are fitted to the end, once all were fitted roughly."""
 QUIET = 0.8
@@ -61,7 +63,7 @@ FAR = 1.2
 """Squares of the weak priors per unknown from which the deck is thought contradicted. [-]"""
 LAGS = (15.0, 40.0, 120.0)
 """Time constants with which a sensor that came loose goes to the temperature of its surroundings. [s]"""
-AGAINST = {LAG: 0.0, "per cent": 2.0, "unit": 3.0, "exchanged": 2.0, "node": 3.0, "clock": 5.0, "load": 6.5, "sensor": 6.0, "fan": 6.0}
+AGAINST = {"per cent": 2.0, "unit": 3.0, "exchanged": 2.0, "node": 3.0, "clock": 5.0, "load": 6.5, "sensor": 6.0, "fan": 6.0}
 """What a kind must gain first: how seldom it is, and what its free amounts and instants gain by chance. [-]"""
 
 
@@ -172,6 +174,9 @@ def _found(request: Request, name: str) -> Mistakes:
     bad = base.square > QUIET * fit.size or base.prior > FAR * max(free, 4)
     if not bad:
         return Mistakes(name)
+    stores = len(stores_of(fit.problem.experiments[0]))
+    if stores > LARGEST:
+        return Mistakes(name, bad=bad, failed=f"{stores} nodes store heat, and it takes networks of up to {LARGEST}")
     if len(request.records) > MOST:
         request = _worst(request, fit, base)
         fit, before = RoughFit.of(request), fit.named(base)
@@ -179,16 +184,40 @@ def _found(request: Request, name: str) -> Mistakes:
     known = hypotheses(request, fit, base)
     quick = [(h, _fitted(h, fit, base)) for h in known]
     ranked = sorted((f for f in quick if f[1] is not None), key=lambda f: -_gain(f[0], f[1], base))
-    chosen = [h for k, (h, _) in enumerate(ranked) if k < SECOND or h.kind == LAG]
-    found = sorted((f for h in chosen for f in _placed(h, fit, base)), key=lambda f: -_gain(f[0], f[1], base))
-    least = max(NAMED, RIVAL + max((_gain(f[0], f[1], base) for f in found if f[0].kind == LAG), default=-np.inf))
+    found = sorted((f for h, _ in ranked[:SECOND] for f in _placed(h, fit, base)), key=lambda f: -_gain(f[0], f[1], base))
+    found = [f for f in found if _gain(f[0], f[1], base) >= NAMED and f[1].cost < LEFT * base.cost]
+    least = RIVAL + base.cost - _of_structure(request, fit, base) if found else NAMED
     named: dict[tuple[str, str], Mistake] = {}
     for h, end in found:
-        if h.kind != LAG and _gain(h, end, base) >= least and end.cost < LEFT * base.cost:
+        if _gain(h, end, base) >= least:
             amount = float(end.x[-1]) if h.heat is not None or h.extra is not None else 0.0
             made = Mistake(h.kind, h.name, h.words(amount), _gain(h, end, base), (base.rms, end.rms), h.remedy(amount))
             named.setdefault((h.kind, h.name), made)
     return Mistakes(name, tuple(named.values()), bad, len(known), tuple(r.name for r in request.records))
+
+
+def _of_structure(request: Request, fit: RoughFit, base: RoughEnd) -> float:
+    """Return the least cost of the fit with one element that the model may lack: a lag, a mass, a link, another law of heat."""
+    known, seen = fit.named(base), Fitted.of_problem(request, fit.problem, base.x)
+    ends: list[tuple[RoughFit, RoughEnd]] = []
+    for element in plain_lacks(seen):
+        with suppress(ThermidError, np.linalg.LinAlgError):
+            rough = _unheld(RoughFit.of(element.request, fit), known)
+            own = {u.name: u for u in rough.problem.unknowns}
+            starts = [known | {p: own[p].to_fitted(v) for p, v in start.items() if p in own} for start in element.starts or ({},)]
+            ends.append((rough, rough.best(*starts, rounds=QUICK)))
+    ends.sort(key=lambda each: each[1].cost)
+    return min([base.cost, *(rough.solve(end.x).cost for rough, end in ends[:SECOND])])
+
+
+def _unheld(fit: RoughFit, known: Container[str]) -> RoughFit:
+    """Return a rough fit in which values that are not known by name may be any: nobody has stated what a missing element has."""
+
+    def unheld(u: Unknown) -> Unknown:
+        new = u.kind == "parameter" and u.log and u.prior is not None and u.name not in known
+        return replace(u, prior=Prior(u.to_fitted(u.start), ANY)) if new else u
+
+    return replace(fit, problem=replace(fit.problem, unknowns=tuple(map(unheld, fit.problem.unknowns))))
 
 
 def _worst(request: Request, fit: RoughFit, base: RoughEnd) -> Request:
@@ -211,7 +240,7 @@ def _fitted(h: Hypothesis, fit: RoughFit, base: RoughEnd, rounds: int = QUICK) -
     try:
         if h.heat is not None:
             return h.heat.fitted(fit, fit.named(base), rounds)
-        rough = replace(fit, extra=h.extra) if h.extra is not None else RoughFit.of(h.request, fit)
+        rough = replace(fit, extra=h.extra) if h.extra is not None else RoughFit.of(h.request, fit, read=h.read)
         return rough.best(None, fit.named(base), rounds=rounds)
     except (ThermidError, np.linalg.LinAlgError):
         return None
@@ -249,6 +278,7 @@ class Hypothesis:
     against : float             What it must gain beside its kind. [-]
     heat : Heat or None         Heat that acts, with an amount to be found.
     extra : Extra or None       What acts on one sensor, with an amount to be found.
+    read : dict                 Sensor -> whose readings it has, and by what factor, where these are others; see `RoughFit.of`.
     """
 
     kind: str
@@ -259,6 +289,7 @@ class Hypothesis:
     against: float = 0.0
     heat: Heat | None = None
     extra: Extra | None = None
+    read: Mapping[str, tuple[str, float]] = field(default_factory=dict)
 
 
 def hypotheses(request: Request, fit: RoughFit, base: RoughEnd) -> list[Hypothesis]:
@@ -280,7 +311,7 @@ def _of_requests(request: Request, fit: RoughFit) -> Iterator[Hypothesis]:
     network = fit.problem.experiments[0].network
     yield from _per_cents(request, network)
     yield from _units(request)
-    yield from _exchanges(request)
+    yield from _exchanges(request, fit)
     yield from _nodes(request, fit)
     yield from _clocks(request, fit)
 
@@ -314,7 +345,7 @@ def _times(factor: float, values: Array) -> Array:
 
 def _from_fahrenheit(values: Array) -> Array:
     """Return temperatures [K] of numbers that were read in degrees Celsius and are in degrees Fahrenheit."""
-    return (values - ICE_POINT - 32.0) / 1.8 + ICE_POINT
+    return (values - ICE_POINT - 32.0) / DEGREE + ICE_POINT
 
 
 def _paced(factor: float, record: Record) -> Record:
@@ -357,7 +388,8 @@ def _units(request: Request) -> Iterator[Hypothesis]:
         against = 4.0 if usual[0] >= usual[1] else -5.0  # the start of a log at 73 degC is seldom, at 23 degC it is a room
         words = f"{_listed(names)} {'is' if len(names) == 1 else 'are'} in degrees Fahrenheit but was read in degrees Celsius"
         other = _mapped(request, names, _from_fahrenheit)
-        yield _plain("unit", ", ".join(names), words, f'Write unit = "degF" for {_listed(names)}.', other, against)
+        made = _plain("unit", ", ".join(names), words, f'Write unit = "degF" for {_listed(names)}.', other, against)
+        yield replace(made, read={n: (n, 1.0 / DEGREE) for n in names})
     for factor, text in ((60.0, "minutes"), (3600.0, "hours"), (1e-3, "milliseconds")):
         if any(r.second is not None for r in request.records):
             break
@@ -376,12 +408,32 @@ def _listed(names: Iterable[str]) -> str:
     return " and ".join(f"'{n}'" for n in names)
 
 
-def _exchanges(request: Request) -> Iterator[Hypothesis]:
+def _exchanges(request: Request, fit: RoughFit) -> Iterator[Hypothesis]:
+    seen = {t.sensor for t in fit.traces}
     for quantity in ("temperature", "power"):
         for a, b in combinations(_channels(request, quantity), 2):
             other = _with(request, partial(_exchanged, a, b))
             words = f"'{a}' and '{b}' are exchanged"
-            yield _plain("exchanged", f"{a}, {b}", words, "Exchange their names in the campaign, or their cables on the bench.", other)
+            against = 0.0 if len({a, b} & seen) != 1 else _of_other_readings(fit, RoughFit.of(other, fit, read={a: (b, 1.0), b: (a, 1.0)}))
+            remedy = "Exchange their names in the campaign, or their cables on the bench."
+            made = _plain("exchanged", f"{a}, {b}", words, remedy, other, against)
+            yield replace(made, read={a: (b, 1.0), b: (a, 1.0)})
+
+
+def _of_other_readings(fit: RoughFit, other: RoughFit) -> float:
+    """Return what a fit to other readings must gain, so that both explain the same: all of them, by itself or as what drives the model.
+
+    What drives a model has a density too, that of a walk whose steps are as large as those that are seen. Of readings that a fit takes
+    from another's drive the density by the model replaces that of the walk, errors and all.
+    """
+
+    def density(of: RoughFit) -> float:
+        """Return the logarithm of the density of the readings at zero residuals, less that of their walks. [-]"""
+        steps = [max(float(np.sqrt(np.mean(np.diff(t.measured) ** 2))), 1e-6) for t in of.traces]
+        walks = sum(t.measured.size * (np.log(s) + 0.5) for t, s in zip(of.traces, steps, strict=True))
+        return float(sum(np.linalg.slogdet(t.whiten)[1] for t in of.traces) + walks)
+
+    return density(fit) - density(other)
 
 
 def _exchanged(a: str, b: str, record: Record) -> Record:
@@ -418,10 +470,10 @@ def _clocks(request: Request, fit: RoughFit) -> Iterator[Hypothesis]:
     walls = [n for n, c in _channels(request, "temperature").items() if n not in seen and np.ptp(c.values[c.valid]) > 3.0]
     for names in (powers, walls):
         if names and all(r.second is None for r in request.records):
-            yield from _shifts(request, fit, names, sorted(seen))
+            yield _shift(request, fit, names)
 
 
-def _shifts(request: Request, fit: RoughFit, names: list[str], seen: list[str]) -> Iterator[Hypothesis]:
+def _shift(request: Request, fit: RoughFit, names: list[str]) -> Hypothesis:
     span = min(float(np.ptp(r.times)) for r in request.records)
 
     def cost(shift: float, rounds: int) -> float:
@@ -439,23 +491,11 @@ def _shifts(request: Request, fit: RoughFit, names: list[str], seen: list[str]) 
     shift = best[1]
     late = "behind" if shift < 0.0 else "ahead of"
     words = f"the clock of {_listed(names)} is {duration_text(abs(shift))} {late} that of the temperatures"
-    for part in (0.5, 1.0, 2.0) if seen else ():
-        lagging = _with(request, partial(_lagging, seen, part * abs(shift)))
-        yield _plain(LAG, ", ".join(seen), "the sensors lag", "", lagging)
     remedy = (
         f"Join that log with offset = \"{-shift:.4g} [s]\", or give offset as a range and let the fit find it. 'thermid look' "
         "shows the clocks."
     )
-    yield _plain("clock", ", ".join(names), words, remedy, _shifted(request, names, shift))
-
-
-def _lagging(sensors: Sequence[str], lag: float, record: Record) -> Record:
-    """Return a record whose sensors lag; one of which a lag is stated keeps it."""
-    for s in sensors:
-        part = record.channels[s].part if s in record.channels else None
-        if s in record.channels and (part is None or not part.touches):
-            record = record.with_sensor(s, lag=f"{lag!r} [s]")
-    return record
+    return _plain("clock", ", ".join(names), words, remedy, _shifted(request, names, shift))
 
 
 def _shifted(request: Request, names: list[str], shift: float) -> Request:

@@ -145,7 +145,13 @@ class RoughFit:
     extra: Extra | None = None
 
     @classmethod
-    def of(cls, request: Request, like: RoughFit | None = None, amounts: Sequence[tuple[Unknown, float]] = ()) -> RoughFit:
+    def of(
+        cls,
+        request: Request,
+        like: RoughFit | None = None,
+        amounts: Sequence[tuple[Unknown, float]] = (),
+        read: Mapping[str, tuple[str, float]] | None = None,
+    ) -> RoughFit:
         """Return the rough fit of a request.
 
         Parameters
@@ -153,6 +159,8 @@ class RoughFit:
         request : Request
         like : RoughFit     Another one whose errors of the readings are taken, so that both can be compared.
         amounts : sequence  Further unknowns, with the standard deviation of each about zero.
+        read : dict         Sensor whose readings are others than in `like` -> the sensor whose they are there, and by what factor they
+                            are scaled. The errors go with the readings: a factor alone makes nothing likelier.
         """
         made = build_problem(request)
         unknowns = tuple(_held(request.model, u) for u in made.unknowns)
@@ -167,7 +175,9 @@ class RoughFit:
             for k, o in enumerate(e.observations):
                 measured, counts = _means(e.times[o.index], o.measured, edges)
                 name = (e.record.name, o.sensor)
-                whiten = errors[name].whiten if name in errors else _whitener(o, centres, counts, edges)
+                source, factor = (read or {}).get(o.sensor, (o.sensor, 1.0))
+                known = errors.get((e.record.name, source))
+                whiten = known.whiten / factor if known is not None else _whitener(o, centres, counts, edges)
                 if whiten.shape[0] != centres.size:
                     whiten = _whitener(o, centres, counts, edges)
                 traces.append(ThinTrace(i, k, *name, o.seat, centres, measured, whiten))

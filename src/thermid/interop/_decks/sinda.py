@@ -243,7 +243,7 @@ def _arrays(deck: SindaDeck, submodel: str, lines: list[Line]) -> None:
 def _nodes(deck: SindaDeck, submodel: str, lines: list[Line]) -> None:
     """Read NODE DATA: number, temperature, capacitance; GEN, SIV and SPV."""
     for line in lines:
-        (head, _), *rest = fields(line)
+        (head, _), *rest = fields(line) or [("", line.where)]
         word, _, first = head.partition(" ")
         kind = word.upper() if first else ""
         try:
@@ -310,7 +310,7 @@ def _conductors(deck: SindaDeck, submodel: str, lines: list[Line]) -> None:
     """Read CONDUCTOR DATA: number, pairs of nodes, value; GEN, SIV and SPV. A contactor named in a comment makes a group of its rows."""
     group = _Group()
     for line in lines:
-        (head, _), *rest = fields(line)
+        (head, _), *rest = fields(line) or [("", line.where)]
         word, _, first = head.partition(" ")
         kind = word.upper() if first else ""
         cells = [(first.strip(), line.where), *rest] if kind else [(head, line.where), *rest]

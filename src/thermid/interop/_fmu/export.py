@@ -55,7 +55,8 @@ CLOSE = 1e-10
 """How far a formula's number may be from that of the network, as a share of it. [-]"""
 MOVES = (1.13, 0.83)
 """What values are multiplied by to see whether the formulas hold away from the model's own values. [-]"""
-COMPUTE = {"+": np.add, "-": np.subtract, "*": np.multiply, "/": np.divide, "**": np.power}
+COMPUTE = {"+": np.add, "-": np.subtract, "*": np.multiply, "/": np.divide, "**": np.power, "min": np.minimum, "max": np.maximum}
+ALONE = {"neg": np.negative, "sqrt": np.sqrt, "exp": np.exp, "log": np.log}
 
 
 @dataclass(frozen=True, eq=False)
@@ -560,8 +561,6 @@ class StraightLine:
                 word = OPERATIONS[operation]
                 if word in ("number", "name"):
                     out[k] = numbers[a] if word == "number" else at[names[a]]
-                elif word == "neg":
-                    out[k] = -out[a]
                 else:
-                    out[k] = COMPUTE[word](out[a], out[b])
+                    out[k] = ALONE[word](out[a]) if word in ALONE else COMPUTE[word](out[a], out[b])
         return out[self.results]

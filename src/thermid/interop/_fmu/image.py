@@ -13,7 +13,7 @@ from thermid import _kernel
 MARK = b"THERMID1"
 TIME, VALUE, TEMPERATURE_OF, RATE, HEAT, POWER, MODE, INDICATOR = range(8)
 """Kinds of variables in the order of VariableKind of the library."""
-OPERATIONS = ("number", "name", "+", "-", "*", "/", "neg", "**")
+OPERATIONS = ("number", "name", "+", "-", "*", "/", "neg", "**", "min", "max", "sqrt", "exp", "log")
 """In the order of Program::Operation of the library."""
 
 

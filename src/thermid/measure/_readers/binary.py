@@ -1,6 +1,7 @@
 """Logs in binary files as cells: NI TDMS, MATLAB, HDF5, netCDF and workbooks, each read by a library of its own.
 
-Numbers become text with all their digits, so that units, clocks and faults are read in one place for every format.
+Numbers become text with all their digits, so that units, clocks and faults are read in one place for every format. These readers run in a
+process of their own, see `confined`, and leave the errors of libraries to it.
 """
 
 from __future__ import annotations
@@ -8,47 +9,65 @@ from __future__ import annotations
 import io
 import re
 import struct
+import sys
 import warnings
 import zipfile
 import zlib
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from datetime import datetime, timedelta
+from importlib.util import find_spec
 from typing import Any, Final, cast
 
 import numpy as np
 
-from thermid.base.errors import RecordError, UnitError, cap, raising
-from thermid.base.extensions import optional
+from thermid.base.errors import MissingExtraError, RecordError, UnitError, cap, raising
+from thermid.base.extensions import missing, optional
 from thermid.base.units import require, unit as parsed_unit
+from thermid.measure._readers.confined import confined
 from thermid.measure._readers.headers import spelt
 from thermid.measure._readers.matlab_objects import objects_of, series_of
 from thermid.measure._readers.textfile import Cells, ChannelSeries, Layout, cells_of_text, merged, text_of
 
-OLD_OFFICE: Final = b"\xd0\xcf\x11\xe0\xa1\xb1\x1a\xe1"
-"""Signature of Microsoft's compound files, such as .xls."""
-
 _TIMES: Final = ("time", "t", "time_s", "timestamp", "datetime", "tout", "zeit", "tempo", "date_time", "x_value", "tempos", "elapsed")
 _SINCE: Final = re.compile(r"(?P<unit>\w+) since (?P<stamp>.+)\Z")
 
-_DAMAGE: Final = (
-    ArithmeticError,
-    AttributeError,
-    EOFError,
-    LookupError,
-    MemoryError,
-    NameError,
-    NotImplementedError,
-    OSError,
-    RuntimeError,
-    TypeError,
-    ValueError,
-    struct.error,
-    zlib.error,
-)
-"""What libraries raise on a damaged file."""
-
 Vectors = dict[str, tuple[Any, str]]
 """Name -> samples (samples,), unit as text; both empty where unknown."""
+
+
+MEMORY: Final = 5.0
+"""Memory that reading a file may take, over what it may unpack to. [-]"""
+Reader = Callable[[bytes, str, str | None], Cells]
+
+
+def in_child(read: Reader, module: str = "") -> Reader:
+    """Return one of the readers below that works in a process of its own.
+
+    Parameters
+    ----------
+    read : callable     The reader.
+    module : str        Optional module that it needs, as it is imported.
+    """
+
+    def of_bytes(data: bytes, file: str, separator: str | None) -> Cells:
+        if module and (sys.modules.get(module, module) is None or find_spec(module) is None):
+            raise MissingExtraError(missing([module], "this kind of file"), file)
+        memory = MEMORY * cap("unpacked")
+        return of_json(confined(to_json, data, memory, reader=read.__name__, file=file, separator=separator))
+
+    return of_bytes
+
+
+def to_json(data: bytes, reader: str, file: str, separator: str | None) -> dict[str, Any]:
+    """Return the cells that one of the readers finds, as JSON can hold them."""
+    cells: Cells = globals()[reader](data, file, separator)
+    return vars(cells) | {"prompt": sorted(cells.prompt), "layout": vars(cells.layout)}
+
+
+def of_json(held: dict[str, Any]) -> Cells:
+    """Return cells as they were before `to_json`."""
+    held |= {"header": tuple(held["header"]), "columns": [tuple(c) for c in held["columns"]], "notes": tuple(held["notes"])}
+    return Cells(**held | {"prompt": frozenset(held["prompt"]), "layout": Layout(**held["layout"])})
 
 
 def _small(size: float, file: str) -> None:
@@ -59,9 +78,7 @@ def _small(size: float, file: str) -> None:
     RecordError   With the cap.
     """
     if size > cap("unpacked"):
-        raise RecordError(
-            f"it unpacks to {size / 1e6:.0f} MB or more. Save the channels that are needed.{raising('unpacked')}", file, code="cap.exceeded"
-        )
+        raise RecordError(f"it unpacks to {size / 1e6:.0f} MB or more. Save the channels that are needed.{raising('unpacked')}", file)
 
 
 def _inflated(data: bytes, most: int) -> int:
@@ -81,19 +98,16 @@ def tdms(data: bytes, file: str, separator: str | None) -> Cells:
     RecordError   When a channel has neither a waveform's times nor a time channel in its group.
     """
     library = optional("nptdms", "this kind of file", file)
-    try:
-        with library.TdmsFile.read(io.BytesIO(data)) as opened:
-            cut = bool(opened.file_status.incomplete_final_segment)
-            groups = [(group.name, {c.name: c for c in group.channels() if len(c)}) for group in opened.groups()]
-            groups = [(name, channels) for name, channels in groups if channels]
-            begun = _beginning(channels for _, channels in groups)
-            series: list[ChannelSeries] = []
-            for name, channels in groups:
-                series += _tdms_series(name if len(groups) > 1 else "", channels, begun, file)
-    except _DAMAGE as error:
-        raise RecordError(f"the TDMS file is damaged or cut short ({error}).", file, code="record.damaged") from None
+    with library.TdmsFile.read(io.BytesIO(data)) as opened:
+        cut = bool(opened.file_status.incomplete_final_segment)
+        groups = [(group.name, {c.name: c for c in group.channels() if len(c)}) for group in opened.groups()]
+        groups = [(name, channels) for name, channels in groups if channels]
+        begun = _beginning(channels for _, channels in groups)
+        series: list[ChannelSeries] = []
+        for name, channels in groups:
+            series += _tdms_series(name if len(groups) > 1 else "", channels, begun, file)
     if not series:
-        raise RecordError("the TDMS file has no samples.", file, code="record.no-samples")
+        raise RecordError("the TDMS file has no samples.", file)
     start = None if begun is None else str(begun.isoformat())
     notes = ("the last segment of the file is cut short; the samples before it were read",) if cut else ()
     return merged(series, file, "time [s]", notes, Layout("NI TDMS", ""), start)
@@ -127,9 +141,7 @@ def _tdms_series(group: str, channels: Mapping[str, Any], begun: datetime | None
         times = _tdms_times(channel, channels.get(own) if own else None, begun)
         if times is None or len(times) != len(channel):
             raise RecordError(
-                f"channel '{name}' has no times: neither wf_increment nor a time channel of as many samples in its group.",
-                file,
-                code="record.time-unclear",
+                f"channel '{name}' has no times: neither wf_increment nor a time channel of as many samples in its group.", file
             )
         unit = str(channel.properties.get("unit_string", "") or channel.properties.get("NI_UnitDescription", "")).strip()
         shown = f"{group}/{name}" if group else name
@@ -167,17 +179,12 @@ def matlab(data: bytes, file: str, separator: str | None) -> Cells:
     RecordError   When it has no time beside vectors of its length, or only objects that no published layout describes.
     """
     from scipy.io import loadmat
-    from scipy.io.matlab import MatReadError, MatReadWarning
+    from scipy.io.matlab import MatReadWarning
 
-    try:
-        _small(_matlab_size(data), file)
-        with warnings.catch_warnings():
-            warnings.simplefilter("ignore", MatReadWarning)  # objects have no names there; `objects_of` reads them
-            held = loadmat(cast("Any", io.BytesIO(data)), squeeze_me=True, struct_as_record=True)
-    except RecordError:
-        raise
-    except (MatReadError, *_DAMAGE) as error:
-        raise RecordError(f"the MATLAB file cannot be read ({error}). Save it again with save -v7.", file, code="record.damaged") from None
+    _small(_matlab_size(data), file)
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore", MatReadWarning)  # objects have no names there; `objects_of` reads them
+        held = loadmat(cast("Any", io.BytesIO(data)), squeeze_me=True, struct_as_record=True)
     opaque = any("MatlabOpaque" in type(value).__name__ for value in held.values())
     return of_variables(held, file, _of_series(objects_of(data, file), file) if opaque else {})
 
@@ -210,9 +217,7 @@ def _of_series(objects: Mapping[str, Mapping[str, Any]], file: str) -> Vectors:
             continue
         if clock and not np.array_equal(out["Time"][0], series["Time"]):
             raise RecordError(
-                f"'{clock}' and '{name}' have different times. Save one of them in a separate file: save('log.mat', '{clock}').",
-                file,
-                code="record.times-differ",
+                f"'{clock}' and '{name}' have different times. Save one of them in a separate file: save('log.mat', '{clock}').", file
             )
         clock = clock or name
         out["Time"] = series["Time"], "s"
@@ -233,7 +238,6 @@ def of_variables(held: Mapping[str, Any], file: str, series: Vectors | None = No
             "whose layout is not published. In MATLAB: "
             f"t = {objects[0]}.Time; T = {objects[0]}.Data; save('log.mat', 't', 'T', '-v7').",
             file,
-            code="record.layout-unclear",
         )
     return _of_vectors(vectors, file, "MATLAB")
 
@@ -284,19 +288,13 @@ def _of_vectors(vectors: Vectors, file: str, kind: str) -> Cells:
     if not clock:
         held = ", ".join(f"{n} ({len(v)})" for n, (v, _) in vectors.items()) or "no numeric vectors"
         raise RecordError(
-            f"no vector has the name of a time ({', '.join(_TIMES[:6])}); it holds {held}. Rename the vector with the times.",
-            file,
-            code="record.time-unclear",
+            f"no vector has the name of a time ({', '.join(_TIMES[:6])}); it holds {held}. Rename the vector with the times.", file
         )
     times, unit = vectors.pop(clock)
     alike = {name: each for name, each in vectors.items() if len(each[0]) == len(times)}
     other = [name for name in vectors if name not in alike]
     if not alike:
-        raise RecordError(
-            f"no vector is as long as '{clock}' ({len(times)} samples); there are {', '.join(vectors) or 'none'}.",
-            file,
-            code="record.shape",
-        )
+        raise RecordError(f"no vector is as long as '{clock}' ({len(times)} samples); there are {', '.join(vectors) or 'none'}.", file)
     texts, unit, start, name = _clock_texts(times, unit, re.split(r"[./]", clock)[-1], kind)
     header = (f"{name} [{unit}]" if unit else name, *(_named(n, u) for n, (_, u) in alike.items()))
     columns = [texts, *(tuple(text_of(v) for v in np.asarray(values).tolist()) for values, _ in alike.values())]
@@ -351,6 +349,9 @@ def hdf5(data: bytes, file: str, separator: str | None) -> Cells:
         nonlocal unpacked
         if not isinstance(item, library.Dataset) or "#" in name or item.ndim == 0 or item.size < 2:
             return
+        if item.external or item.is_virtual:
+            how = "a virtual data set" if item.is_virtual else "external storage"
+            raise RecordError(f"'{name}' is {how}: its values stand in other files, which are not read. Save them in this one.", file)
         unpacked += item.size * item.dtype.itemsize
         _small(unpacked, file)
         values = np.squeeze(item[()])
@@ -363,13 +364,8 @@ def hdf5(data: bytes, file: str, separator: str | None) -> Cells:
             rows = values if values.shape[0] > values.shape[1] else values.T
             vectors.update({f"{name}_{k + 1}": (rows[:, k], unit) for k in range(rows.shape[1])})
 
-    try:
-        with library.File(io.BytesIO(data), "r") as opened:
-            opened.visititems(visit)
-    except RecordError:
-        raise
-    except _DAMAGE as error:
-        raise RecordError(f"the HDF5 file is damaged or cut short ({error}).", file, code="record.damaged") from None
+    with library.File(io.BytesIO(data), "r") as opened:
+        opened.visititems(visit)
     kind = "MATLAB 7.3" if data[:10] == b"MATLAB 7.3" else "HDF5"
     return _of_vectors(vectors, file, kind)
 
@@ -389,21 +385,13 @@ def netcdf(data: bytes, file: str, separator: str | None) -> Cells:
     """
     from scipy.io import netcdf_file
 
-    try:
-        with netcdf_file(io.BytesIO(data), mmap=False) as opened:
-            vectors: Vectors = {
-                name: (np.array(v[:]).astype(v[:].dtype.newbyteorder("=")), _plain(getattr(v, "units", "")))
-                for name, v in opened.variables.items()
-                if len(v.shape) == 1 and v.shape[0] > 1
-            }
-    except _DAMAGE as error:
-        raise RecordError(f"the netCDF file is damaged or cut short ({error}).", file, code="record.damaged") from None
+    with netcdf_file(io.BytesIO(data), mmap=False) as opened:
+        vectors: Vectors = {
+            name: (np.array(v[:]).astype(v[:].dtype.newbyteorder("=")), _plain(getattr(v, "units", "")))
+            for name, v in opened.variables.items()
+            if len(v.shape) == 1 and v.shape[0] > 1
+        }
     return _of_vectors(vectors, file, "netCDF classic")
-
-
-def is_workbook(head: bytes) -> bool:
-    """Whether bytes begin as a zip archive that may be a workbook."""
-    return head[:4] == b"PK\x03\x04" and any(name in head for name in (b"xl/", b"[Content_Types].xml", b"opendocument.spreadsheet"))
 
 
 def workbook(data: bytes, file: str, separator: str | None) -> Cells:
@@ -414,21 +402,15 @@ def workbook(data: bytes, file: str, separator: str | None) -> Cells:
     RecordError   When no sheet has samples, or the file is damaged.
     """
     try:
-        if data[:2] == b"PK":
-            _small_workbook(zipfile.ZipFile(io.BytesIO(data)), file)
+        _small(sum(part.file_size for part in zipfile.ZipFile(io.BytesIO(data)).infolist()) if data[:2] == b"PK" else 0.0, file)
     except zipfile.BadZipFile:
-        raise RecordError(
-            "this is a binary file, not a text log (a workbook or archive). Export it as CSV.", file, code="record.damaged"
-        ) from None
+        raise RecordError("this is a binary file, not a text log (a workbook or archive). Export it as CSV.", file) from None
     library = optional("python_calamine", "this kind of file", file)
-    try:
-        book = library.CalamineWorkbook.from_filelike(io.BytesIO(data))
-        sheets = {name: book.get_sheet_by_name(name).to_python() for name in book.sheet_names}
-    except (library.CalamineError, *_DAMAGE) as error:
-        raise RecordError(f"the workbook cannot be read ({error}).", file, code="record.damaged") from None
+    book = library.CalamineWorkbook.from_filelike(io.BytesIO(data))
+    sheets = {name: book.get_sheet_by_name(name).to_python() for name in book.sheet_names}
     best = max(sheets, key=lambda name: _numbers(sheets[name]), default="")
     if not best or not _numbers(sheets[best]):
-        raise RecordError("no sheet of the workbook holds numbers.", file, code="record.no-samples")
+        raise RecordError("no sheet of the workbook holds numbers.", file)
     text = "\n".join("\t".join(_cell(cell) for cell in row) for row in sheets[best]) + "\n"
     cells = cells_of_text(text, file, "\t")
     others = [name for name in sheets if name != best and _numbers(sheets[name])]
@@ -437,66 +419,6 @@ def workbook(data: bytes, file: str, separator: str | None) -> Cells:
     return Cells(
         file, cells.header, cells.columns, cells.lines, (*cells.notes, *notes), cells.synthetic, commas=cells.commas, layout=layout
     )
-
-
-_CELL: Final = re.compile(rb'\br="([A-Z]{1,3})(\d{1,7})"')
-SPARSE: Final = 50
-"""Bytes of memory that each place of a sheet takes, empty ones too, between its first cell and its last."""
-
-
-def _small_workbook(book: zipfile.ZipFile, file: str) -> None:
-    """Refuse a workbook that unpacks to too much, or whose last cell stands so far out that the empty ones before it would."""
-    most = int(cap("unpacked"))
-    _small(sum(part.file_size for part in book.infolist()), file)
-    for part in book.infolist():
-        if not part.filename.startswith("xl/worksheets/") and part.filename != "content.xml":
-            continue
-        with book.open(part) as sheet:
-            text = sheet.read(most + 1)
-        _small(len(text), file)
-        _small(SPARSE * (_open_places(text) if part.filename == "content.xml" else _places(text)), file)
-
-
-def _places(sheet: bytes) -> int:
-    """Return how many places a sheet of .xlsx spans, from its first cell to its last."""
-    wide = high = 0
-    for column, row in _CELL.findall(sheet):
-        high = max(high, int(row))
-        wide = max(wide, _column(column))
-    return wide * high
-
-
-_TABLE_TAG: Final = re.compile(rb"<table:(table|table-row|(?:covered-)?table-cell)(?=[\s/>])([^>]*)>")
-_REPEATED: Final = re.compile(rb'table:number-(?:rows|columns)-repeated="(\d{1,9})"')
-
-
-def _open_places(content: bytes) -> int:
-    """Return how many places the largest sheet of .ods spans; what is written once may be said to stand there a million times."""
-    most = wide = high = row = column = 0
-    for name, rest in _TABLE_TAG.findall(content):
-        repeated = _REPEATED.search(rest)
-        many = int(repeated[1]) if repeated else 1
-        if name == b"table":
-            most, wide, high, row = max(most, wide * high), 0, 0, 0
-        elif name == b"table-row":
-            row, column = row + many, 0
-        else:
-            column += many
-            if not rest.endswith(b"/") or b"office:value" in rest:  # an empty cell takes no place behind the last filled one
-                wide, high = max(wide, column), max(high, row)
-    return max(most, wide * high)
-
-
-def _column(letters: bytes) -> int:
-    """Return the number of a column, from 1.
-
-    >>> _column(b"A"), _column(b"AA")
-    (1, 27)
-    """
-    number = 0
-    for letter in letters:
-        number = 26 * number + letter - 64
-    return number
 
 
 def _numbers(rows: Sequence[Sequence[Any]]) -> int:

@@ -21,10 +21,11 @@ from typing import Final
 
 import numpy as np
 
-from thermid.base.errors import RecordError, ThermidError
+from thermid.base.errors import RecordError, ThermidError, cap, raising
 from thermid.base.extensions import extension
 from thermid.base.units import unit
 from thermid.measure._readers import binary
+from thermid.measure._readers.confined import EndedError
 from thermid.measure._readers.headers import MISSING, TIME_NAMES, is_number, name_and_unit, spelt
 from thermid.measure._readers.stamps import stamp_seconds
 from thermid.measure._readers.textfile import Cells, ChannelSeries, Layout, cells_of_text, decoded, merged, read_bytes
@@ -208,7 +209,7 @@ def _stamp(segment: dict[str, list[str]]) -> datetime | None:
         day = datetime.strptime(date, "%Y/%m/%d")
         hour, minute, second = clock.split(":")
         return day + timedelta(hours=int(hour), minutes=int(minute), seconds=round(float(second), 6))
-    except ValueError:
+    except (ValueError, OverflowError):
         return None
 
 
@@ -216,6 +217,8 @@ def _segment(
     lines: list[str], at: int, segment: dict[str, list[str]], mark: str, file: str
 ) -> tuple[tuple[str, ...], datetime | None, list[tuple[int, list[str]]], int]:
     """Return the names of the channels with units, the start, the lines of samples, and the line after the segment."""
+    if at == len(lines):
+        raise RecordError("the file ends behind a header, without channels. Export the log again, with its data.", file)
     names = [name.strip() for name in lines[at].rstrip("\n").split(mark)]
     stop = at + 1
     while stop < len(lines) and lines[stop].strip() and lines[stop].split(mark)[0].strip() not in ("Channels", "Notes"):
@@ -521,15 +524,26 @@ def _bench(data: bytes, file: str, separator: str | None) -> Cells:
     return cells
 
 
+OLD_OFFICE: Final = b"\xd0\xcf\x11\xe0\xa1\xb1\x1a\xe1"
+"""Signature of Microsoft's compound files, such as .xls."""
+
+
+def is_workbook(head: bytes) -> bool:
+    """Whether bytes begin as a zip archive that may be a workbook."""
+    return head[:4] == b"PK\x03\x04" and any(name in head for name in (b"xl/", b"[Content_Types].xml", b"opendocument.spreadsheet"))
+
+
+_workbook = binary.in_child(binary.workbook, "python_calamine")
+
 FORMATS: Final = (
     Format("bench log", "its first line", is_bench_log, _bench),
-    Format("NI TDMS", "the bytes TDSm", lambda d: d[:4] == b"TDSm", binary.tdms, "npTDMS"),
-    Format("HDF5", "its signature", lambda d: d[:8] == b"\x89HDF\r\n\x1a\n", binary.hdf5, "h5py"),
-    Format("netCDF classic", "the bytes CDF", lambda d: d[:3] == b"CDF" and d[3:4] in b"\x01\x02", binary.netcdf),
-    Format("MATLAB", "MATLAB 5.0 in its first line", lambda d: d[:10] == b"MATLAB 5.0", binary.matlab),
-    Format("MATLAB 7.3", "MATLAB 7.3 in its first line", lambda d: d[:10] == b"MATLAB 7.3", binary.hdf5, "h5py"),
-    Format("workbook", "a zip archive with xl/ or content.xml", binary.is_workbook, binary.workbook, "python-calamine"),
-    Format("workbook of old Excel", "its signature", lambda d: d[:8] == binary.OLD_OFFICE, binary.workbook, "python-calamine"),
+    Format("NI TDMS", "the bytes TDSm", lambda d: d[:4] == b"TDSm", binary.in_child(binary.tdms, "nptdms"), "npTDMS"),
+    Format("HDF5", "its signature", lambda d: d[:8] == b"\x89HDF\r\n\x1a\n", binary.in_child(binary.hdf5, "h5py"), "h5py"),
+    Format("netCDF classic", "the bytes CDF", lambda d: d[:3] == b"CDF" and d[3:4] in b"\x01\x02", binary.in_child(binary.netcdf)),
+    Format("MATLAB", "MATLAB 5.0 in its first line", lambda d: d[:10] == b"MATLAB 5.0", binary.in_child(binary.matlab)),
+    Format("MATLAB 7.3", "MATLAB 7.3 in its first line", lambda d: d[:10] == b"MATLAB 7.3", binary.in_child(binary.hdf5, "h5py"), "h5py"),
+    Format("workbook", "a zip archive with xl/ or content.xml", is_workbook, _workbook, "python-calamine"),
+    Format("workbook of old Excel", "its signature", lambda d: d[:8] == OLD_OFFICE, _workbook, "python-calamine"),
     Format(
         "LabVIEW measurement", "LabVIEW Measurement in its first line", lambda d: _head(d).startswith("LabVIEW Measurement"), _text(labview)
     ),
@@ -558,5 +572,13 @@ def log_cells(path: Path, separator: str | None = None) -> Cells:
     data = read_bytes(path)
     name = path.name
     of = next(each for each in FORMATS if each.recognised(data[:_HEAD]))
-    cells = of.read(data, name, separator)
+    try:
+        cells = of.read(data, name, separator)
+    except EndedError as error:
+        cause, memory = f" ({error})" if str(error) else "", binary.MEMORY * cap("unpacked") / 1e6
+        raise RecordError(
+            f"the file is damaged, laid out in an unknown way, or takes more than {memory:.0f} MB of memory, as where a cell of a sheet "
+            f"stands far out{cause}. Save it again, or as CSV.{raising('unpacked')}",
+            name,
+        ) from None
     return replace(cells, layout=replace(cells.layout, format=of.name)) if cells.layout.format == Layout().format else cells

@@ -106,7 +106,7 @@ def clock_column(cells: Cells, wanted: str | None) -> Clock:
     if wanted is not None:
         at = find_column(cells.header, wanted, f"{cells.file}, time")
     elif cells.time:
-        at = names.index(cells.time)
+        at = names.index(cells.time) if cells.time in names else 0  # first in every format that states it; a damaged unit may join its name
     else:
         at = _by_name_or_content(cells, names, dates, clocks)
     if at in clocks and len(dates) == 1 and names[dates[0]] != names[at]:

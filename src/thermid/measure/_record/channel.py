@@ -529,6 +529,11 @@ def found_noise(channel: Channel) -> float:
     return float(min(sizes, default=0.0))
 
 
+def noise_seen(channel: Channel) -> float:
+    """Return what one reading of a temperature shows of noise: `found_noise`, at least what rounding to its steps leaves. [K]"""
+    return max(found_noise(channel), step_of(channel) / math.sqrt(12.0))
+
+
 def unrounded(times: FloatArray, values: FloatArray) -> FloatArray:
     """Return a slow signal behind readings in steps: straight lines between the middles of its changes.
 

@@ -18,7 +18,7 @@ from thermid.base.errors import DeckError, ThermidError
 from thermid.base.expression import parse
 from thermid.base.grammar import StrictTable
 from thermid.base.units import unit
-from thermid.model._deck.fields import Raw, ValueTable
+from thermid.model._deck.fields import Raw, ValueTable, plain
 from thermid.model._deck.rows import Reader, rows_of_file
 from thermid.model._laws.signal import literal
 from thermid.model._parts.kinds import KINDS
@@ -231,15 +231,13 @@ def _rows(file: str, where: str, read: Reader | None) -> list[tuple[list[str], s
 
 def _rung(row: list[str], kind: str, where: str) -> tuple[float, float]:
     """Return resistance [K/W] and capacitance [J/K] of a row; a Foster row may have a time in place of the latter."""
-    resistance = literal(row[0], "K/W", where)
+    resistance = plain(row[0], "ladders.R", "K/W", where)
     try:
         found = parse(row[1]).literal
     except ThermidError as error:
         raise error.located(where) from None
     timed = kind == "foster" and found is not None and found.unit.dimension == unit("s").dimension
-    second = literal(row[1], "s" if timed else "J/K", where)
-    if not (0.0 < resistance < float("inf") and 0.0 < second < float("inf")):
-        raise DeckError(f"row {row}: resistance and capacitance (or time) of a ladder must be above zero and finite.", where)
+    second = plain(row[1], "ladders.tau" if timed else "capacitance", "s" if timed else "J/K", where)
     return resistance, second / resistance if timed else second
 
 
@@ -322,9 +320,9 @@ class CoolerTable(StrictTable):
     def assembly(self, name: str, where: Where, read: Reader | None) -> Assembly:
         """Return its deck: conduction, the heat that the current pumps from the cold node and into the hot one, half its loss into each."""
         units = COOLER_UNITS | {"T_hot": "temperature"}
-        v, i, d, t = (literal(getattr(self, key), units[key], where(key)) for key in ("V_max", "I_max", "dT_max", "T_hot"))
-        if not (v > 0.0 and i > 0.0 and 0.0 < d < t):
-            raise DeckError("V_max, I_max and dT_max must be above zero, and dT_max below T_hot in kelvin.", where(""))
+        v, i, d, t = (plain(getattr(self, key), f"coolers.{key}", units[key], where(key)) for key in ("V_max", "I_max", "dT_max", "T_hot"))
+        if not d < t:
+            raise DeckError("dT_max must be below T_hot in kelvin: its cold side would be colder than absolute zero.", where(""))
         parameters: dict[str, Any] = {
             key: {"value": getattr(self, key), "source": "datasheet"} for key in ("V_max", "I_max", "dT_max", "T_hot")
         }
@@ -423,9 +421,10 @@ class FanTable(StrictTable):
         if self.resistance is not None:
             return self.resistance
         assert self.passes is not None
-        flow, pressure = (literal(text, unit_, where("passes")) for text, unit_ in zip(self.passes, ("m^3/s", "Pa"), strict=True))
-        if not (flow > 0.0 and pressure > 0.0):
-            raise DeckError("passes needs a flow above zero and a pressure above zero.", where("passes"))
+        flow, pressure = (
+            plain(text, f"passes.{name}", slot, where("passes"))
+            for text, name, slot in zip(self.passes, ("flow", "pressure"), ("m^3/s", "Pa"), strict=True)
+        )
         return f"{pressure / flow**2!r} [Pa s^2/m^6]"
 
 

@@ -9,19 +9,34 @@ from typing import Annotated, Any, Literal, TypeAlias
 from pydantic import AfterValidator, BaseModel, Field
 from pydantic_core import PydanticCustomError
 
-from thermid.base.errors import cap, raising
+from thermid.base.errors import DeckError, cap, raising
 from thermid.base.grammar import Real, StrictTable, or_instance, reads
 from thermid.model._laws.curves import Curve, curve
 from thermid.model._laws.options import Source
 from thermid.model._laws.signal import literal
 from thermid.model._laws.stores import SLOPES, TABULATED, tabulated
 from thermid.model._parts.parameter import Parameter, parameter
+from thermid.model._parts.ranges import RANGES, outside
 from thermid.model._tree.arrays import Use
+from thermid.model._tree.flat import allows
 from thermid.model._tree.model import Model
 
 Where = Callable[[str], str]
 """Key below an element, or none for the element itself -> its place in the deck."""
 NO_CONVECTION = "0 [W/(m^2 K)]"
+
+
+def plain(text: str | float, field: str, slot: str, where: str = "") -> float:
+    """Return the SI value of a field that is a number and no parameter, checked against its slot and its range.
+
+    Raises
+    ------
+    ThermidError   When it is not a number, of another dimension, or outside its range.
+    """
+    value, given = literal(text, slot, where), RANGES["temperature" if slot == "temperature" else field]
+    if not allows(given, value):
+        raise DeckError(outside(given, slot, value, field.rpartition(".")[2]), where)
+    return value
 
 
 class ValueTable(StrictTable):

@@ -16,7 +16,19 @@ from pydantic import ConfigDict, Field, create_model
 from thermid.base.errors import DeckError, ThermidError, nearest
 from thermid.base.grammar import Real, StrictTable, reads
 from thermid.model._deck.assemblies import CoolerTable, FanTable, LadderTable, PackageTable
-from thermid.model._deck.fields import Coefficient, CurveTable, ElementTable, Points, Property, Tabulated, UsedTable, Value, Where, curve_of
+from thermid.model._deck.fields import (
+    Coefficient,
+    CurveTable,
+    ElementTable,
+    Points,
+    Property,
+    Tabulated,
+    UsedTable,
+    Value,
+    Where,
+    curve_of,
+    plain,
+)
 from thermid.model._laws.curves import Curve, limited
 from thermid.model._laws.options import Box, CarriedBy, StandsFor
 from thermid.model._laws.signal import literal
@@ -76,7 +88,7 @@ class NodeTable(ElementTable):
 
     def element(self, where: Where) -> Node:
         """Return the node."""
-        melts = {key: literal(text, MELTING[key], where(key)) for key, text in self._plain_melting(where).items()}
+        melts = {key: plain(text, key, MELTING[key], where(key)) for key, text in self._plain_melting(where).items()}
         fields = self.parameters(NODE_SLOTS)
         tables: dict[str, Curve] = {}
         if melts:
@@ -105,11 +117,13 @@ class NodeTable(ElementTable):
             )
         if self.starts not in (None, "solid", "liquid"):
             raise DeckError(f"starts = '{self.starts}' is neither 'solid' nor 'liquid'.", where("starts"))
-        degree = literal(self.supercooling, "K", where("supercooling"))
+        degree = plain(self.supercooling, "supercooling", "K", where("supercooling"))
         if not melts and self.melts_to is None:
             raise DeckError("supercooling beside an enthalpy counts from melts_to, where everything is liquid.", where("melts_to"))
         liquidus = (
-            melts.get("melts_to", melts.get("melts_from", 0.0)) if melts else literal(self.melts_to or "", "temperature", where("melts_to"))
+            melts.get("melts_to", melts.get("melts_from", 0.0))
+            if melts
+            else plain(self.melts_to or "", "melts_to", "temperature", where("melts_to"))
         )
         return Supercooling(liquidus, degree, self.starts or "solid")
 
@@ -131,7 +145,7 @@ class NodeTable(ElementTable):
     def _melting(self, melts: Mapping[str, float], where: Where) -> Curve:
         """Return the enthalpy in place of a specific heat and a latent heat."""
         assert isinstance(self.specific_heat, Parameter)
-        heat = literal(self.specific_heat.text, "J/(kg K)", where("specific_heat"))
+        heat = plain(self.specific_heat.text, "specific_heat", "J/(kg K)", where("specific_heat"))
         begins, place = melts["melts_from"], where("")
         shape = melting(heat, melts.get("liquid_specific_heat", heat), melts["latent_heat"], begins, melts.get("melts_to", begins), place)
         return tabulated("enthalpy", shape, where("enthalpy"))
@@ -308,7 +322,7 @@ class EnclosureTable(ElementTable):
                 "exchange factors include everything that a face sees, so rest does not apply. Add the rest as a face, or leave it out.",
                 where(""),
             )
-        dimensions = {n: literal(v, "m", where(f"dimensions.{n}")) for n, v in self.dimensions.items()}
+        dimensions = {n: plain(v, "dimensions", "m", where(f"dimensions.{n}")) for n, v in self.dimensions.items()}
         if self.shape:
             _check_shape(self.shape, self.faces, dimensions, bool(self.rest), where(""))
         elif dimensions:
@@ -338,8 +352,6 @@ def _check_shape(name: str, faces: Mapping[str, str], dimensions: Mapping[str, f
     missing = [d for d in shape.dimensions if d not in dimensions]
     if missing:
         raise DeckError(f"'{name}' needs {', '.join(missing)}.", where)
-    if not all(0.0 < d < float("inf") for d in dimensions.values()):
-        raise DeckError("every dimension of a shape must be above zero and finite.", where)
     if name == "cylinder in cylinder" and dimensions["inner_radius"] >= dimensions["outer_radius"]:
         raise DeckError("the inner radius must be smaller than the outer one.", where)
     missing = [f for f in shape.faces if f not in faces]
@@ -531,9 +543,7 @@ class ControlTable(ElementTable):
         if self.follows is None and (kind != "modes" or any(t.follows is None and t.after is None for t in self.transitions.values())):
             raise DeckError('a control follows a node: follows = "plate", a list of nodes (their mean) or nodes with weights.', where(""))
         follows = followed(self.follows, where("follows")) if self.follows is not None else {}
-        sample = literal(self.sample, "s", where("sample")) if self.sample is not None else 0.0
-        if self.sample is not None and not sample > 0.0:
-            raise DeckError("a sample time must be above zero.", where("sample"))
+        sample = plain(self.sample, "sample", "s", where("sample")) if self.sample is not None else 0.0
         if sample and kind not in ("proportional", "pid", "table"):
             raise DeckError(
                 f"a sample time applies to proportional, pid or table. {kind} switches at the exact instant; leave sample out.",
@@ -594,7 +604,7 @@ class MadeInTable(StrictTable):
     def element(self, where: Where) -> MadeIn:
         """Return the state."""
         slots = {"pressure": "Pa", "gravity": "m/s^2", "wind": "m/s"}
-        numbers = {name: literal(getattr(self, name), slot, where(name)) for name, slot in slots.items()}
+        numbers = {name: plain(getattr(self, name), f"made_in.{name}", slot, where(name)) for name, slot in slots.items()}
         return MadeIn(gas=gas_named(self.gas, where("")).name, **numbers)
 
 
@@ -629,9 +639,9 @@ def _check_gap(fields: dict[str, Parameter], words: Mapping[str, str], where: st
         return
     if not {"tilt", "aspect"} <= set(words):
         raise DeckError('a gap that convects needs both tilt ("0 [deg]": first end below) and aspect (height over thickness).', where)
-    tilt, aspect = degrees(words["tilt"], where), literal(words["aspect"], "1", where)
-    if not (0.0 <= tilt <= 180.0 and 1.0 <= aspect < float("inf")):
-        raise DeckError(f"the tilt of a gap must be 0 to 180 degrees and its aspect 1 or more; given: {tilt:g} and {aspect:g}.", where)
+    plain(words["aspect"], "aspect", "1", where)
+    if not 0.0 <= (tilt := degrees(words["tilt"], where)) <= 180.0:
+        raise DeckError(f"the tilt of a gap is {tilt:g} degrees. Give 0 (first end below) to 180.", where)
     fields.setdefault("convection_factor", gap_scatter(words, where))
 
 

@@ -161,7 +161,8 @@ def whole(given: Curve) -> tuple[NDArray[np.float64], NDArray[np.float64], NDArr
     low, high = given.limits or (-math.inf, math.inf)
     low, high = max(low, x[0] - FAR), min(high, x[-1] + FAR)
     y = np.r_[y[0] - (x[0] - low) * first, y, y[-1] + (high - x[-1]) * last]
-    return np.r_[low, x, high], y, None if d is None else np.r_[d[0], d, d[-1]]
+    on = np.r_[low < x[0], np.full(x.size, True), high > x[-1]]  # a quantity that is zero at its last point ends there
+    return np.r_[low, x, high][on], y[on], None if d is None else np.r_[d[0], d, d[-1]][on]
 
 
 def hermite(

@@ -153,17 +153,15 @@ def melting(heat: float, liquid: float, latent: float, begins: float, ends: floa
 
     Parameters
     ----------
-    heat, liquid : float    Specific heat of the solid and of the liquid. [J/(kg K)]
-    latent : float          Latent heat. [J/kg]
+    heat, liquid : float    Specific heat of the solid and of the liquid, above zero. [J/(kg K)]
+    latent : float          Latent heat, above zero. [J/kg]
     begins, ends : float    Temperatures at which melting begins and ends; equal ones melt at one temperature. [K]
     where : str             The node, for messages.
 
     Raises
     ------
-    DeckError   When a heat is not above zero, or melting ends below where it begins.
+    DeckError   When melting ends below where it begins.
     """
-    if not (heat > 0.0 and liquid > 0.0 and latent > 0.0):
-        raise DeckError("specific heats and the latent heat of a node that melts must be above zero.", where)
     low, high = 1.5 * COLDEST, HOTTEST - 1.0
     if not low < begins <= ends < high:
         raise DeckError(f"melting from {begins:.6g} to {ends:.6g} K is not possible. Give melts_to at or above melts_from.", where)
@@ -229,7 +227,7 @@ def store(name: str, given: Curve, supercooling: Supercooling | None = None) -> 
 
     Raises
     ------
-    DeckError   When a specific heat falls to zero, or a melt cannot supercool as asked.
+    DeckError   When a specific heat falls to zero or is out of proportion, or a melt cannot supercool as asked.
     """
     if name == "enthalpy" and given.straight:
         reference = ends(given)[0]
@@ -252,6 +250,8 @@ def store(name: str, given: Curve, supercooling: Supercooling | None = None) -> 
         )
     x, y, d = _extended(x, y, d, replace(given, outside="hold") if name == "enthalpy" else given)
     y, d = COLDEST + (y - y[0]) / reference, d / reference
+    if not (np.diff(y) > 0.0).all():
+        raise DeckError("the specific heats of the table lie too many decades apart to be integrated. Correct the table.")
     rise = Curve("temperature", x, y, d)
     x, y, d = _divided(x, y, d)
     return HeatStore(reference, given, rise, _inverse(given, x, y, 1.0 / d))

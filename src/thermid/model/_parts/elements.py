@@ -8,7 +8,7 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from thermid.model._laws.curves import Curve
-from thermid.model._laws.signal import Signal, TableSignal
+from thermid.model._laws.signal import Signal, TableSignal, literal
 from thermid.model._laws.stores import Supercooling
 from thermid.model._parts.facing import Facing, degrees
 from thermid.model._parts.parameter import Parameter, parameter
@@ -131,7 +131,7 @@ def finish_emissivity(name: str, where: str) -> Parameter:
 
 def gap_scatter(words: Mapping[str, str], where: str) -> Parameter:
     """Return the factor on the convection of a closed gap: one, with the scatter of its correlation as bounds."""
-    law = GapLaw(degrees(words["tilt"], where), float(words["aspect"]))
+    law = GapLaw(degrees(words["tilt"], where), literal(words["aspect"], "1", where))
     known = {"value": 1, "min": 1.0 - law.scatter, "max": 1.0 + law.scatter, "source": "published"}
     return parameter(known | {"basis": f"scatter of {law.name} about their correlation"}, where)
 

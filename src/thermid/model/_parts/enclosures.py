@@ -101,10 +101,6 @@ class FaceExchange:
         return _memorised(self.suns, areas, dark, self._absorbed)
 
     def _absorbed(self, areas: list[Number], dark: list[Number]) -> list[list[Number]]:
-        for face, number in zip(self.faces, dark, strict=True):
-            # a fit at its bound of 1 may lie a rounding above
-            if not 0.0 <= value_of(number) <= 1.0 + 1e-6:
-                raise DeckError(f"the absorptance of '{face.path}' is {value_of(number):.4g}; give 0 to 1.", self.where)
         if self.enclosure.exchange_factors:
             raise DeckError(
                 f"what the sun leaves in '{self.path}' is reflected by view factors, and it has exchange factors, which hold those of heat "

@@ -9,7 +9,7 @@ from typing import Any, Final
 import numpy as np
 
 from thermid.base.codes import CodedText
-from thermid.base.dual import value_of
+from thermid.base.dual import is_finite, value_of
 from thermid.base.errors import DeckError, NameNotFoundError, errors_at, nearest, quoted
 from thermid.base.units import require, require_unit
 from thermid.model._laws.curves import Curve
@@ -20,6 +20,7 @@ from thermid.model._parts.elements import LOAD_SLOTS, NODE_SLOTS, HeatLoad, Join
 from thermid.model._parts.enclosures import Enclosed, Face, FaceExchange, pairs
 from thermid.model._parts.facing import Facing
 from thermid.model._parts.kinds import KINDS, Law
+from thermid.model._parts.ranges import RANGES, Range, outside, range_of
 from thermid.model._parts.takes import Take
 from thermid.model._tree.tree import Names, ParameterSet, Tree
 from thermid.physics.gas import GASES
@@ -76,9 +77,20 @@ class FlatConductor:
     reversible: bool = False
 
     def laws(self, fields: Mapping[str, Any]) -> tuple[Law, ...]:
-        """Return the rows that it is at the values of its fields (float or Dual, SI)."""
-        found = (self.recipe or KINDS[self.kind].recipe)(fields)
-        return found if isinstance(found, tuple) else (found,)
+        """Return the rows that it is at the values of its fields (float or Dual, SI).
+
+        Raises
+        ------
+        DeckError   When values do not go together, or a coefficient is not finite.
+        """
+        try:
+            found = (self.recipe or KINDS[self.kind].recipe)(fields)
+        except ArithmeticError as error:
+            raise DeckError(f"'{self.path}' has no finite conductance: {error}. Check the sizes of its values.", self.where) from None
+        laws = found if isinstance(found, tuple) else (found,)
+        if not all(is_finite(number) for law in laws for number in law.coefficients):
+            raise DeckError(f"'{self.path}' has no finite conductance. Check the sizes of its values.", self.where)
+        return laws
 
 
 @dataclass(frozen=True)
@@ -161,6 +173,7 @@ class Flat:
     faces : dict                        Surface path -> the surface as radiation from outside meets it.
     made_in : tuple                     Title of a reduced part, gas node or ``*``, the state that it was made in, and where that stands.
     controls : dict                     Control path -> the control.
+    ranges : dict                       Parameter path -> the values that it may have, and the unit of its slot.
     """
 
     names: Names
@@ -173,6 +186,26 @@ class Flat:
     faces: Mapping[str, FlatSurface] = field(default_factory=dict)
     made_in: tuple[tuple[str, str, MadeIn, str], ...] = ()
     controls: Mapping[str, FlatControl] = field(default_factory=dict)
+    ranges: Mapping[str, tuple[Range, str]] = field(default_factory=dict)
+
+    def impossible(self, values: Mapping[str, Any], paths: Iterable[str]) -> Iterator[tuple[str, str, str]]:
+        """Yield path, place and message of each of some parameters whose value physics forbids.
+
+        Parameters
+        ----------
+        values : dict       Parameter path -> value, also with derivatives or of members. [SI]
+        paths : iterable    Parameters to look at.
+        """
+        for path in paths:
+            if path in self.ranges and not allows(self.ranges[path][0], values[path]):
+                written = self.parameters.literal_behind(path)
+                yield path, self.parameters.table[written].where, outside(*self.ranges[path], values[path], path)
+
+
+def allows(given: Range, number: Any) -> bool:
+    """Return whether a range has a number, also one with derivatives; of numbers of members all must agree."""
+    value: Any = value_of(number)
+    return bool(given.low <= value <= given.high) and not (given.nonzero and value == 0.0)
 
 
 def flatten(model: Tree) -> Flat:
@@ -234,8 +267,10 @@ def _laid_flat(model: Tree) -> Flat:
         for gas, state in owner.made_in.items()
     )
     flat = Flat(names, parameters, tuple(nodes), (*conductors, *inside), tuple(loads), surfaces, finishes, faces, made_in, controls)
-    _check_slots(flat)
-    return flat
+    ranges: dict[str, tuple[Range, str]] = {}
+    for path, kind, name, slot in _slots(flat, model):
+        ranges.setdefault(path, (range_of(kind, name, slot), slot))
+    return replace(flat, ranges=ranges)
 
 
 def _takes(model: Tree, names: Names) -> dict[str, list[Take]]:
@@ -423,33 +458,48 @@ def _control(owner: Tree, prefix: str, name: str, control: Control, names: Names
     return FlatControl(prefix + name, control, own, {f: f"{prefix}{name}.{f}" for f in control.fields}, ways, owner.where(key))
 
 
-def _check_slots(flat: Flat) -> None:
-    """Check the dimension of every element's value against its slot, at the place where the value was written."""
+def _slots(flat: Flat, model: Tree) -> Iterator[tuple[str, str, str, str]]:
+    """Yield path, kind, field and unit of the slot of every element's value, once its dimension is that of the slot.
+
+    Raises
+    ------
+    ThermidError   When a value has another dimension, at the place where it was written.
+    """
     known: set[tuple[str, str]] = set()  # units that fit a slot
+
+    def slot(path: str, kind: str, name: str, unit: str) -> tuple[str, str, str, str]:
+        _require(known, flat.parameters, path, unit)
+        return path, kind, name, unit
+
     for node in flat.nodes:
         for name, path in node.fields.items():
-            _require(known, flat.parameters, path, NODE_SLOTS[name])
+            yield slot(path, "", name, NODE_SLOTS[name])
     for conductor in flat.conductors:
-        slots = KINDS[conductor.kind].slots
+        kind, slots = "reversible" if conductor.reversible else conductor.kind, KINDS[conductor.kind].slots
         for name, path in conductor.fields.items():
-            _require(known, flat.parameters, path, slots.get(name, "1" if name.endswith(".emissivity") else "m^2"))
+            own = name if name in slots else name.rpartition(".")[2]  # of the faces of a pair: face.area, face.emissivity
+            yield slot(path, kind, own, slots.get(own, "1"))
         if conductor.emissivity:
-            _require(known, flat.parameters, conductor.emissivity, "1")
+            yield slot(conductor.emissivity, "", "emissivity", "1")
     for load in flat.loads:
         for name, path in load.fields.items():
-            _require(known, flat.parameters, path, LOAD_SLOTS[name])
+            yield slot(path, "", name, LOAD_SLOTS[name])
     for control in flat.controls.values():
         for name, path in control.fields.items():
             way = control.control.transitions.get(name.split(".")[1]) if name.startswith("transitions.") else None
             follows = way.follows if way is not None and way.follows else control.control.follows
-            _require(known, flat.parameters, path, slot_of(name, of_difference(follows)))
+            yield slot(path, "", name, slot_of(name, of_difference(follows)))
     for face in flat.faces.values():
         for name in {"absorptance", "emissivity"} & set(face.fields):
-            _require(known, flat.parameters, face.fields[name], "1")
+            yield slot(face.fields[name], "", name, "1")
     for area, takes in flat.surfaces.values():
-        _require(known, flat.parameters, area, "m^2")
-        for take in takes:
-            _require(known, flat.parameters, take.path, "m^2")
+        for path in (area, *(take.path for take in takes)):
+            yield slot(path, "", "area", "m^2")
+    for owner, prefix in model.walk():
+        for part, submodel in owner.submodels.items():
+            for name in submodel.model.parameters:
+                if f"{submodel.made}.{name}" in RANGES:
+                    yield f"{prefix}{part}.{name}", submodel.made, name, "1"
 
 
 def _require(known: set[tuple[str, str]], parameters: ParameterSet, path: str, slot: str) -> None:
@@ -463,8 +513,6 @@ def _require(known: set[tuple[str, str]], parameters: ParameterSet, path: str, s
                 known.add((literal.unit.text, slot))
             else:
                 require(parameters.dimension(path), slot)
-    if literal is not None and slot == "m^2" and literal.value < 0:
-        raise DeckError("an area cannot be negative.", entry.where)
 
 
 def gas_nodes(flat: Flat) -> frozenset[str]:

@@ -67,8 +67,10 @@ class _View:
     model : Tree           The tree.
     flat : Flat             The tree laid flat.
     values : dict           Path -> value. [SI]
-    conductances : dict     Conductor -> the leading coefficient of its law, zero for no heat; without those that have no law.
+    conductances : dict     Conductor -> the leading coefficient of its law, zero for no heat, not a number where a value of it is
+                            impossible; without those that have no law.
     refused : tuple         What their laws say of the others.
+    impossible : dict       Path of a value that physics forbids -> what is said of it.
     """
 
     model: Tree
@@ -76,6 +78,7 @@ class _View:
     values: Mapping[str, Any]
     conductances: Mapping[str, float]
     refused: tuple[Finding, ...]
+    impossible: Mapping[str, Finding]
 
     def grounded(self) -> set[str]:
         """Return the nodes from which heat can reach a boundary; a flow reaches only downstream."""
@@ -126,16 +129,22 @@ def _refused(error: ThermidError, where: str) -> Finding:
 def _view(model: Tree) -> _View:
     flat = flatten(model)
     values = flat.parameters.evaluate({})
+    impossible = {
+        path: Finding("error", where, message, "value.outside-range") for path, where, message in flat.impossible(values, flat.ranges)
+    }
     conductances: dict[str, float] = {}
     refused = []
     for c in flat.conductors:
         fields = {name: values[path] for name, path in c.fields.items()}
+        if set(impossible) & set(c.fields.values()):
+            conductances[c.path] = np.nan
+            continue
         try:
             fields |= {"area": exposed_area(c.path, fields["area"], c.takes, values)} if c.takes else {}
             conductances[c.path] = min((value_of(law.coefficients[0]) for law in c.laws(fields)), key=lambda g: (g >= 0.0, -g))
         except ThermidError as error:
             refused.append(_refused(error, c.where))
-    return _View(model, flat, values, conductances, tuple(refused))
+    return _View(model, flat, values, conductances, tuple(refused), impossible)
 
 
 def _laws(view: _View) -> Iterator[Finding]:
@@ -151,10 +160,19 @@ def _laws(view: _View) -> Iterator[Finding]:
             )
 
 
+def _impossible(view: _View) -> Iterator[Finding]:
+    """A value that physics forbids; of several fields that one number stands behind, the first."""
+    places: dict[str, Finding] = {}
+    for found in view.impossible.values():
+        places.setdefault(found.where, found)
+    yield from places.values()
+
+
 def _capacitances(view: _View) -> Iterator[Finding]:
     """A node that stores nothing although it is given a mass."""
     for node in view.flat.nodes:
-        if node.fields and not 0.0 < view.capacitance(node) < float("inf"):
+        possible = not set(view.impossible) & set(node.fields.values())
+        if node.fields and possible and not 0.0 < view.capacitance(node) < float("inf"):
             message = f"the capacitance of '{node.path}' must be above zero and finite. For a massless node leave mass and capacitance out."
             yield Finding("error", node.where, message, "model.capacitance-not-positive")
 
@@ -347,20 +365,13 @@ def _unused(view: _View) -> Iterator[Finding]:
 
 
 def _fractions(view: _View) -> Iterator[Finding]:
-    """An emissivity or an exponent of natural convection that cannot be."""
+    """An exchange factor or an exponent of natural convection that is unusual."""
     for c in view.flat.conductors:
-        for name, path in {**c.fields, "emissivity": c.emissivity or c.fields.get("emissivity", "")}.items():
-            if name == "emissivity" and path and not 0.0 <= view.values[path] <= 1.0:
-                yield Finding(
-                    "error",
-                    view.flat.parameters.table[path].where,
-                    f"the emissivity is {view.values[path]:g}. Give 0 to 1.",
-                    "model.fraction-outside",
-                )
+        for name, path in c.fields.items():
             if name == "exchange_factor" and view.values[path] > 1.0:
                 message = f"an exchange factor of {view.values[path]:g} is above 1, the value between black surfaces."
                 yield Finding("warning", view.flat.parameters.table[path].where, message, "model.value-unusual")
-            if name == "htc.exponent" and not 0.0 <= view.values[path] <= 1.0:
+            if name == "htc.exponent" and view.values[path] > 1.0:
                 message = f"an exponent of {view.values[path]:g} is unusual: natural convection has 1/4 or 1/3. Check it."
                 yield Finding("warning", view.flat.parameters.table[path].where, message, "model.value-unusual")
 
@@ -402,15 +413,6 @@ def _ranges(view: _View) -> Iterator[Finding]:
                     f"'{c.path}': {what}. There the formula is wrong by up to 30 %. Model the plate with several nodes.",
                     "physics.outside-range",
                 )
-
-
-def _absorptances(view: _View) -> Iterator[Finding]:
-    """An absorptance that cannot be."""
-    for face in view.flat.faces.values():
-        path = face.fields.get("absorptance", "")
-        if path and not 0.0 <= view.values[path] <= 1.0:
-            where = view.flat.parameters.table[path].where
-            yield Finding("error", where, f"the absorptance is {view.values[path]:g}. Give 0 to 1.", "model.fraction-outside")
 
 
 def _test_only(view: _View) -> Iterator[Finding]:
@@ -514,6 +516,7 @@ def _sources(view: _View) -> Iterator[Finding]:
 
 Rule = Callable[[_View], Iterator[Finding]]
 RULES: Final[tuple[Rule, ...]] = (
+    _impossible,
     _laws,
     _radiating,
     _streams,
@@ -525,7 +528,6 @@ RULES: Final[tuple[Rule, ...]] = (
     _outliers,
     _unused,
     _fractions,
-    _absorptances,
     _ranges,
     _shadowed,
     _ties,

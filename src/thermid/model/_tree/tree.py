@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Container, Iterable, Iterator, Mapping
 from dataclasses import dataclass, field, replace
+from functools import cached_property
 from typing import Any, Generic, Self, TypeVar
 
 from thermid.base.errors import DeckError, ExpressionError, NameNotFoundError, errors_at, nearest, refuse_unknown
@@ -14,7 +15,7 @@ from thermid.model._laws.curves import Curve
 from thermid.model._parts.controls import Control, named_control
 from thermid.model._parts.elements import Conductor, Enclosure, HeatLoad, Joint, MadeIn, Node, Surface
 from thermid.model._parts.kinds import KINDS
-from thermid.model._parts.parameter import Parameter, check_bounds
+from thermid.model._parts.parameter import SHARES, Parameter, check_bounds
 
 Element = Node | Conductor | Surface | Joint | Enclosure | HeatLoad | Control
 TABLES = ("nodes", "surfaces", "conductors", "joints", "enclosures", "loads", "controls")
@@ -574,6 +575,18 @@ class ParameterSet:
             if path in seen:
                 return path
             seen.add(path)
+
+    @cached_property
+    def _shares(self) -> frozenset[str]:
+        return frozenset(self.literal_behind(p) for p in self.table if p.rpartition(".")[2] in SHARES)
+
+    def bounded(self, path: str) -> Parameter:
+        """Return a parameter with the bounds of its deck; those of what is an emissivity or an absorptance lie within 0 and 1."""
+        given = self.table[path].parameter
+        if path not in self._shares:
+            return given
+        low, high = (0.0 if given.minimum is None else given.minimum), (1.0 if given.maximum is None else given.maximum)
+        return replace(given, minimum=max(low, 0.0), maximum=min(high, 1.0))
 
     def freeable(self, raw: str, canonical: Callable[[str], str]) -> str:
         """Return the path of a parameter that a fit may free.

@@ -23,7 +23,7 @@ from thermid.model.laws import literal
 from thermid.model.parameters import UNJUDGED, Standing
 from thermid.model.tree import Model
 from thermid.physics.constants import ICE_POINT
-from thermid.prediction._budget import MISFIT
+from thermid.prediction._budget import MISFIT, OFF, SILENT, UNFITTED
 from thermid.prediction._hand import filed
 from thermid.prediction._monte_carlo.drivers import Driver, drivers_of
 from thermid.prediction._monte_carlo.uncertain import Progress, UncertainRuns, uncertain_runs
@@ -36,6 +36,7 @@ from thermid.values.store import LeftOut
 MONTE_CARLO = 0.95
 """Two-sided probability of the intervals that say what the number of members leaves open. [-]"""
 SIDES = {"highest": 1.0, "lowest": -1.0}
+NO_MISFIT = "the residuals of the fit are no larger than their noise"
 NAMED = 0.05
 """Share below which a driver is not named in a sentence. [-]"""
 
@@ -116,12 +117,10 @@ class HoldPoint:
     node, name : str            Path of the node; as the caller calls it.
     limit : float               [degC]
     side : str                  highest or lowest.
-    crossings : array (members,)    When the limit is passed first; infinite where never. Last stand members that did not reach the end
-        of the run: they count as passing it at the start. [s]
+    crossings : array (members,)    When the limit is passed first; infinite where never. [s]
     exceedance : array (times,) Probability that it has been passed by then. [-]
     hold : float                Time until which the limit is kept with the probability asked for; infinite where beyond the scenario. [s]
-    between : (float, float)    95 % interval of that time by the number of members alone; its upper end counts members that did not
-        reach the end as never passing it. [s]
+    between : (float, float)    95 % interval of that time by the number of members alone. [s]
     never : float               Share of members that never pass it within the scenario. [-]
     never_between : (float, float)  The same for that share. [-]
     drivers : tuple of Driver   Of the temperature at that time (of the highest where it is infinite), the largest first.
@@ -154,7 +153,7 @@ class Hold(Result):
     title, scenario : str       Of the model and the scenario.
     confidence : float          Probability with which limits are kept until the hold time. [-]
     times : array (times,)      Of the exceedances. [s]
-    members : int               That reached the end.
+    members : int               How many there are.
     points : tuple              One entry per limit, the first to be passed first.
     together : HoldPoint        Whichever limit is passed first, member by member.
     assumed : int               How many values of the model are assumed.
@@ -164,7 +163,6 @@ class Hold(Result):
     left_out : tuple of LeftOut What the members do not count.
     not_counted : str           What of it a reader must know first.
     causes : tuple of str       Structural errors and others beside the fit that members count.
-    unfinished : int            Members that did not reach the end; they count as passing every limit at the start.
     """
 
     title: str
@@ -181,7 +179,6 @@ class Hold(Result):
     left_out: tuple[LeftOut, ...] = ()
     not_counted: str = ""
     causes: tuple[str, ...] = ()
-    unfinished: int = 0
 
     def __getitem__(self, name: str) -> HoldPoint:
         """Return the entry of a limit by the name that was given to it, or by its node."""
@@ -206,7 +203,7 @@ class Hold(Result):
     def __str__(self) -> str:
         """The sentence, a line for each limit, what drives them, and remarks."""
         lines = [self.sentence + (f" ({self.watermark})" if self.watermark else "")]
-        lines += [f"  {first}" for first in (self.lost, self.not_counted) if first]
+        lines += [f"  {self.not_counted}"] if self.not_counted else []
         for p in (*self.points, *([self.together] if len(self.points) > 1 else [])):
             low, high = p.never_between
             never = f"never exceeded in {100 * p.never:.1f} % ({100 * low:.1f} to {100 * high:.1f})"
@@ -222,22 +219,14 @@ class Hold(Result):
         return self.standing.over("\n".join([*lines, f"  {self.counted}", *(f"  warning: {w}" for w in self.warnings)]))
 
     @property
-    def lost(self) -> str:
-        """How members count that did not reach the end, in words; empty where all did."""
-        if not self.unfinished:
-            return ""
-        return (
-            f"{self.unfinished} of {self.members + self.unfinished} members did not reach the end of the run and count as passing every "
-            f"limit at the start; the upper ends of the intervals count them as never passing one"
-        )
-
-    @property
     def counted(self) -> str:
         """Whether the model's discrepancy is in the bands, in words."""
         others = [c for c in self.causes if c != MISFIT and not c.startswith("fit of ")]
         also = f"counted besides: {', '.join(others)}; " if others else ""
         if self.discrepancy is None:
-            return f"{also}the model's discrepancy is not included, because there are no values of a fit to estimate it"
+            why = next((x.what.partition(", because ")[2] for x in self.left_out if x.what in (UNFITTED, SILENT)), "")
+            why = why or ("it was switched off" if any(x.what.endswith(OFF) for x in self.left_out) else NO_MISFIT)
+            return f"{also}the model's discrepancy is not included, because {why}"
         size = f"{self.discrepancy:.2g} K (one standard deviation), from the residuals of its fit"
         return f"{also}the model's discrepancy is included: {size}"
 
@@ -265,8 +254,6 @@ class Hold(Result):
             "watermark": self.watermark,
             "confidence": self.confidence,
             "members": self.members,
-            "unfinished": self.unfinished,
-            "unfinished_said": self.lost,
             "times_s": self.times.tolist(),
             "points": {p.name: of(p) for p in self.points},
             "together": of(self.together),
@@ -302,28 +289,28 @@ def hold(runs: UncertainRuns, limits: Mapping[str, Any], *, confidence: float = 
 
     Raises
     ------
-    ScenarioError       When a limit is none, or so few members, or so few that reached the end, cannot tell such a probability.
+    ScenarioError       When a limit is none, so few members cannot tell such a probability, or members failed.
     NameNotFoundError   When a limited node was not kept.
     """
     wanted = limits_of(limits, runs.title)
     check_members(len(runs), confidence, runs.title)
-    if runs.reached.size * (1.0 - confidence) < 1.0:
+    if runs.failed:
         member, why = next(iter(runs.failed.items()))
         raise ScenarioError(
-            f"{runs.reached.size} of {len(runs)} members reached the end of the run, too few for {100 * confidence:g} %. "
-            f"Member {member} did not: {why}",
+            f"{len(runs.failed)} of {len(runs)} members failed, so how long they keep the limits is not known and no hold time is given. "
+            f"Member {member}: {why} Correct the model, or narrow the spread that leads there.",
             runs.title,
         )
-    draws = {n: v[runs.reached] for n, v in runs.draws.items()}
-    points = [_point(runs, draws, name, side, value, confidence) for name, side, value in wanted]
+    points = [_point(runs, runs.draws, name, side, value, confidence) for name, side, value in wanted]
     points.sort(key=lambda p: (p.hold, p.never, -p.exceedance[-1]))
     together = _together(runs, points, confidence)
     budget = runs.job.budget
     limited = {p.node for p in points}
     sizes = [float(np.abs(row).sum()) for t, row in zip(budget.targets, budget.gain, strict=True) if t.form == "node" and t.name in limited]
     causes = tuple(dict.fromkeys(c for c in budget.causes if c not in ("stated", "fit")))
-    known = (len(runs.assumed), runs.warnings, max(sizes, default=None), runs.standing, runs.left_out, runs.not_counted, causes)
-    return Hold(runs.title, runs.scenario, confidence, runs.times, runs.reached.size, tuple(points), together, *known, len(runs.failed))
+    said = (*runs.warnings, *([runs.centre] if runs.centre else []))
+    known = (len(runs.assumed), said, max(sizes, default=None), runs.standing, runs.left_out, runs.not_counted, causes)
+    return Hold(runs.title, runs.scenario, confidence, runs.times, len(runs), tuple(points), together, *known)
 
 
 def limits_of(limits: Mapping[str, Any], title: str) -> list[tuple[str, str, float]]:
@@ -371,7 +358,7 @@ def _point(runs: UncertainRuns, draws: Mapping[str, Array], name: str, side: str
     traces, turnings = SIDES[side] * (runs.of(name) - kelvin), runs.turnings_of(name)
     above = replace(turnings, kelvin=SIDES[side] * (turnings.kelvin - kelvin)) if turnings is not None else None
     crossings = first_crossings(runs.times, traces, above)
-    until = hold_time(np.append(crossings, np.zeros(len(runs.failed))), confidence)[0]
+    until = hold_time(crossings, confidence)[0]
     # how far above: at the hold time, or the farthest of the run where that lies beyond it, or is the start
     inside = 0.0 < until < math.inf
     measure = traces[:, int(np.searchsorted(runs.times, until))] if inside else SIDES[side] * runs.furthest(name, SIDES[side])
@@ -380,7 +367,7 @@ def _point(runs: UncertainRuns, draws: Mapping[str, Array], name: str, side: str
 
 
 def _together(runs: UncertainRuns, points: list[HoldPoint], confidence: float) -> HoldPoint:
-    crossings, first = np.min([p.crossings for p in points], axis=0)[: runs.reached.size], points[0]
+    crossings, first = np.min([p.crossings for p in points], axis=0), points[0]
     return _filled(first.node, "any limit", first.limit, first.side, crossings, runs, confidence, first.drivers)
 
 
@@ -389,20 +376,17 @@ def _filled(
     name: str,
     limit: float,
     side: str,
-    reached: Array,
+    crossings: Array,
     runs: UncertainRuns,
     confidence: float,
     drivers: tuple[Driver, ...],
 ) -> HoldPoint:
-    """Return the entry of a limit, from when the members that reached the end pass it; the others pass it at the start, or never."""
-    lost = len(runs.failed)
-    crossings, best = (np.append(reached, np.full(lost, at)) for at in (0.0, np.inf))
+    """Return the entry of a limit, from when the members pass it."""
     exceedance = np.searchsorted(np.sort(crossings), runs.times, side="right") / crossings.size
     never = int(np.isinf(crossings).sum())
-    until, (low, _) = hold_time(crossings, confidence)
-    between = (low, hold_time(best, confidence)[1][1])
-    never_between = (proportion(never, crossings.size)[0], proportion(never + lost, crossings.size)[1])
-    return HoldPoint(path, name, limit, side, crossings, exceedance, until, between, never / crossings.size, never_between, drivers)
+    until, between = hold_time(crossings, confidence)
+    share, known = never / crossings.size, proportion(never, crossings.size)
+    return HoldPoint(path, name, limit, side, crossings, exceedance, until, between, share, known, drivers)
 
 
 def driven_by(point: HoldPoint) -> str:

@@ -23,6 +23,7 @@ from thermid.physics.constants import ICE_POINT
 from thermid.prediction._budget import Budget, Spread, assumed_left_out, budget_of, check_variants, first_line, in_order
 from thermid.prediction._known import known_of
 from thermid.prediction._monte_carlo.chunks import Chunk, ChunkStore, Job, chunks
+from thermid.prediction._predict import BENT, centre_words
 from thermid.prediction._reduction.macro import assumed
 from thermid.prediction._setting import Setting
 from thermid.simulation.network import compile_network
@@ -191,6 +192,19 @@ class UncertainRuns(Result):
         return first_line(self.left_out, min(errors, default=0.0))
 
     @cached_property
+    def centre(self) -> str:
+        """How far the mean of the members lies from the run with the best values, and why; empty where nobody minds or weather varies."""
+        job = self.job
+        if job.variant is not None or not self.reached.size:
+            return ""
+        setting = Setting.of(job.budget, scenario=job.scenarios[0], times=job.times, options=job.options)
+        linear = setting.linear(self.nodes)
+        # beside the straight model at the same draws, so that their number does not count
+        straight = job.budget.drawn(job.budget.numbers(job.seed, 0, len(self)))[:, self.reached].mean(axis=1)
+        bent = {n: self.of(n).mean(axis=0) - linear.run[n].kelvin - c[:-1] @ straight for n, c in linear.columns.items()}
+        return centre_words({n: job.budget.shifts(c[:-1]) | {BENT: bent[n]} for n, c in linear.columns.items()}, job.times)
+
+    @cached_property
     def standing(self) -> Standing:
         """Of the values that it rests on."""
         return model_standing(self.job.model)
@@ -245,6 +259,7 @@ class UncertainRuns(Result):
         for n in self.nodes if self.reached.size else ():
             low, middle, high = np.quantile(self.highest(n), (0.05, 0.5, 0.95))
             lines.append(f"  {n:<{width}}  highest {middle:8.2f} degC   90 % between {low:.2f} and {high:.2f}")
+        lines += [f"  {self.centre}"] if self.centre else []
         if self.assumed:
             lines.append(f"  demonstration, {len(self.assumed)} assumed parameters")
         return self.standing.over("\n".join([*lines, *(f"  warning: {w}" for w in self.warnings)]))

@@ -16,9 +16,9 @@ from thermid.base.errors import ThermidError
 from thermid.base.linear_algebra import Array
 from thermid.base.results import Result
 from thermid.base.units import counted, from_si, in_si
-from thermid.measure.amounts import duration_text
+from thermid.measure.amounts import duration_text, short
 from thermid.measure.readers import Cells, Clock, Column, Times, clock_column, columns_of, decimal_sign, log_cells, read_times
-from thermid.measure.records import KNOWN, even_step, gap_from, usual_step
+from thermid.measure.records import KNOWN, Channel, even_step, gap_from, noise_seen, usual_step
 from thermid.reporting._pictures.chart import Panel, Stroke, chart
 from thermid.reporting._pictures.figures import DASHES, SERIES, time_unit
 
@@ -168,6 +168,8 @@ class Look(Result):
         target = re.sub(r"\W+", "_", c.name).strip("_") or "node"
         role = {"temperature": "node", "boundary": "boundary"}.get(c.guess, "load")
         said = f', unit = "{c.unit}"' if c.assumed else ""
+        if role == "node" and c.good.any() and (noise := noise_seen(Channel.of(c.name, in_si(c.values[c.good], c.unit)))) > 0.0:
+            said += f', noise = "{short(noise, 2)} [K]"'
         why = f"  # {c.why}{'; no unit in the log' if c.assumed else ''}"
         if c.guess == "duty":
             return [f'# {key} = {{ load = "{target}", full_scale = "... [W]"{said} }}{why}']

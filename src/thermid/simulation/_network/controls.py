@@ -189,7 +189,7 @@ def control_row(flat: FlatControl, values: Mapping[str, Any]) -> ControlRow:
 
     Raises
     ------
-    DeckError   When a thermostat has no hysteresis, a band or time is not above zero, limits are exchanged, or a share is negative.
+    DeckError   When a thermostat has no hysteresis, limits are exchanged, or a table has a negative share.
     """
     f = {name: values[path] for name, path in flat.fields.items()}
     make = _Maker(flat.path)
@@ -241,9 +241,6 @@ def _thermostat(flat: FlatControl, f: Mapping[str, Number], make: _Maker) -> Con
 
 def _modes(flat: FlatControl, f: Mapping[str, Number], make: _Maker) -> ControlRow:
     shares = {name.partition(".")[2]: number for name, number in f.items() if name.startswith("modes.")}
-    negative = next((name for name, number in shares.items() if value_of(number) < 0.0), "")
-    if negative:
-        _refuse(flat, f"the mode '{negative}' has a share below zero. Give 0 or more.")
     order = list(shares)
     guards = []
     for name in flat.control.transitions:
@@ -251,8 +248,6 @@ def _modes(flat: FlatControl, f: Mapping[str, Number], make: _Maker) -> ControlR
         level = f[f"transitions.{name}.{way.sense}"]
         before, after = order.index(way.before), order.index(way.after)
         if way.sense == "after":
-            if not value_of(level) > 0.0:
-                _refuse(flat, f"the transition '{name}' needs a time above zero.")
             guards.append(GuardForm(before, after, delay=make.add(level)))
             continue
         read = tuple((node, make.add(weight)) for node, weight in nodes)
@@ -286,12 +281,8 @@ def _mapped(shape: Curve, base: float, scale: float) -> Curve:
 def _limits(flat: FlatControl, f: Mapping[str, Number], kind: str) -> tuple[Number, Number, Number]:
     """Return the band of a controller and the limits of its output."""
     band, low, high = f[f"{kind}.band"], f.get(f"{kind}.lowest", 0.0), f.get(f"{kind}.highest", 1.0)
-    if value_of(band) == 0.0:
-        _refuse(flat, f"'{flat.path}' needs a band of some kelvin. For a band of zero use a thermostat.")
-    if not 0.0 <= value_of(low) < value_of(high):
-        _refuse(
-            flat, f"'{flat.path}' has limits from {value_of(low):g} to {value_of(high):g}. Give lowest below highest, both zero or more."
-        )
+    if not value_of(low) < value_of(high):
+        _refuse(flat, f"'{flat.path}' has limits from {value_of(low):g} to {value_of(high):g}. Give lowest below highest.")
     return band, low, high
 
 
@@ -321,9 +312,6 @@ def _pid(flat: FlatControl, f: Mapping[str, Number], make: _Maker) -> ControlRow
     each, the reading's an implicit one.
     """
     band, low, high = _limits(flat, f, "pid")
-    for name in ("integral_time", "derivative_time", "filter_time"):
-        if f"pid.{name}" in f and not value_of(f[f"pid.{name}"]) > 0.0:
-            _refuse(flat, f"{name} of '{flat.path}' must be above zero.")
     integral, sample = f["pid.integral_time"], flat.control.sample
     x, reading, output = (state_of(flat.path, what) for what in ("integral", "reading", "output"))
     constant = f["pid.setpoint"] / band - ZERO / SPAN

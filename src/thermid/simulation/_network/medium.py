@@ -19,7 +19,7 @@ from thermid.base.errors import ScenarioError, quoted
 from thermid.base.linear_algebra import Array
 from thermid.base.memo import Memo
 from thermid.model.elements import ACCOMMODATION, Law, MadeIn, degrees
-from thermid.model.laws import Constant, Curve, Mixed, Signal, Sine, TableSignal
+from thermid.model.laws import Constant, Curve, Mixed, Signal, Sine, TableSignal, literal
 from thermid.model.tree import Flat, FlatConductor, bare, gas_nodes, still, surrounding
 from thermid.physics.constants import ATMOSPHERE, STANDARD_GRAVITY
 from thermid.physics.convection import duct_nusselt, fin_efficiency
@@ -211,9 +211,9 @@ def _plain(number: Number) -> float:
 
 
 def _rest(c: FlatConductor, continuum: Number, molecular: Number, state: GasState, signal: str = "") -> ConductorRow:
-    """Return the row of gas at rest: conductance of the continuum [W/K], and that of free molecules for each pascal [W/(K Pa)]."""
-    ratio = molecular / continuum * state.pressure
-    return ConductorRow(c.path, c.ends, Law("gas", (continuum, ratio)), conductivity_curve(state.gas), signal, state.named("pressure"))
+    """Return the row of gas at rest: conductance of the continuum [W/K], and that of free molecules over it for each pascal [1/Pa]."""
+    law = Law("gas", (continuum, molecular * state.pressure))
+    return ConductorRow(c.path, c.ends, law, conductivity_curve(state.gas), signal, state.named("pressure"))
 
 
 def gap(c: FlatConductor, law: Law, state: GasState) -> tuple[ConductorRow, ...]:
@@ -224,12 +224,12 @@ def gap(c: FlatConductor, law: Law, state: GasState) -> tuple[ConductorRow, ...]
     area, distance, share, factor = law.coefficients
     gas = gas_named(c.words["gas"], c.where) if "gas" in c.words else state.gas
     inside = GasState(gas, state.pressure, state.natural, key=state.key)
-    molecular = area * (share / (2.0 - share)) * free_molecular_htc(gas, ANCHOR, 1.0)
+    molecular = (share / (2.0 - share)) * free_molecular_htc(gas, ANCHOR, 1.0) * distance / gas.k(ANCHOR)
     still = _rest(c, area * gas.k(ANCHOR) / distance, molecular, inside)
     if "tilt" not in c.words:
         return (still,)
     fluid = gas.at(ANCHOR)
-    x, y = signed_gap(degrees(c.words["tilt"]), float(c.words["aspect"]), float(fluid.prandtl))
+    x, y = signed_gap(degrees(c.words["tilt"]), literal(c.words["aspect"], "1"), float(fluid.prandtl))
     curve = Curve("difference", x, y, None, (conductivity_curve(gas), _root_curve(gas, False)), interpolation="smooth")
     buoyancy = STANDARD_GRAVITY * float(fluid.expansion_at(ANCHOR) / (fluid.kinematic_viscosity * fluid.thermal_diffusivity()))
     root = buoyancy**0.25 * distance**0.75 * inside.natural
@@ -255,7 +255,8 @@ def correlated(c: FlatConductor, law: Law, state: GasState) -> tuple[ConductorRo
         curve = Curve("difference", x, y, None, film, interpolation="smooth")
         signal = f"{state.gust} {k}" if state.gust else ""
         moving.append(ConductorRow(c.path, c.ends, Law("natural", (scale, root)), curve, signal, state.named("natural")))
-    still = _rest(c, scale * least, ACCOMMODATION * free_molecular_htc(gas, ANCHOR, 1.0) * area, state)
+    molecular = ACCOMMODATION * free_molecular_htc(gas, ANCHOR, 1.0) * length / (gas.k(ANCHOR) * least)
+    still = _rest(c, scale * least, molecular, state)
     return still, *moving
 
 
@@ -301,7 +302,7 @@ def thinned(c: FlatConductor, law: Law, area: Number, state: GasState) -> tuple[
         least = first
     if value_of(least) == 0.0:
         return (fitted,)
-    still = _rest(c, least, ACCOMMODATION * free_molecular_htc(gas, ANCHOR, 1.0) * area, state, state.named("rest"))
+    still = _rest(c, least, ACCOMMODATION * free_molecular_htc(gas, ANCHOR, 1.0) * area / least, state, state.named("rest"))
     return fitted, replace(still, law=still.law.scaled(1.0 if state.key else 1.0 - state.natural))
 
 

@@ -500,7 +500,19 @@ class KernelProblem:
         return [self.wiring.signals[name] for name in self.wiring.used]
 
     def settings(self, options: Options, end: float) -> dict[str, Any]:
-        """Return the tolerances and limits of a run to `end` [s] as the kernel's small integrator takes them."""
+        """Return the tolerances and limits of a run to `end` [s] as the kernel's small integrator takes them.
+
+        Raises
+        ------
+        SolverError   When a control samples more often than a run may take steps, each of which ends at a sample.
+        """
+        for row in (placed.row for placed in self.wiring.structure.factors):
+            if row.sample and end / row.sample > options.max_steps:
+                raise SolverError(
+                    f"the control '{row.name}' samples every {row.sample:g} s, {end / row.sample:.3g} times in this run of {end:g} s; "
+                    f"a run takes at most {options.max_steps} steps. Give a longer sample time, or allow more max_steps.",
+                    self.wiring.network.title,
+                )
         return {"rtol": options.relative, "atol": options.tolerance, **limits(options, self.inputs, end)}
 
     def gradients(self, a: Assembled, wanted: bool) -> dict[str, Any]:

@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from thermid.base.dual import Dual, Number, gradient_of, value_of
-from thermid.base.errors import DeckError, ScenarioError, nearest, refuse_unknown
+from thermid.base.errors import ScenarioError, nearest, refuse_unknown
 from thermid.base.linear_algebra import Array
 from thermid.base.units import TEMPERATURE, require
 from thermid.model.elements import COMPLEMENT
@@ -109,7 +109,7 @@ def load_inputs(network: Network, scenario: Scenario, numbers: Numbers) -> dict[
         if load.flux is not None:
             command = multiplied(command, load.flux(scenario.boundaries))
         if "periodic.period" in load.fields:
-            command = multiplied(command, _square(load.fields, numbers.values, load.where))
+            command = multiplied(command, _square(load.fields, numbers.values))
         if load.cycle is not None:
             command = multiplied(command, load.cycle)
         watts = scenario.loads.get(load.path)
@@ -127,16 +127,14 @@ def load_inputs(network: Network, scenario: Scenario, numbers: Numbers) -> dict[
         if "sine.amplitude" in load.fields:
             period = value_of(numbers.values[load.fields["sine.period"]])
             wave: Signal = Constant(0.0) if watts is not None else Sine(0.0, 1.0, period)
-            square = _square(load.fields, numbers.values, load.where) if "periodic.period" in load.fields else Constant(1.0)
+            square = _square(load.fields, numbers.values) if "periodic.period" in load.fields else Constant(1.0)
             out[f"sine {load.path}"] = multiplied(wave, square, load.cycle or Constant(1.0))
     return out
 
 
-def _square(fields: Mapping[str, str], values: Mapping[str, Any], where: str) -> Signal:
+def _square(fields: Mapping[str, str], values: Mapping[str, Any]) -> Signal:
     """Return the on-off signal of a periodic load: on first, for `duty` of every period."""
     period, duty = (value_of(values[fields[f"periodic.{k}"]]) for k in ("period", "duty"))
-    if not (period > 0 and 0.0 <= duty <= 1.0):
-        raise DeckError(f"a periodic load needs a period above zero and a duty from 0 to 1, not {period:g} s and {duty:g}.", where)
     return pulses(period, duty)
 
 

@@ -6,6 +6,7 @@ import http.client
 import json
 import socket
 import threading
+import urllib.parse
 from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
@@ -24,6 +25,7 @@ from thermid.base.errors import DeckError
 from thermid.fit.problem import Unknown
 
 EXAMPLES = Path(__file__).parents[4] / "examples"
+TOKEN = "a-token_of_this-test"
 EVIL = '"><script>alert(1)</script><b x="'
 JSON = {"content-type": "application/json", "x-thermid-studio": "1"}
 
@@ -40,7 +42,7 @@ def port(tmp_path_factory: pytest.TempPathFactory) -> Iterator[int]:
     listener.bind(("127.0.0.1", 0))
     listener.listen()
     taken = listener.getsockname()[1]
-    server = uvicorn.Server(limited(application(Project(root / "deck.toml"), taken), log_level="error"))
+    server = uvicorn.Server(limited(application(Project(root / "deck.toml"), taken, TOKEN), log_level="error"))
     thread = threading.Thread(target=server.run, kwargs={"sockets": [listener]}, daemon=True)
     thread.start()
     yield taken
@@ -51,7 +53,8 @@ def port(tmp_path_factory: pytest.TempPathFactory) -> Iterator[int]:
 def asked(port: int, path: str, body: Any = None, headers: dict[str, str] | None = None) -> tuple[int, dict[str, str], str]:
     connection = http.client.HTTPConnection("127.0.0.1", port, timeout=20)
     text = None if body is None else body if isinstance(body, str) else json.dumps(body)
-    connection.request("GET" if body is None else "POST", path, text, headers or ({} if body is None else JSON))
+    cookie = {"cookie": f"other=1; thermid-studio-{port}={TOKEN}"}
+    connection.request("GET" if body is None else "POST", path, text, cookie | (headers or ({} if body is None else JSON)))
     answer = connection.getresponse()
     found = answer.status, {k.lower(): v for k, v in answer.getheaders()}, answer.read().decode()
     connection.close()
@@ -87,6 +90,64 @@ def test_a_foreign_host_or_origin_is_refused(port: int, headers: dict[str, str])
     for path in ("/", "/api/project", "/static/studio.js"):
         assert asked(port, path, None, given)[0] == 403
     assert asked(port, "/api/save", {"stage": "", "values": {}}, {**JSON, **given})[0] == 403
+
+
+WITHOUT = {"": None, "of another studio": "another", "in part": TOKEN[:-1], "and more": f"{TOKEN}x", "not of letters": "é"}
+
+
+@pytest.mark.parametrize("wrong", WITHOUT)
+def test_a_request_without_the_token_is_refused_with_a_sentence(port: int, wrong: str) -> None:
+    """Another user of the machine reaches its loopback."""
+    cookie = f"thermid-studio-{port}={WITHOUT[wrong]}; thermid-studio-1={TOKEN}" if WITHOUT[wrong] else "x"
+    for path in (
+        "/",
+        "/static/studio.js",
+        "/api/project",
+        "/api/desk?stage=x",
+        "/api/nothing",
+        "/?token=",
+        "/?token=wrong",
+        "/?Token=" + TOKEN,
+    ):
+        status, headers, text = asked(port, path, None, {"cookie": cookie})
+        assert (status, "set-cookie" in headers) == (403, False)
+        assert "the whole address that `thermid studio` printed" in json.loads(text)["error"]
+    assert asked(port, "/api/save", {"stage": EVIL, "values": {}, "name": "x"}, {**JSON, "cookie": cookie})[0] == 403
+
+
+def test_the_address_brings_the_token_and_the_page_keeps_it(port: int) -> None:
+    status, headers, _ = asked(port, f"/?token={TOKEN}", None, {"cookie": "x"})
+    assert status == 200
+    assert headers["set-cookie"] == f"thermid-studio-{port}={TOKEN}; Path=/; HttpOnly; SameSite=Strict"
+    kept = {"cookie": headers["set-cookie"].partition(";")[0]}
+    assert asked(port, "/api/project", None, kept)[0] == 200
+    assert asked(port, "/api/project", None, {"cookie": f"{kept['cookie']}x; {kept['cookie']}"})[0] == 200
+
+
+def test_a_name_too_long_for_a_file_is_refused_with_a_sentence(port: int) -> None:
+    path = next(s["path"] for s in json.loads(asked(port, f"/api/desk?stage={urllib.parse.quote(EVIL)}")[2])["sliders"])
+    status, _, text = asked(port, "/api/save", {"stage": EVIL, "values": {path: 1.0}, "name": "x" * 500})
+    assert (status, "name too long" in json.loads(text)["error"].lower()) == (200, True)
+    assert len(json.loads(text)["where"]) < 100
+
+
+def test_no_argument_of_the_browser_shows_the_token(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Arguments of processes are seen by every user of a machine."""
+    from thermid.app.cli import studio as command
+
+    opened: list[tuple[str, str, int]] = []
+    address = "http://127.0.0.1:1/?token=secret"
+
+    def browse(what: str) -> None:
+        page = Path(urllib.parse.urlparse(what).path)
+        opened.append((what, page.read_text(encoding="utf-8"), page.parent.stat().st_mode & 0o777))
+
+    monkeypatch.setattr(command.webbrowser, "open", browse)
+    monkeypatch.setattr(command, "serve", lambda project, port, ready, log: ready(address))
+    command.studio(EXAMPLES / "01_accelerometer" / "accelerometer.toml", None, None, None, 0, True)
+    ((what, page, mode),) = opened
+    assert ("secret" in what, address in page, mode) == (False, True, 0o700)
+    assert not Path(urllib.parse.urlparse(what).path).exists()
 
 
 def test_a_request_without_the_pages_header_changes_nothing(port: int) -> None:
@@ -182,7 +243,7 @@ def raw(port: int, data: bytes, more: bytes = b"") -> bytes:
 def test_who_brings_no_request_in_time_is_let_go(port: int, monkeypatch: pytest.MonkeyPatch) -> None:
     """A connection that stays silent, headers without an end, a body by drops, headers beyond measure."""
     monkeypatch.setattr(serving, "PATIENCE", 0.3)
-    host = f"host: 127.0.0.1:{port}\r\n".encode()
+    host = f"host: 127.0.0.1:{port}\r\ncookie: thermid-studio-{port}={TOKEN}\r\n".encode()
     begun = b"POST /api/fit HTTP/1.1\r\n" + host
     assert raw(port, b"") == b""
     assert raw(port, begun + b"x-") == b""

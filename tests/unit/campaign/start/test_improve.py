@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import tomllib
 from pathlib import Path
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -12,6 +13,7 @@ import tomlkit
 import thermid as td
 from thermid.base.errors import DeckError, OutputError
 from thermid.campaign._start.improve import Delay, improve, with_step
+from thermid.inference._explain.candidates import missing_elements
 
 from .test_init import bench
 
@@ -150,3 +152,34 @@ def test_a_step_is_added_to_any_list_of_steps(before: str, steps: int) -> None:
     assert found["stages"] == [{"name": "b"}]
     assert "# last" in text
     assert ("# spikes of the relay" in text) == ("#" in before)
+
+
+def test_a_proposal_that_a_full_fit_refuses_is_not_written(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Before: an error of its own proposal ended the command, or a mass of 56,229 J/K behind 7.8e-9 W/K was written."""
+    path = project(tmp_path, 260.0)
+
+    def ended(asked: object) -> object:
+        raise DeckError("a node's capacitance must be above zero and finite.", "plate")
+
+    monkeypatch.setattr("thermid.campaign._start.improve.fit", ended)
+    made = improve(path, seconds=20.0)
+    assert (made.files, made.refused) == ((), "a node's capacitance must be above zero and finite.")
+    assert "nothing was written" in str(made)
+
+
+def test_a_mass_that_no_reading_can_know_is_not_possible() -> None:
+    times = np.arange(0.0, 3601.0, 30.0)
+    case = {"case": {"capacitance": "3000 [J/K]"}}
+    skin = {"skin": {"kind": "conduction", "between": ["case", "room"], "conductance": "1 [W/K]"}}
+    model = td.model_from_dict({"title": "box", "needs": ["room"], "nodes": case, "conductors": skin})
+    record = td.Record.from_arrays(
+        "log", times, {"T": td.Channel.of("T", 300.0 + 5.0 * np.exp(-times / 900.0), role="node", target="case")}
+    )
+    fit = td.calibrate(model, record, ["skin.conductance"], scenario=td.Scenario("b", {"room": "300 [K]"}))
+    second = next(m for m in missing_elements(fit, fit.request) if m.name.startswith("a second mass"))
+
+    def found(held: float, link: float) -> dict[str, SimpleNamespace]:
+        return {p: SimpleNamespace(value=v) for p, v in zip(second.request.free[-2:], (held, link), strict=True)}
+
+    assert second.judge(found(2000.0, 0.5))[1]
+    assert not second.judge(found(56229.0, 7.8e-9))[1]

@@ -334,11 +334,11 @@ class TestMistakes:
         from thermid.inference._explain.mistakes import _clocks
 
         shifted: list[list[str]] = []
-        monkeypatch.setattr("thermid.inference._explain.mistakes._shifts", lambda request, fit, names, seen: shifted.append(names) or [])
+        monkeypatch.setattr("thermid.inference._explain.mistakes._shift", lambda request, fit, names: shifted.append(names))
         times = np.linspace(0.0, 3600.0, 61)
         wall = td.Channel.of("WALL", 295.0 + span * times / 3600.0, role="boundary", target="room")
         request = SimpleNamespace(records=(td.Record.from_arrays("log", times, {"WALL": wall}),))
-        assert list(_clocks(request, SimpleNamespace(traces=()))) == []  # type: ignore[arg-type]
+        list(_clocks(request, SimpleNamespace(traces=())))  # type: ignore[arg-type]
         assert shifted == ([["WALL"]] if moves else [])
 
     def test_shifts_and_lags_of_a_search_lie_close_enough(self) -> None:

@@ -166,3 +166,22 @@ def test_an_ambient_that_runs_with_the_power_is_a_failed_check() -> None:
 def test_ambients_that_only_scatter_pass() -> None:
     assert td.inference.criticise(rooms(0.0), elements=False).checks == ()
     assert td.inference.criticise(rooms(0.2, count=4), elements=False).checks == ()  # four records are too few to say so
+
+
+def test_a_lag_that_is_fitted_does_not_end_it() -> None:
+    """The search for unlogged heat ran the model without its sensor at values of the sensor: "no parameter 'sensor_T.lag'"."""
+    times = np.arange(0.0, 10801.0, 60.0)
+    nodes = {"case": {"capacitance": "600 [J/K]"}, "inner": {"capacitance": "500 [J/K]"}}
+    skin = {"kind": "convection", "between": ["case", "room"], "area": "0.05 [m^2]", "htc": "8 [W/(m^2 K)]"}
+    tie = {"kind": "conduction", "between": ["case", "inner"], "conductance": "0.4 [W/K]"}
+    deck = {"title": "box", "needs": ["room"], "loads": {"q": {"into": "case", "power": "6 [W]"}}}
+    truth = td.model_from_dict(deck | {"nodes": nodes, "conductors": {"skin": skin, "tie": tie}})
+    model = td.model_from_dict(deck | {"nodes": {"case": nodes["case"]}, "conductors": {"skin": skin}})
+    scenario = td.Scenario("bench", {"room": "22 [degC]"}, start="22 [degC]")
+    kelvin = td.simulate(truth, scenario.with_(duration="3 [h]"), times=times)["case"].kelvin
+    noisy = kelvin + 0.05 * np.random.default_rng(1).standard_normal(times.size)
+    record = td.Record.from_arrays("log", times, {"T": td.Channel.of("T", noisy, role="node", target="case", noise=0.05)})
+    lagging = record.with_sensor("T", lag="60 [s]", lag_accuracy="30 [s]")
+    fit = td.calibrate(model, lagging, ["case.capacitance", "skin.htc"], scenario=scenario)
+    assert any("lag" in name for name in fit.fitted)
+    assert td.inference.criticise(fit).candidates

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from itertools import pairwise
 from pathlib import Path
 
 import numpy as np
@@ -185,3 +186,49 @@ def test_a_search_that_cannot_begin_says_why(monkeypatch: pytest.MonkeyPatch) ->
     (line,) = found.lines()
     assert line.endswith(f": {found.failed}")
     assert found.to_dict()["failed"] == found.failed
+
+
+def test_degrees_fahrenheit_are_no_way_out_of_a_misfit() -> None:
+    """Readings over 1.8 leave residuals over 1.8: of a log whose model misfits, with a room of its own, this is no evidence."""
+    lacking = td.model_from_dict(
+        {
+            "title": "body",
+            "needs": ["room"],
+            "nodes": {"body": {"capacitance": "500 [J/K]"}},
+            "conductors": {"skin": {"kind": "conduction", "between": ["body", "room"], "conductance": "0.4 [W/K]"}},
+            "loads": {"heat": {"into": "body", "power": "8 [W]"}},
+        }
+    )
+    power = np.where((TIMES > 1800.0) & (TIMES < 9000.0), 8.0, 0.5)
+    loads = {"heat": TableSignal(TIMES, power, hold=True)}
+    truth = PAIR.with_values({"amp.capacitance": "150 [J/K]", "psu_room.conductance": "0.05 [W/K]"})
+    run = td.simulate(truth, td.Scenario("b", {"room": "22 [degC]"}, start="22 [degC]", loads=loads, duration="5 [h]"), times=TIMES)
+    noise = 0.05 * np.random.default_rng(3).standard_normal(TIMES.size)
+    channel = td.Channel.of("T", run["amp"].kelvin + noise, role="node", target="body", noise=0.05)
+    watts = td.Channel.of("P", power, quantity="power", role="load", target="heat")
+    record = td.Record.from_arrays("bench", TIMES, {"T": channel, "P": watts})
+    free, room = ("body.capacitance", "skin.conductance"), {"room": LocalSpec("T", 0.5)}
+    found = find_mistakes(Request(lacking, (record,), free, {"*": td.Scenario("b")}, room, name="body"))
+    assert found.bad
+    assert found.named == ()
+
+
+def test_a_large_network_says_that_no_mistake_is_looked_for() -> None:
+    nodes = [f"n{k}" for k in range(31)]
+    ties = {f"t{k}": {"kind": "conduction", "between": [a, b], "conductance": "5 [W/K]"} for k, (a, b) in enumerate(pairwise(nodes))}
+    skin = {"skin": {"kind": "conduction", "between": ["n0", "room"], "conductance": "0.4 [W/K]"}}
+    chain = td.model_from_dict(
+        {
+            "title": "chain",
+            "needs": ["room"],
+            "nodes": {n: {"capacitance": "20 [J/K]"} for n in nodes},
+            "conductors": ties | skin,
+            "loads": {"heat": {"into": "n0", "power": "8 [W]"}},
+        }
+    )
+    wrong = asked(1000.0)
+    record = wrong.records[0]
+    record = record.with_channels(replace(record.channels["T0"], target="n0"), replace(record.channels["T1"], target="n30"))
+    found = find_mistakes(replace(wrong, model=chain, records=(record,), free=("skin.conductance",)))
+    assert (found.bad, found.named, found.tried) == (True, (), 0)
+    assert found.failed == "31 nodes store heat, and it takes networks of up to 30"

@@ -137,29 +137,29 @@ def test_mistakes_in_a_question_are_named(old: str, new: str, words: str, folder
         asked(folder, QUESTION.replace(old, new))
 
 
-def test_members_that_did_not_finish_count_as_passing_their_limits(folder: Path) -> None:
-    runs, whole = question(folder).run()
-    late = np.argsort(-whole.points[0].crossings)[:12]  # those that keep the limit longest are said to have failed
-    lost = replace(runs, failed={int(m): "a step could not be solved" for m in late})
-    found = hold(lost, {"body": "38 [degC]"})
-    assert (found.members, found.unfinished, found.points[0].crossings.size) == (388, 12, 400)
-    ordered = np.sort(np.append(np.delete(whole.points[0].crossings, late), np.zeros(12)))
-    assert found.points[0].hold == ordered[19] < whole.points[0].hold
-    assert found.points[0].between[0] <= found.points[0].hold
-    assert found.points[0].between[1] >= whole.points[0].between[1]  # had they been kept, the answer would be the old one
-    assert found.points[0].exceedance[0] == 12 / 400
-    never = int(np.isinf(np.delete(whole.points[0].crossings, late)).sum())
-    assert found.points[0].never_between == (proportion(never, 400)[0], proportion(never + 12, 400)[1])
-    assert str(found).splitlines()[1].startswith("  12 of 400 members did not reach the end of the run and count as passing every limit")
-    assert (found.to_dict()["unfinished"], whole.to_dict()["unfinished"]) == (12, 0)
-    assert "did not reach" not in str(whole)
-
-
-def test_more_unfinished_members_than_the_confidence_allows_leave_no_time(folder: Path) -> None:
+def test_no_hold_time_is_given_where_a_member_failed(folder: Path) -> None:
     runs, _ = question(folder).run()
-    found = hold(replace(runs, failed=dict.fromkeys(range(40), "a step could not be solved")), {"body": "38 [degC]"})
-    assert found.points[0].hold == found.together.hold == 0.0
-    assert "0 min until" in found.sentence
+    lost = replace(runs, failed={7: "a step could not be solved."})
+    with pytest.raises(ScenarioError, match=r"1 of 400 members failed, .* Member 7: a step could not be solved\. Correct the model, or"):
+        hold(lost, {"body": "38 [degC]"})
+
+
+def test_it_says_why_the_discrepancy_is_not_included(folder: Path) -> None:
+    """'no values of a fit to estimate it' was said of runs that were made from a fit."""
+    deck = td.load_model(folder / "plate.toml")
+    scenario = td.load_scenario(folder / "warm.toml")
+    times = np.arange(0.0, 5401.0, 60.0)
+    truth = td.simulate(deck.with_values({"loss.conductance": "0.47 [W/K]"}), scenario, times=times)["body"].kelvin
+    noisy = truth + 0.1 * np.random.default_rng(2).standard_normal(times.size)
+    channel = td.Channel.of("T", noisy, role="node", target="body", noise=0.1)
+    fit = td.calibrate(deck, td.Record.from_arrays("log", times, {"T": channel}), ["loss.conductance"], scenario=scenario)
+
+    def said(*values: object, **more: object) -> str:
+        return hold(td.qualify.uncertain_runs(deck, scenario, list(values), n=40, **more), {"body": "38 [degC]"}).counted
+
+    assert "because no fit has measured it" in said(spread={"air": "2 [K]"})
+    assert "because the residuals of the fit are no larger than their noise" in said(fit)
+    assert "because the fitted values do not include the residuals" in said(replace(fit.values, provenance={}, store=None))
 
 
 def command(*words: object) -> int:
@@ -176,7 +176,7 @@ def test_members_that_do_not_reach_the_end_are_counted_with_a_reason(folder: Pat
     runs_away = 'heater = { into = "body", power = "10 [W]", exponential_coefficient = "0.5 [1/K]", reference_temperature = "20 [degC]" }'
     text = (folder / "plate.toml").read_text(encoding="utf-8")
     (folder / "plate.toml").write_text(text.replace('heater = { into = "body", power = "10 [W]" }', runs_away), encoding="utf-8")
-    said = r"0 of 40 members reached the end of the run, too few for 95 %\. Member 0 did not: .*rises without limit"
+    said = r"40 of 40 members failed, .*\. Member 0: .*rises without limit"
     with pytest.raises(ScenarioError, match=said):
         asked(folder, QUESTION.replace("400", "40"))
 

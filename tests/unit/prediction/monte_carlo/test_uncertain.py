@@ -151,7 +151,7 @@ def test_a_pattern_reaches_every_number_and_what_is_named_wins() -> None:
     job = td.qualify.uncertain_runs(two, SCENARIO, spread={"*.conductance": "range"}, n=2).job
     # both instances share what one deck says
     assert job.budget.targets == (Target("a.loss.conductance", "add", ("b.loss.conductance",)),)
-    own = {"*.conductance": "range", "a.loss.conductance": "1 [%]"}
+    own = {"*.conductance": "range", "a.loss.conductance": "10 [%]"}
     budget = td.qualify.uncertain_runs(two, SCENARIO, spread=own, n=2).job.budget
     laws = {s.name: type(s.law.law) for s in budget.sources if isinstance(s.law, Shifted)}
     assert laws == {"b.loss.conductance": Uniform, "a.loss.conductance": Cut}
@@ -336,3 +336,47 @@ def test_sobol_refuses(more: dict[str, object], words: str) -> None:
     base = {"base": more.pop("base")} if "base" in more else {}
     with pytest.raises(ScenarioError, match=words):
         td.qualify.sobol_of(runs(**more).job, "body", **base)
+
+
+def painted(emissivity: object = 0.93) -> td.Model:
+    skin = {"of": "body", "to": "air", "area": "0.05 [m^2]", "htc": "5 [W/(m^2 K)]", "emissivity": emissivity}
+    nodes = {"body": {"capacitance": f"{C} [J/K]", "reference_point": True}}
+    heater = {"into": "body", "power": f"{POWER} [W]"}
+    return td.model_from_dict(
+        {"title": "painted", "needs": ["air"], "nodes": nodes, "surfaces": {"skin": skin}, "loads": {"heater": heater}}
+    )
+
+
+@pytest.mark.parametrize("spread", ["10 [%]", {"log_sd": 0.1}, {"sd": "0.3", "mean": "0.9"}, {"low": "0.8", "high": "1"}])
+def test_a_stated_spread_of_an_emissivity_stays_between_zero_and_one(spread: object) -> None:
+    found = td.qualify.uncertain_runs(painted(), SCENARIO, spread={"skin.emissivity": spread}, n=500, every="30 [min]")
+    drawn = found.draws["skin.emissivity"]
+    assert not found.failed
+    assert 0.0 < drawn.min() < drawn.max() <= 1.0
+    assert drawn.std() > 0.02
+    alone = td.simulation.draw(painted(), SCENARIO, {"skin.emissivity": spread}, 500, seed=0)["skin.emissivity"]
+    assert drawn == pytest.approx(alone, rel=1e-12)
+
+
+@pytest.mark.parametrize(("log", "size"), [(True, 0.15), (False, 0.15), (False, 1.0)])
+def test_what_a_fit_left_open_of_an_emissivity_stays_between_zero_and_one(log: bool, size: float) -> None:
+    value = FittedValue("skin.emissivity", 0.93, size, size, log, "1", 0.93, (0.02, 1.0), "fit")
+    values = FittedValues("bench", {"skin.emissivity": value}, np.array([[size**2]]))
+    found = td.qualify.uncertain_runs(painted(), SCENARIO, values, n=2000, every="30 [min]")
+    alone = values.draws(2000, seed=1)["skin.emissivity"]
+    for drawn in (found.draws["skin.emissivity"], alone):
+        assert 0.0 < drawn.min() < drawn.max() <= 1.0
+        assert np.mean(drawn < 0.93) == pytest.approx(0.5, abs=0.03)
+        assert drawn[drawn < 0.93].mean() == pytest.approx(0.93 - 0.8 * min(size, 0.5), abs=0.15)
+    assert not found.failed
+
+
+def test_a_fitted_conductance_that_may_be_zero_is_drawn_above_it() -> None:
+    loss = {"kind": "conduction", "between": ["body", "air"], "conductance": {"value": "0.1 [W/K]", "min": 0.0}}
+    value = FittedValue("loss.conductance", 0.1, 0.2, 0.2, False, "W/K", 0.1, (0.0, 1.0), "fit")
+    values = FittedValues("bench", {"loss.conductance": value}, np.array([[0.04]]))
+    found = td.qualify.uncertain_runs(plate(conductors={"loss": loss}), SCENARIO, values, n=500, every="30 [min]")
+    drawn = found.draws["loss.conductance"]
+    assert not found.failed
+    assert 0.0 < drawn.min() < 0.01
+    assert drawn[drawn > 0.1].mean() == pytest.approx(0.1 + 0.8 * 0.2, rel=0.1)

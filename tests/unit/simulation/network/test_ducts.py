@@ -126,9 +126,9 @@ def test_air_is_heated_along_a_cabinet() -> None:
 @pytest.mark.parametrize(
     ("fields", "message"),
     [
-        ({"kind": "duct", "diameter": "4 [mm]", "length": "0 [m]", "mass_flow": "1 [g/s]"}, "length above zero"),
+        ({"kind": "duct", "diameter": "4 [mm]", "length": "0 [m]", "mass_flow": "1 [g/s]"}, "'cooling.length' is 0 m"),
         ({"kind": "duct", "width": "4 [mm]", "length": "1 [m]", "mass_flow": "1 [g/s]"}, "needs diameter"),
-        ({"kind": "duct", "diameter": "4 [mm]", "length": "1 [m]", "mass_flow": "-1 [g/s]"}, "the flow through a duct is"),
+        ({"kind": "duct", "diameter": "4 [mm]", "length": "1 [m]", "mass_flow": "-1 [g/s]"}, "'cooling.mass_flow' is"),
     ],
 )
 def test_what_is_no_duct_is_refused(fields: dict[str, Any], message: str) -> None:

@@ -121,8 +121,8 @@ def test_contact_from_pressure_hardness_and_finish() -> None:
 @pytest.mark.parametrize(
     ("link", "message"),
     [
-        ({"kind": "gas", "area": "1 [m^2]", "gap": "0 [mm]"}, "a gap needs a distance above zero"),
-        ({"kind": "gas", "area": "1 [m^2]", "gap": "1 [mm]", "accommodation": 1.2}, "the accommodation coefficient is 1.2."),
+        ({"kind": "gas", "area": "1 [m^2]", "gap": "0 [mm]"}, "'c.gap' is 0 m"),
+        ({"kind": "gas", "area": "1 [m^2]", "gap": "1 [mm]", "accommodation": 1.2}, "'c.accommodation' is 1.2."),
         ({"kind": "gas", "area": "1 [m^2]", "gap": "1 [mm]", "gas": "neon"}, "unknown gas 'neon'. Known: air, N2"),
         ({"kind": "gas", "area": "1 [m^2]"}, "needs area and gap"),
         ({"kind": "conduction", "conductance": "1 [W/K]", "gas": "air"}, "a conductor of kind 'conduction' has no gas"),
@@ -258,7 +258,7 @@ def test_a_volume_vented_to_nowhere_is_refused() -> None:
         ({"correlation": "vertical", "length": "0.1 [m]"}, "unknown correlation 'vertical'."),
         ({"correlation": "Nu_vertical_plate_Churchil", "length": "0.1 [m]"}, "Did you mean 'Nu_vertical_plate_Churchill'"),
         ({"correlation": "Nu_horizontal_plate_McAdams", "length": "0.1 [m]"}, "is for horizontal plates. Give orientation"),
-        ({"length": "0 [m]"}, "a correlation needs a length above zero"),
+        ({"length": "0 [m]"}, "'skin.htc.length' is 0 m"),
         ({"correlation": "Nu_no_such_plate", "length": "1 [m]"}, "the library ht has no 'Nu_no_such_plate' for free convection"),
     ],
 )
@@ -491,5 +491,5 @@ def test_no_surface_radiates_more_than_a_black_one(surface: dict[str, object]) -
         "nodes": {"plate": {"capacitance": "100 [J/K]"}},
         "surfaces": {"skin": {"of": "plate", "to": "air", "area": "100 [cm^2]", **surface}},
     }
-    with pytest.raises(td.ThermidError, match=r"the emissivity of 'skin.*' is .*; give 0 to 1"):
+    with pytest.raises(td.ThermidError, match=r"'skin.emissivity' is .* Give 0 to 1"):
         td.steady(td.model_from_dict(deck), td.Scenario(boundaries={"air": "20 [degC]"}))

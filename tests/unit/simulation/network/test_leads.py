@@ -152,8 +152,8 @@ def test_an_effective_lead_without_emissivity_refuses_vacuum() -> None:
         ),
         ({"htc": "1 [W/(m^2 K)]", "effective_htc": "1 [W/(m^2 K)]", "to": "air"}, "give a lead either htc"),
         ({"htc": "1 [W/(m^2 K)]", "to": "aire"}, "no node 'aire'. Did you mean 'air'?"),
-        ({"length": "0 [m]"}, "Rod, conductors.rod: a lead needs a length above zero."),
-        ({"diameter": "0 [m]"}, "a lead needs a cross-section and a conductivity above zero."),
+        ({"length": "0 [m]"}, "Rod, conductors.rod.length: 'rod.length' is 0 m."),
+        ({"diameter": "0 [m]"}, "'rod.diameter' is 0 m."),
         ({"cross_section": "1 [mm^2]"}, "needs conductivity and length and diameter, or conductivity and length and cross_section."),
     ],
 )

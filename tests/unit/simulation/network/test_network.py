@@ -126,7 +126,7 @@ def test_numbers_at_other_values_leave_the_first_alone() -> None:
 
 
 def test_negative_conductance_at_other_values() -> None:
-    with pytest.raises(DeckError, match=r"Box, surfaces\.skin: 'skin' has a negative conductance; heat would flow from cold to hot\."):
+    with pytest.raises(DeckError, match=r"Box, surfaces\.skin\.htc: 'skin\.htc' is -1 W"):
         compile_network(box(htc="5 [W/(m^2 K)]")).numbers({"skin.htc": -1.0})
 
 

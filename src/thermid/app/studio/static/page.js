@@ -37,7 +37,7 @@ export const row = (head, ...cells) => make("tr", {}, make("th", { scope: "row",
 function unpacked(text, kind) { const plain = atob(text), out = new Uint8Array(plain.length); for (let k = 0; k < plain.length; k++) out[k] = plain.charCodeAt(k); return new kind(out.buffer); }
 export async function ask(path, body) {
   const how = body === undefined ? {} : { method: "POST", headers: { "content-type": "application/json", "x-thermid-studio": "1" }, body: JSON.stringify(body) };
-  const answer = await fetch(path, how).catch(() => { throw new Error("The studio does not answer: it was ended. Start it again, under the same port, and reload this page; moved sliders come back."); });
+  const answer = await fetch(path, how).catch(() => { throw new Error("The studio does not answer: it was ended. Start it again, under the same port, and open the address that it prints; moved sliders come back."); });
   const found = JSON.parse(await answer.text(), (_, v) => (v && v.f4 !== undefined ? unpacked(v.f4, Float32Array) : v && v.f8 !== undefined ? unpacked(v.f8, Float64Array) : v));
   if (found.error) throw new Error(found.where && !found.error.includes(found.where) ? `${found.where}: ${found.error}` : found.error);
   return found;
