@@ -48,4 +48,4 @@ def build(nodes: int, seed: int = 3) -> td.Block:
 def scenario() -> td.Scenario:
     """Return one hour from 290 K in an ambient of 290 K + 5 K (1 - cos(pi t / 1 h))."""
     ambient = Sine(295.0, 5.0, 2.0 * HOUR, -np.pi / 2)
-    return td.Scenario("one hour", boundaries={"air": ambient}, start=290.0, duration=HOUR)
+    return td.Scenario("one hour", boundaries={"air": ambient}, start="290 [K]", duration=HOUR)

@@ -98,4 +98,9 @@ def room(noisy: bool = True, seed: int = 1, samples: int = 18001) -> Array:
 def scenario(noisy: bool = True) -> td.Scenario:
     """Return five hours in that room, from rest at 24 degC."""
     values = room(noisy)
-    return td.Scenario("room", boundaries={"air": TableSignal(np.arange(values.size, dtype=float), values)}, start=T0, duration=DURATION)
+    return td.Scenario(
+        "room",
+        boundaries={"air": TableSignal(np.arange(values.size, dtype=float), values)},
+        start=td.quantity(T0, unit="K"),
+        duration=DURATION,
+    )

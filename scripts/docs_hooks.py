@@ -36,6 +36,7 @@ ROOT_PAGES = {"changelog.md": "CHANGELOG.md", "contributing.md": "CONTRIBUTING.m
 """Page of the site -> file at the root of the repository."""
 
 ROOMS = {
+    "expression": "Values with their unit, as they enter from Python.",
     "model": "The hardware: parts, decks, areas, laws.",
     "simulation": "The equations of a model, conditions of a run, and its results.",
     "site": "Sites on the ground, ascents, orbits, weather, moisture; an optional part.",

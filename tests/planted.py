@@ -118,7 +118,11 @@ def _log(folder: Path, name: str, deck: str, sensors: dict[str, str], powers: di
     model = td.load_model(folder / f"{deck}.toml").with_values(TRUTH[deck])
     room = 295.15 + 0.8 * np.sin(times / 2500.0)
     loads = {load: TableSignal(times, watts, hold=True) for load, watts in powers.values()}
-    run = td.simulate(model, td.Scenario(name, boundaries={"air": (times, room)}, loads=loads, start="air", duration=END), times=times)
+    run = td.simulate(
+        model,
+        td.Scenario(name, boundaries={"air": (times, td.quantity(room, unit="K"))}, loads=loads, start="air", duration=END),
+        times=times,
+    )
     columns = {s: run[n].celsius + OFFSETS[s] + 0.03 * rng.standard_normal(times.size) for s, n in sensors.items()}
     columns["T_LAB" if deck == "part" else "T_ROOM"] = room - 273.15 + OFFSETS["T_ROOM"]
     heads = [f"{s} [degC]" for s in columns] + [f"{meter} [W]" for meter in powers]

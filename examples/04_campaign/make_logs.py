@@ -43,7 +43,7 @@ def log(path: Path, model: td.Model, boundary: str, nodes: dict[str, str], power
     air = room(times, rng)
     scenario = td.Scenario(
         "bench",
-        boundaries={boundary: (times, air)},
+        boundaries={boundary: (times, td.quantity(air, unit="K"))},
         loads={load: f"{watts} [W]" for load, watts in powers.values()},
         start="24.1 [degC]",
         duration=SECONDS,

@@ -29,7 +29,7 @@ def logs(data: Path, run: str) -> tuple[td.Record, td.Record]:
     command = np.concatenate([[0.0], means, [0.0]])  # off before the first row and after the last one
 
     def channel(name: str, column: str, **bound: str) -> td.Channel:
-        return td.Channel.of(name, t[column] + 273.15, **bound, noise=None if name == "ROOM" else 2.0)
+        return td.Channel.of(name, t[column], unit="degC", **bound, noise=None if name == "ROOM" else 2.0)
 
     temperatures = {
         "WINDING": channel("WINDING", "Winding_Temp_C", role="node", target="winding"),

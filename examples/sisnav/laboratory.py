@@ -268,7 +268,7 @@ def run(name: str, world: World, seed: int, test: Test | None = None) -> tuple[A
     times = np.arange(0.0, SECONDS + 1.0)
     air = room(times, rng)
     off = {load: _pause(*hours) for load, hours in test.off.items()}
-    bench = td.Scenario(name, boundaries={"cv": (times, air)}, commands=off, start="cv", duration=SECONDS)
+    bench = td.Scenario(name, boundaries={"cv": (times, td.quantity(air, unit="K"))}, commands=off, start="cv", duration=SECONDS)
     solution = td.simulate(world.tested(test.model), bench.vacuum() if test.vacuum else bench, times=times)
     columns = {"T_ROOM": thermometer("T_ROOM").read(times, air, rng)}
     truth = {}

@@ -19,7 +19,9 @@ def planted(seed: int = 1) -> tuple[td.Record, np.ndarray, np.ndarray]:
     room = 293.15 + 6.0 * np.sin(2.0 * np.pi * times / (8.0 * 3600.0))
     true = gyro.with_values({"mass": "0.80 [kg]", "skin.effective_htc": "5.6 [W/(m^2 K)]"})
     early, late = times <= KNOWN * 3600.0, times >= KNOWN * 3600.0
-    first = td.Scenario("step", {"cv": (times[early], room[early])}, {"heater": "5 [W]"}, start=room[0], duration=KNOWN * 3600.0)
+    first = td.Scenario(
+        "step", {"cv": (times[early], td.quantity(room[early], unit="K"))}, {"heater": "5 [W]"}, start="cv", duration=KNOWN * 3600.0
+    )
     step = td.simulate(true, first, times=times[early])
     deck = {
         "title": "Gyro that regulates itself",
@@ -31,8 +33,13 @@ def planted(seed: int = 1) -> tuple[td.Record, np.ndarray, np.ndarray]:
             "heater": {"into": "case", "power": "6 [W]", "proportional": {"gain": "1.5 [W/K]", "setpoint": "52 [degC]"}},
         },
     }
-    ends = float(step["case"].kelvin[-1])
-    second = td.Scenario("regulated", {"cv": (times[late] - times[late][0], room[late])}, start=ends, duration=(HOURS - KNOWN) * 3600.0)
+    ends = td.celsius(step["case"].final)
+    second = td.Scenario(
+        "regulated",
+        {"cv": (times[late] - times[late][0], td.quantity(room[late], unit="K"))},
+        start=ends,
+        duration=(HOURS - KNOWN) * 3600.0,
+    )
     run = td.simulate(td.model_from_dict(deck), second, times=times[late] - times[late][0])
     case = np.concatenate([step["case"].kelvin, run["case"].kelvin[1:]])
     error = 0.2 * rng.standard_normal() + 0.02 * rng.standard_normal(times.size)
@@ -40,12 +47,13 @@ def planted(seed: int = 1) -> tuple[td.Record, np.ndarray, np.ndarray]:
         "T_CASE": td.Channel.of(
             "T_CASE",
             case + error,
+            unit="K",
             role="node",
             target="case",
             noise=0.02,
             accuracy=0.2,
         ),
-        "T_ROOM": td.Channel.of("T_ROOM", room, role="boundary", target="cv"),
+        "T_ROOM": td.Channel.of("T_ROOM", room, unit="K", role="boundary", target="cv"),
     }
     heater = np.where(early, 5.0, 0.0)
     heater[late] = np.clip(1.5 * (52.0 + 273.15 - run["case"].kelvin), 0.0, 6.0)

@@ -12,6 +12,8 @@ from importlib import import_module
 from types import ModuleType
 
 _TOP = {
+    "celsius": "base.expression",
+    "quantity": "base.expression",
     "Model": "model.tree",
     "load_model": "model.deck",
     "model_from_dict": "model.deck",

@@ -29,7 +29,7 @@ def test_parameter_sensitivities_of_one_node() -> None:
     """The Jacobian test of pycanha-core: k = C = Q = 1, environment one kelvin above the start; T = 2 (1 - exp(-t))."""
     model = _one({"kind": "conduction", "conductance": "1 [W/K]"}, "1 [J/K]", {"heat": {"into": "mass", "power": "1 [W]"}})
     zero = 300.0  # of the published 0 K; the equation is linear
-    scenario = td.Scenario("step", boundaries={"air": "301 [K]"}, start=zero, duration=5.0)
+    scenario = td.Scenario("step", boundaries={"air": "301 [K]"}, start=td.quantity(zero, unit="K"), duration=5.0)
     names = ("link.conductance", "mass.capacitance", "heat.power", "air", "initial.mass", "scale.heat")
     wiring = Wiring(td.simulation.compile_network(model), scenario, names)
     engine = Engine(wiring)

@@ -42,7 +42,7 @@ def test_b14_biot_numbers() -> None:
         (0.020, 0.25, 5.0, 0.4),  # fibre coil
         (0.010, 0.026, 6.0, 2.3),  # gap of air
     ):
-        part = td.inference.compare_htc(htc * 0.1 * 10.0, 0.1, 310.0, 300.0, 0.1, parts={"x": (length, conductivity)})
+        part = td.inference.compare_htc(htc * 0.1 * 10.0, 0.1, "310 [K]", "300 [K]", 0.1, parts={"x": (length, conductivity)})
         assert float(f"{part.biot['x'][0]:.1e}") == pytest.approx(biot, rel=0.03)
         assert any("its inside is not at one temperature" in r for r in part.remarks) == (biot > 0.1)
 
@@ -50,7 +50,7 @@ def test_b14_biot_numbers() -> None:
 def test_the_accelerometer_settles_three_times_as_slowly_as_its_mass_says() -> None:
     """17 minutes by Fig. 16 against 'approximately 4 hours' in the text: section 4, conflict 1 of the acceptance sheet."""
     found = td.inference.compare_htc(
-        0.225, 0.00420536, 297.15 + 8.917191, 297.15, 0.025, capacitance="0.054*480 [J/K]", settled_after="4 [h]"
+        0.225, 0.00420536, td.celsius(24.0 + 8.917191), td.celsius(24.0), 0.025, capacitance="0.054*480 [J/K]", settled_after="4 [h]"
     )
     settling = found.settling
     assert settling is not None

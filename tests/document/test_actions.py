@@ -22,9 +22,9 @@ def deck(name: str) -> td.Model:
 
 def log(sensors: dict[str, np.ndarray], noise: float, room: np.ndarray | None = None) -> td.Record:
     """Return a record of temperatures [K] by node; the room too where it is given."""
-    made = {n: td.Channel.of(n, v, role="node", target=n, noise=noise) for n, v in sensors.items()}
+    made = {n: td.Channel.of(n, v, unit="K", role="node", target=n, noise=noise) for n, v in sensors.items()}
     if room is not None:
-        made["ROOM"] = td.Channel.of("ROOM", room, role="boundary", target="cv")
+        made["ROOM"] = td.Channel.of("ROOM", room, unit="K", role="boundary", target="cv")
     return td.Record.from_arrays("log", MINUTES, made)
 
 
@@ -109,7 +109,7 @@ def test_M1_a_room_that_drifts_is_fed_as_it_was() -> None:  # noqa: N802
     """Over 0.7 K of drift: with T_amb(t) the truth comes back, with a constant room it does not."""
     part, truth = deck("ProcSISNAV"), 5.5
     room = 297.15 + 0.7 * MINUTES / MINUTES[-1]
-    told = td.Scenario("bench", boundaries={"cv": (MINUTES, room)}, start="24 [degC]", duration="5 [h]")
+    told = td.Scenario("bench", boundaries={"cv": (MINUTES, td.quantity(room, unit="K"))}, start="24 [degC]", duration="5 [h]")
     kelvin = td.simulate(part.with_values({"skin.effective_htc": f"{truth} [W/(m^2 K)]"}), told, times=MINUTES)["case"].kelvin
     readings = {"case": kelvin + 0.05 * np.random.default_rng(2).standard_normal(kelvin.size)}
     start = td.Scenario("bench", start="24 [degC]")

@@ -33,8 +33,8 @@ def bench(**changes: object) -> td.Scenario:
 def log(part: td.Model, scenario: td.Scenario) -> td.Record:
     """The readings without noise, and what a fit would be told of their noise."""
     run = td.simulate(part, scenario)
-    case = td.Channel.of("T", run["case"].kelvin, role="node", target="case", noise=0.1)
-    room = td.Channel.of("ROOM", run["air"].kelvin, role="boundary", target="air")
+    case = td.Channel.of("T", run["case"].kelvin, unit="K", role="node", target="case", noise=0.1)
+    room = td.Channel.of("ROOM", run["air"].kelvin, unit="K", role="boundary", target="air")
     return td.Record.from_arrays("log", run.times, {"T": case, "ROOM": room})
 
 
@@ -160,7 +160,7 @@ class TestAChamberAlone:
         return bench(loads={"electronics": "0 [W]"}, **changes)
 
     def test_ramp_of_three_kelvin_per_minute(self, part: td.Model) -> None:
-        ramp = self.off(boundaries={"air": (np.array([0.0, 18000.0]), 297.15 + np.array([0.0, 900.0]))})
+        ramp = self.off(boundaries={"air": (np.array([0.0, 18000.0]), td.celsius(24.0 + np.array([0.0, 900.0])))})
         run = td.simulate(part, ramp)
         assert run["air"].kelvin[-1] - run["case"].kelvin[-1] == pytest.approx(51.363, abs=1e-3)
         message = refused(part, ramp, [MASS, HTC])

@@ -66,7 +66,7 @@ def test_time_constant_and_settling_times() -> None:
         (0.0625, 1.4155),
         (0.01, 1.938),
     ):
-        crossed = solution["case"].crossing(top - below)
+        crossed = solution["case"].crossing(td.celsius(top - below))
         assert crossed is not None
         assert crossed / 3600 == pytest.approx(hours, abs=1e-3)
     assert top - solution["case"].at(4 * 3600.0) == pytest.approx(7.3e-6, abs=0.1e-6)
@@ -99,7 +99,7 @@ def test_B2_electrical_analogue() -> None:  # noqa: N802
             "loads": {"i": {"into": "v", "power": f"{amperes} [W]"}},
         }
     )
-    scenario = td.Scenario("on", boundaries={"source": f"{volts} [K]"}, start=start, duration=2000.0)
+    scenario = td.Scenario("on", boundaries={"source": f"{volts} [K]"}, start=td.quantity(start, unit="K"), duration=2000.0)
     solution = td.simulate(circuit, scenario, options=TIGHTER)
     final = volts + ohms * amperes
     assert td.steady(circuit, scenario)["v"] == pytest.approx(final, rel=1e-12)
@@ -136,8 +136,8 @@ def test_V1_vacuum_ramp_as_printed() -> None:  # noqa: N802
 
 def test_B17_crossing_of_limits_in_vacuum() -> None:  # noqa: N802
     case = td.simulate(_accelerometer(), PRINTED)["case"]
-    assert [case.crossing(limit) / 3600 for limit in (96.0, 125.0)] == pytest.approx([2.304, 3.232], abs=1e-6)  # type: ignore[operator]
-    assert case.crossing(200.0) is None
+    assert [case.crossing(td.celsius(limit)) / 3600 for limit in (96.0, 125.0)] == pytest.approx([2.304, 3.232], abs=1e-6)  # type: ignore[operator]
+    assert case.crossing(td.celsius(200.0)) is None
 
 
 @pytest.mark.parametrize(("htc", "short"), [(1e-3, 0.228), (1e-6, 0.000228), (1e-9, 2.3e-7)])

@@ -65,7 +65,7 @@ def test_2_5_every_node_of_every_level(deck: str, node: str, steady: float, t99:
     room, vacuum = (run[node] for run in runs(deck))
     assert room.final == pytest.approx(steady, abs=1e-3)
     reached = 24.0 + 0.99 * (room.final - 24.0)
-    assert room.crossing(reached) / HOURS == pytest.approx(t99, abs=2e-3)  # type: ignore[operator]
+    assert room.crossing(td.celsius(reached)) / HOURS == pytest.approx(t99, abs=2e-3)  # type: ignore[operator]
     assert float(vacuum.at(5 * HOURS)) == pytest.approx(ramp, abs=1e-3)
     late = (float(vacuum.at(100 * HOURS)) - float(vacuum.at(99 * HOURS))) / 1.0
     assert late == pytest.approx(slope, abs=1e-3)

@@ -234,12 +234,12 @@ CONTESTANTS: dict[str, Callable[[Case], Outcome]] = {
 def scenario(case: Case) -> td.Scenario:
     """Return the scenario of a case."""
     net = case.net
-    start = {f"n{i}": value for i, value in enumerate(net.start)}
+    start = {f"n{i}": td.quantity(value, unit="K") for i, value in enumerate(net.start)}
     boundaries = {f"e{j}": _signal(net, *pair) for j, pair in enumerate(net.boundaries)}
     driven = {
         f"q{r}": _signal(net, row[2][0], -1) for r, row in enumerate(net.loads) if row[0] == k.SIGNAL and net.coefs[row[2][0]][1] >= 0
     }
-    return td.Scenario("fuzz", boundaries=boundaries, loads=driven, start=300.0, initial=start, duration=float(case.times[-1]))
+    return td.Scenario("fuzz", boundaries=boundaries, loads=driven, start="300 [K]", initial=start, duration=float(case.times[-1]))
 
 
 def _signal(net: Net, gain: int, offset: int) -> Any:

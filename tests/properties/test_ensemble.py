@@ -38,14 +38,14 @@ def test_members_are_single_runs(case: Case) -> None:
     draws = _draws(case)
     assume(draws)
     ready = td.prepare(case.model, case.run(), tuple(draws), every=300.0, options=TIGHTER)
-    found = ready.ensemble(draws)
+    found = ready.ensemble(ready.with_units(draws))
     for k in range(found.members):
         values = {name: float(v[k]) for name, v in draws.items()}
         if k in found.failed:
             with pytest.raises(SolverError, match=re.escape(found.failed[k])):
-                ready.run(values)
+                ready.run(ready.with_units(values))
             continue
-        single = ready.run(values)
+        single = ready.run(ready.with_units(values))
         for node in found.nodes:
             assert np.abs(found.trace(k, node).kelvin - single[node].kelvin).max() < NEAR, (k, node)
 
@@ -55,10 +55,10 @@ def test_instruction_sets_and_threads_agree(case: Case) -> None:
     draws = _draws(case)
     assume(draws)
     ready = td.prepare(case.model, case.run(), tuple(draws), every=300.0)
-    plain = ready.ensemble(draws, simd="baseline")
+    plain = ready.ensemble(ready.with_units(draws), simd="baseline")
     assert plain.members == 11
     for simd in _kernel.instruction_sets()[1:]:
-        wide, again = ready.ensemble(draws, simd=simd), ready.ensemble(draws, simd=simd, threads=2)
+        wide, again = ready.ensemble(ready.with_units(draws), simd=simd), ready.ensemble(ready.with_units(draws), simd=simd, threads=2)
         for node in plain.nodes:
             assert np.array_equal(wide.temperatures(node), again.temperatures(node), equal_nan=True)
             assert np.nanmax(np.abs(wide.temperatures(node) - plain.temperatures(node))) < 1e-5

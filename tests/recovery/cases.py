@@ -10,6 +10,7 @@ from typing import Any
 import numpy as np
 
 from thermid.base.errors import ThermidError
+from thermid.base.expression import quantity
 from thermid.fit.calibration import calibrate
 from thermid.measure.records import Channel, Record
 from thermid.model.deck import load_model, model_from_dict
@@ -74,7 +75,7 @@ def log(bench: Bench, hidden: Model, k: int, bias: Mapping[str, float], gain: Ma
     air = ICE + 24.0 + 0.5 * np.sin(times / 4000.0 + rng.uniform(0, 6))
     scenario = Scenario(
         f"run{k}",
-        boundaries={bench.boundary: (times, air)},
+        boundaries={bench.boundary: (times, quantity(air, unit="K"))},
         loads={load: f"{watts!r} [W]" for load, watts in powers.items()},
         start=f"{24.0 + above + rng.standard_normal()!r} [degC]",
         duration=float(times[-1]),
@@ -89,6 +90,7 @@ def log(bench: Bench, hidden: Model, k: int, bias: Mapping[str, float], gain: Ma
         s: Channel.of(
             s,
             shown(run[node].kelvin + bias[s] + bench.noise * rng.standard_normal(times.size)),
+            unit="K",
             role="node",
             target=node,
             noise=bench.noise,
@@ -97,7 +99,7 @@ def log(bench: Bench, hidden: Model, k: int, bias: Mapping[str, float], gain: Ma
         )
         for s, node in bench.nodes.items()
     }
-    channels["ROOM"] = Channel.of("ROOM", shown(air + bias["ROOM"]), role="boundary", target=bench.boundary, accuracy=accuracy)
+    channels["ROOM"] = Channel.of("ROOM", shown(air + bias["ROOM"]), unit="K", role="boundary", target=bench.boundary, accuracy=accuracy)
     for load, watts in powers.items():
         metered = np.full(times.size, watts / gain[load])
         size = bench.meter * max(p[load] for p, _ in bench.runs) or None

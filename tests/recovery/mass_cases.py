@@ -75,14 +75,18 @@ def drawn(seed: int, parts: int | None = None, matched: bool = False) -> Drawn:
     pace = rng.uniform(900.0, 3600.0)
     settled = 1.0 + share * rng.uniform(0.0, 0.06) * np.exp(-np.maximum(TIMES - begin, 0.0) / pace)
     air = ICE + 23.0 + 0.4 * np.sin(TIMES / 5000.0 + rng.uniform(0, 6))
-    given = Scenario("bench", boundaries={"air": (TIMES, air)}, start=f"{float(air[0])!r} [K]", duration=float(TIMES[-1]))
+    given = Scenario(
+        "bench", boundaries={"air": (TIMES, td.quantity(air, unit="K"))}, start=f"{float(air[0])!r} [K]", duration=float(TIMES[-1])
+    )
     run = simulate(td.model_from_dict(truth), given.with_(commands={"heat": TableSignal(TIMES, watts * settled, True)}), times=TIMES)
 
     def read(kelvin: np.ndarray) -> np.ndarray:
         return np.asarray(np.round((kelvin + NOISE * rng.standard_normal(TIMES.size) - ICE) / STEP) * STEP + ICE)
 
-    channels = {n: Channel.of(n, read(run[n].kelvin), role="node", target=n, noise=NOISE, resolution=STEP) for n in plain["nodes"]}
-    channels["air"] = Channel.of("air", read(air), role="boundary", target="air", noise=NOISE, resolution=STEP)
+    channels = {
+        n: Channel.of(n, read(run[n].kelvin), unit="K", role="node", target=n, noise=NOISE, resolution=STEP) for n in plain["nodes"]
+    }
+    channels["air"] = Channel.of("air", read(air), unit="K", role="boundary", target="air", noise=NOISE, resolution=STEP)
     channels["P"] = Channel.of("P", watts, quantity="power", role="load", target="heat")
     free = [*masses, *(f"{s}.effective_htc" for s in plain["surfaces"]), *(f"{c}.conductance" for c in plain.get("conductors", {}))]
     return Drawn(td.model_from_dict(plain), tuple(free), Record.from_arrays("bench", TIMES, channels), masses)

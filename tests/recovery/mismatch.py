@@ -11,6 +11,7 @@ import numpy as np
 
 from recovery.cases import ICE, STACK
 from thermid.base.errors import IdentificationError
+from thermid.base.expression import quantity
 from thermid.fit.calibration import calibrate
 from thermid.measure.records import Channel, Record
 from thermid.model.deck import load_model, model_from_dict
@@ -95,15 +96,17 @@ def bench(study: Mismatch, hidden: Model, rng: np.random.Generator) -> Record:
     """Return the log of a bench test at 24 C: DS18B20 with 0.25 K of constant error and steps of 1/16 K, meters good to 1 %."""
     times = np.linspace(0.0, 18000.0, 301)
     air = ICE + 24.0 + 0.5 * np.sin(times / 4000.0 + rng.uniform(0, 6))
-    given = Scenario("bench", boundaries={study.boundary: (times, air)}, start="24 [degC]", duration=18000.0)
+    given = Scenario("bench", boundaries={study.boundary: (times, quantity(air, unit="K"))}, start="24 [degC]", duration=18000.0)
     run = simulate(hidden, given.with_(loads={k: f"{w} [W]" for k, w in study.powers.items()}), times=times)
 
     def read(kelvin: np.ndarray) -> np.ndarray:
         seen = kelvin + 0.25 * rng.standard_normal() + 0.05 * rng.standard_normal(times.size)
         return np.asarray(np.round((seen - ICE) / STEP) * STEP + ICE)
 
-    channels = {s: Channel.of(s, read(run[n].kelvin), role="node", target=n, noise=0.054, accuracy=0.25) for s, n in study.sensors.items()}
-    channels["ROOM"] = Channel.of("ROOM", read(air), role="boundary", target=study.boundary, accuracy=0.25)
+    channels = {
+        s: Channel.of(s, read(run[n].kelvin), unit="K", role="node", target=n, noise=0.054, accuracy=0.25) for s, n in study.sensors.items()
+    }
+    channels["ROOM"] = Channel.of("ROOM", read(air), unit="K", role="boundary", target=study.boundary, accuracy=0.25)
     for load, watts in study.powers.items():
         shown = np.full(times.size, watts * (1.0 + 0.01 * rng.standard_normal()))
         channels[f"P {load}"] = Channel.of(f"P {load}", shown, quantity="power", role="load", target=load, accuracy=0.01 * watts)

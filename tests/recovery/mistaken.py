@@ -92,7 +92,7 @@ def run(p: Plant) -> dict[str, Array]:
     blown = np.zeros(p.times.size, dtype=bool) if p.blown is None else p.blown
     cuts = [0, *(1 + np.flatnonzero(np.diff(blown.astype(int)))).tolist(), p.times.size - 1]
     out = {n: np.zeros(p.times.size) for n in p.nodes}
-    start = dict.fromkeys(p.nodes, float(p.air[0]))
+    start = dict.fromkeys(p.nodes, td.quantity(p.air[0], unit="K"))
     for first, last in pairwise(cuts):
         factor = 2.4 if blown[first] else 1.0
         values = p.truth | {k: factor * v for k, v in p.truth.items() if k.endswith("_skin")}
@@ -108,11 +108,13 @@ def run(p: Plant) -> dict[str, Array]:
         here = slice(first, last + 1)
         loads = {q: TableSignal(at, w[here], hold=True) for q, w in p.power.items()}
         loads |= {f"unlogged_{n}": TableSignal(at, w[here], hold=True) for n, w in p.extra.items()}
-        scenario = td.Scenario("hidden", boundaries={"air": (at, p.air[here])}, loads=loads, initial=start, duration=float(at[-1]))
+        scenario = td.Scenario(
+            "hidden", boundaries={"air": (at, td.quantity(p.air[here], unit="K"))}, loads=loads, initial=start, duration=float(at[-1])
+        )
         done = td.simulate(model, scenario, times=at)
         for n in p.nodes:
             out[n][here] = done[n].kelvin
-        start = {n: float(out[n][last]) for n in p.nodes}
+        start = {n: td.quantity(out[n][last], unit="K") for n in p.nodes}
     return out
 
 

@@ -88,7 +88,7 @@ class Kind:
         step = self.drawn_step(rng) if step is None else step
         said = {"noise": self.white} if self.stated else {}
         said |= {"resolution": step} if self.stated and step else {}
-        return td.Channel.of(name, self.readings(truth, rng, step), role="node", target=node, **said)
+        return td.Channel.of(name, self.readings(truth, rng, step), unit="K", role="node", target=node, **said)
 
 
 KINDS = {
@@ -148,7 +148,7 @@ class Bench:
         """Return a log of both temperatures, the room and, if asked, the power; instruments with these steps [K], or with new ones."""
         given = td.Scenario(
             "truth",
-            boundaries={"room": (self.times, self.room)},
+            boundaries={"room": (self.times, td.quantity(self.room, unit="K"))},
             loads={"heater": TableSignal(self.times, self.heater, self.held)},
             start=f"{float(self.room[0])!r} [K]",
             duration=float(self.times[-1]),
@@ -156,7 +156,7 @@ class Bench:
         run = td.simulate(self.hidden, given, times=self.times)
         channels = {n: kind.channel(n, n, run[n].kelvin, rng, (steps or {}).get(n)) for n in SENSORS}
         room = self.room + kind.room * rng.standard_normal(self.times.size)
-        channels["room"] = td.Channel.of("room", room, role="boundary", target="room")
+        channels["room"] = td.Channel.of("room", room, unit="K", role="boundary", target="room")
         if powers:
             watts = self.heater + kind.power * rng.standard_normal(self.times.size)
             channels["heat"] = td.Channel.of("heat", watts, quantity="power", role="load", target="heater", prompt=True)
@@ -269,14 +269,16 @@ def by_clock(kind: Kind, rng: np.random.Generator) -> Claims:
     heater = np.where((fine >= ends[0]) & (fine < ends[1]), 6.0, 0.0) + np.where(fine >= ends[2], 3.5, 0.0)
     given = td.Scenario(
         "truth",
-        boundaries={"room": (TIMES, bench.room)},
+        boundaries={"room": (TIMES, td.quantity(bench.room, unit="K"))},
         loads={"heater": TableSignal(fine, heater, True)},
         start=f"{float(bench.room[0])!r} [K]",
         duration=float(TIMES[-1]),
     )
     run = td.simulate(bench.hidden, given, times=TIMES)
     channels = {n: kind.channel(n, n, run[n].kelvin, rng) for n in ("plate", "cover")}
-    channels["room"] = td.Channel.of("room", bench.room + kind.room * rng.standard_normal(TIMES.size), role="boundary", target="room")
+    channels["room"] = td.Channel.of(
+        "room", bench.room + kind.room * rng.standard_normal(TIMES.size), unit="K", role="boundary", target="room"
+    )
     first = td.Record.from_arrays("bench", TIMES, channels)
     there = np.arange(-offset - 60.0, TIMES[-1] - offset + 61.0, every)  # on the meter's own clock
     watts = heater[np.clip(np.searchsorted(fine, there + offset, side="right") - 1, 0, fine.size - 1)] * (there + offset >= 0)

@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 
 from recovery.cases import ICE, STACK
+from thermid.base.expression import quantity
 from thermid.fit.calibration import Calibration, calibrate, fit
 from thermid.fit.problem import Request
 from thermid.measure.records import Channel, Record
@@ -42,7 +43,9 @@ def accelerometer(factor: str) -> Model:
 def run(
     model: Model, air: np.ndarray, times: np.ndarray, boundary: str = "air", start: str = "24 [degC]", loads: dict[str, str] | None = None
 ) -> Solution:
-    given = Scenario("hidden", boundaries={boundary: (times, air)}, start=start, duration=float(times[-1]), loads=loads or {})
+    given = Scenario(
+        "hidden", boundaries={boundary: (times, quantity(air, unit="K"))}, start=start, duration=float(times[-1]), loads=loads or {}
+    )
     return simulate(model, given, times=times)
 
 
@@ -55,8 +58,8 @@ def test_a2_area_factor(seed: int) -> None:
         "bench",
         times,
         {
-            "T": Channel.of("T", readings, role="node", target="case", noise=0.05),
-            "ROOM": Channel.of("ROOM", air, role="boundary", target="air"),
+            "T": Channel.of("T", readings, unit="K", role="node", target="case", noise=0.05),
+            "ROOM": Channel.of("ROOM", air, unit="K", role="boundary", target="air"),
         },
     )
     found = calibrate(accelerometer("1.00"), data, ["factor"])
@@ -83,8 +86,10 @@ def joint() -> Calibration:
     air = ICE + 24.0 + 0.3 * np.sin(times / 3000.0)
     hidden = model.with_values({p: f"{v!r} [W/(m^2 K)]" for p, v in PLANTED.items()})
     done = run(hidden, air, times, "cv", loads={"ele.electronics": "0 [W]"})
-    channels = {s: Channel.of(s, done[n].kelvin, role="node", target=n, noise=0.01) for s, n in (("T1", "proc.case"), ("T2", "ele.case"))}
-    channels["ROOM"] = Channel.of("ROOM", air, role="boundary", target="cv")
+    channels = {
+        s: Channel.of(s, done[n].kelvin, unit="K", role="node", target=n, noise=0.01) for s, n in (("T1", "proc.case"), ("T2", "ele.case"))
+    }
+    channels["ROOM"] = Channel.of("ROOM", air, unit="K", role="boundary", target="cv")
     channels["P2"] = Channel.of("P2", np.zeros(301), quantity="power", role="load", target="ele.electronics")
     return calibrate(model, Record.from_arrays("stack", times, channels), list(FREE), scenario=Scenario("s", start="24 [degC]"))
 
@@ -129,8 +134,8 @@ class TestM1:
             "bench",
             self.TIMES,
             {
-                "T": Channel.of("T", readings, role="node", target="case"),
-                "ROOM": Channel.of("ROOM", room, role="boundary", target="air"),
+                "T": Channel.of("T", readings, unit="K", role="node", target="case"),
+                "ROOM": Channel.of("ROOM", room, unit="K", role="boundary", target="air"),
             },
         )
         return fit(Request(accelerometer("1.00"), (data,), ("factor",))).values

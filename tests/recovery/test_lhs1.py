@@ -79,7 +79,9 @@ def cube(htc: str = "8 [W/(m^2 K)]") -> td.Model:
 
 
 def time_constant(seen: Cooling) -> float:
-    record = Record.from_arrays("cooling", seen.times, {"T": Channel.of("T", seen.readings, role="node", target="box", noise=0.1)})
+    record = Record.from_arrays(
+        "cooling", seen.times, {"T": Channel.of("T", seen.readings, unit="K", role="node", target="box", noise=0.1)}
+    )
     scenario = td.Scenario("cooling", boundaries={"room": f"{seen.room} [K]"}, duration=float(seen.times[-1]))
     fit = td.calibrate(cube(), record, ["skin.effective_htc"], scenario=scenario)
     return HEAT / (AREA * fit["skin.effective_htc"].value)

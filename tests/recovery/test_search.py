@@ -29,7 +29,9 @@ def test_w4_evolution_alone_reaches_the_optimum_within_one_per_cent(how: str, re
     # without polishing, so over everything that the fit looks for: the start of each node stands at what the fit found for it
     local = td.calibrate(BENCH.model, records, FREE, search="local")
     scenarios = {
-        r.name: td.Scenario(r.name, initial={i.name.removeprefix("initial."): i.value for i in local.local if i.record == r.name})
+        r.name: td.Scenario(
+            r.name, initial={i.name.removeprefix("initial."): td.quantity(i.value, unit="K") for i in local.local if i.record == r.name}
+        )
         for r in records
     }
     problem = build_problem(Request(BENCH.model, tuple(records), tuple(FREE), scenarios, fit_start=False))

@@ -572,7 +572,7 @@ def judged(seed: int) -> tuple[str, str, set[str]]:
     times = np.linspace(0.0, n.scenario["duration"], 41)
     try:
         given = {k: v for k, v in n.scenario.items() if v != {}}
-        run = td.simulate(td.model_from_dict(n.deck), td.Scenario("x", start=n.start, **given), times=times)
+        run = td.simulate(td.model_from_dict(n.deck), td.Scenario("x", start=td.quantity(n.start, unit="K"), **given), times=times)
     except ThermidError as error:
         if not why:
             return "refused", f"seed {seed}: refused without a reason: {error}", n.kinds

@@ -30,7 +30,7 @@ def of_a_fit(folder: Path) -> dict[str, Any]:
     record = metered(log(model, {HTC: "6 [W/(m^2 K)]"}, {"T": "case"}, samples=31, accuracy=0.2), "heat", 4.0, 0.05)
     fit = td.calibrate(model, record, [HTC, MASS])
     known = td.design.Known.of(fit)
-    foreseen, limits = td.design.foresee(known, HOT), td.qualify.Limits("case", "case", (250.0, 350.0))
+    foreseen, limits = td.design.foresee(known, HOT), td.qualify.Limits("case", "case", td.quantity((250.0, 350.0), unit="K"))
     history = td.inference.power_history(
         model, log(model, {}, {"T": "case"}, samples=31), "heat", known=[("0 [h]", "1 [h]", "4 [W]")], every="30 [min]"
     )

@@ -16,7 +16,7 @@ from thermid.base.errors import DeckError, ScenarioError
 
 PART = td.model_from_dict({"title": "Part", "needs": ["air"], "nodes": {"case": {"capacitance": "9 [J/K]"}}})
 BENCH = td.Scenario("bench", boundaries={"air": "20 [degC]"}, duration="1 [h]")
-LOG = td.Record.from_arrays("log", [0.0, 1.0, 2.0], {"T": td.Channel.of("T", [293.0, 293.1, 293.2], role="node", target="case")})
+LOG = td.Record.from_arrays("log", [0.0, 1.0, 2.0], {"T": td.Channel.of("T", [293.0, 293.1, 293.2], unit="K", role="node", target="case")})
 ANY: Any = None
 
 

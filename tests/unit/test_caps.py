@@ -228,7 +228,7 @@ def test_a_number_that_no_float_holds_is_refused_with_its_place(tmp_path: Path) 
     with raises_code("file.wrong-value", ScenarioError, match=r"x.toml:4.*environment\.air\.humidity.*399"):
         td.load_scenario(written(tmp_path, "x.toml", text))
     with pytest.raises(ThermidError, match="no finite value"):
-        td.Scenario("x", boundaries={"air": 10**400})
+        td.Scenario("x", commands={"q": 10**400})
 
 
 @pytest.mark.parametrize("before", ["", "'", "lower", "space", "folder"])

@@ -54,8 +54,8 @@ def temperature(run: Any, node: str, times: NDArray[np.float64]) -> NDArray[np.f
 def logged(name: str, times: NDArray[np.float64], case: NDArray[np.float64], power: NDArray[np.float64] | None = None) -> td.Record:
     """Return a log of case and air, and of the power where one is given."""
     channels = {
-        "T": Channel.of("T", case, role="node", target="case", noise=NOISE),
-        "A": Channel.of("A", np.full(times.size, 20.0 + ZERO), role="boundary", target="air", noise=0.01),
+        "T": Channel.of("T", case, unit="K", role="node", target="case", noise=NOISE),
+        "A": Channel.of("A", np.full(times.size, 20.0 + ZERO), unit="K", role="boundary", target="air", noise=0.01),
     }
     if power is not None:
         channels["P"] = Channel.of("P", power, role="load", target="heat", quantity="power")

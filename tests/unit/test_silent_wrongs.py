@@ -228,7 +228,7 @@ LEVEL = {"bench": [(5400.0, 7200.0)]}
 
 def log(name: str, values: Any, valid: Any = True) -> td.Record:
     own = np.array(np.broadcast_to(valid, MINUTES.shape))
-    return td.Record.from_arrays(name, MINUTES, {"T1": np.where(own, values, np.nan)})
+    return td.Record.from_arrays(name, MINUTES, {"T1": np.where(own, values, np.nan)}, unit="K")
 
 
 def test_a_blank_tail_of_the_simulation_does_not_agree() -> None:
@@ -266,7 +266,7 @@ def test_a_cooler_that_runs_is_on() -> None:
     cooler = {"cooler": {"into": "a", "power": "-5 [W]", "periodic": {"period": "2 [h]", "duty": "50 [%]"}}}
     bench = td.Scenario("bench", boundaries={"air": "20 [degC]", "walls": "20 [degC]"}, start="air", duration="2 [h]")
     run = td.simulate(deck({"k": link}, loads=cooler), bench, every="1 [min]")
-    one = Limits("a", "a", (288.15, 308.15), (268.15, 328.15), loads=("cooler",))
+    one = Limits("a", "a", td.quantity((288.15, 308.15), unit="K"), td.quantity((268.15, 328.15), unit="K"), loads=("cooler",))
     states = {c.state: c for c in check_limits(run, [one])}
     assert states["operating"].lowest == pytest.approx(288.15, abs=1e-3)
     assert 0.0 < states["operating"].lowest_time <= 3600.0
@@ -321,7 +321,7 @@ def test_the_source_of_a_table_is_saved_with_it(tmp_path: Path) -> None:
     assert to_dict(again)["conductors"] == to_dict(made)["conductors"]
     assert again.conductors["strap"].curve == made.conductors["strap"].curve
     assert again.conductors["strap"].curve != host().conductors["strap"].curve
-    shape = td.model.law(lambda t: 0.1 + 0.0 * t, between=(200.0, 400.0), source="published", basis="a book")
+    shape = td.model.law(lambda t: 0.1 + 0.0 * t, between=("200 [K]", "400 [K]"), source="published", basis="a book")
     assert (shape.source, shape.basis) == ("published", "a book")
 
 

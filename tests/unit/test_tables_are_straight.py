@@ -112,7 +112,7 @@ def test_a_run_over_knees_is_right() -> None:
 
 def test_members_of_an_ensemble_are_single_runs() -> None:
     model, air = box(), [-10.0, 0.0, 7.0, 20.0, 35.0]
-    many = td.ensemble(model, bench(), {"air": [273.15 + a for a in air]})
+    many = td.ensemble(model, bench(), {"air": td.celsius(air)})
     assert many.statistics["one_by_one"] == 0
     for k, a in enumerate(air):
         alone = exact(many.times, air=a)

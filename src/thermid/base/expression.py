@@ -3,6 +3,10 @@
 A pure-number expression has one unit, at its end: ``"1*(15*0.015) [W]"``. An expression with names, ``"(1 - x)*area"``, takes its dimension
 by algebra; a number in it may have its own unit, ``"area - 2 [cm^2]"``. Pure numbers are computed in fractions and rounded once; roots,
 exponentials and ``pi`` are rounded where they stand.
+
+Values that enter from Python state their unit as a text does (``"24 [degC]"``), by `celsius` or `quantity`, or are a Quantity of pint, a
+pandas Series or an xarray DataArray with a unit; `si_values` is the one door of all of them. A number without a unit is SI where a function
+states this; it is never a temperature.
 """
 
 from __future__ import annotations
@@ -11,17 +15,32 @@ import ast
 import keyword
 import math
 import re
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass, field
 from fractions import Fraction
 from functools import lru_cache
-from typing import Any
+from typing import Any, Final
 
 import numpy as np
+from numpy.typing import ArrayLike, NDArray
 
 from thermid.base.dual import Dual, real_power, value_of
-from thermid.base.errors import ExpressionError, ThermidError, cap, raising
-from thermid.base.units import DIMENSIONLESS, Dimension, Unit, describe, to_si, unit
+from thermid.base.errors import ExpressionError, ThermidError, UnitError, cap, raising
+from thermid.base.units import (
+    DIMENSIONLESS,
+    TEMPERATURE,
+    Dimension,
+    Unit,
+    describe,
+    format_value,
+    in_si,
+    require_unit,
+    to_si,
+    unit,
+    unit as read_unit,
+)
+
+Array = NDArray[np.float64]
 
 NAME = re.compile(r"[A-Za-z_][A-Za-z0-9_]*(\.[A-Za-z_][A-Za-z0-9_]*)*\Z")
 _BRACKET = re.compile(r"^(?P<number>[^\[\]]*)\[(?P<unit>[^\[\]]*)\]\s*$", re.DOTALL)
@@ -412,3 +431,262 @@ def _power_dimension(node: ast.BinOp, left: Dimension, right: Dimension, text: s
             f"'{text}': a quantity with a unit can be raised to a constant power only.", code="expression.exponent-not-plain"
         ) from None
     return tuple(e * power for e in left)
+
+
+# ---- values with their unit
+
+THREE_WAYS: Final = "Write '24 [degC]', td.celsius(24), or td.quantity([24, 25], unit='degC') for an array"
+"""How a temperature is given."""
+
+
+class Kelvin(float):
+    """A temperature that was given with its unit. [K]"""
+
+
+@dataclass(frozen=True, eq=False)
+class Quantity:
+    """A number, or an array of them, with its unit.
+
+    Parameters
+    ----------
+    si : float or array         [SI]
+    unit : Unit                 In which it was given.
+    times : array or None       Of the index of a pandas Series, or the coordinate of an xarray DataArray. [s]
+    """
+
+    si: float | Array
+    unit: Unit
+    times: Array | None = None
+
+    def __repr__(self) -> str:
+        """Show a single number as a text has it."""
+        return format_value(float(self), self.unit.text) if np.ndim(self.si) == 0 else f"{len(self)} numbers in [{self.unit.text}]"
+
+    def __array__(self, dtype: Any = None, copy: bool | None = None) -> Array:
+        """The numbers as an array. [SI]"""
+        return np.array(self.si, dtype=dtype)
+
+    def __float__(self) -> float:
+        """The number, of a single one. [SI]"""
+        return float(np.asarray(self.si).reshape(()))
+
+    def __len__(self) -> int:
+        """How many numbers it holds."""
+        return len(np.atleast_1d(self.si))
+
+    def __iter__(self) -> Iterator[Quantity]:
+        """Each number with its unit."""
+        return (self[k] for k in range(len(self)))
+
+    def __getitem__(self, index: Any) -> Quantity:
+        """Some of the numbers with their unit."""
+        return Quantity(np.asarray(self.si)[index], self.unit, None if self.times is None else self.times[index])
+
+
+def quantity(values: Any, *, unit: str) -> Quantity:
+    """Return numbers with their unit, to be given wherever a value is taken.
+
+    Parameters
+    ----------
+    values : float, array, Series or DataArray  In that unit. Of a Series or a DataArray the index gives the times of a signal: numbers in
+                                                seconds, stamps or durations.
+    unit : str                                  Such as ``"degC"``, ``"K"`` or ``"W"``.
+
+    Raises
+    ------
+    UnitError   When nobody knows the unit, the values are no numbers, or state another unit themselves.
+
+    Examples
+    --------
+    >>> float(quantity(77, unit="degF").si)
+    298.15
+    """
+    of, said = read_unit(unit), stated(values)
+    if said is not None and said.unit != of:
+        raise UnitError(f"the values are in [{said.unit.text}] themselves. Leave out unit='{unit}', or give plain numbers.")
+    if said is not None:
+        return said
+    return Quantity(_in_si(values, of), of, _index(values))
+
+
+def celsius(values: Any) -> Quantity:
+    """Return one or more temperatures given in degrees Celsius.
+
+    Raises
+    ------
+    UnitError   As `quantity`.
+
+    Examples
+    --------
+    >>> float(celsius(24).si)
+    297.15
+    """
+    return quantity(values, unit="degC")
+
+
+def stated(given: Any) -> Quantity | None:
+    """Return what states its unit, as a `Quantity`; None for texts, and for numbers without a unit.
+
+    Raises
+    ------
+    UnitError   When nobody knows the unit.
+    """
+    if isinstance(given, Quantity):
+        return given
+    if isinstance(given, Kelvin):
+        return Quantity(float(given), read_unit("K"))
+    if hasattr(given, "magnitude") and hasattr(given, "units"):  # pint
+        of = read_unit(str(given.units))
+        return Quantity(_in_si(given.magnitude, of), of)
+    attributes = getattr(given, "attrs", None)  # pandas and xarray
+    text = attributes.get("units", attributes.get("unit")) if isinstance(attributes, dict) else None
+    if text is None:
+        return None
+    of = read_unit(str(text))
+    return Quantity(_in_si(given, of), of, _index(given))
+
+
+def si_values(given: Any, slot: str) -> float | Array | None:
+    """Return what was given for a slot, in SI; None for numbers without a unit where the slot is no temperature.
+
+    Parameters
+    ----------
+    given : Any     A text, a number or an array, with a unit in one of the ways of this module or without one.
+    slot : str      The unit that is needed, or `TEMPERATURE`.
+
+    Raises
+    ------
+    UnitError           When it has another dimension, or is a temperature without a unit.
+    ExpressionError     When a text cannot be read.
+    """
+    if isinstance(given, str):
+        return text_value(given, slot)
+    said = stated(given)
+    if said is not None:
+        require_unit(said.unit, slot)
+        return said.si
+    if isinstance(given, list | tuple) and any(isinstance(v, str) or stated(v) is not None for v in given):
+        return np.array([si_value(v, slot) for v in given])
+    if slot == TEMPERATURE:
+        raise UnitError(f"a temperature with its unit is needed, not {_shown(given)}. {THREE_WAYS}.")
+    return None
+
+
+@lru_cache(maxsize=4096)
+def text_value(text: str, slot: str) -> float:
+    """Return the number of a text with a unit, in SI.
+
+    Raises
+    ------
+    UnitError           When it has another dimension.
+    ExpressionError     When it is no number.
+    """
+    literal = parse(text).literal
+    if literal is None:
+        example = "24 [degC]" if slot == TEMPERATURE else f"5 [{slot}]"
+        raise ExpressionError(f"'{text}' must be a number with a unit, such as '{example}'; names of parameters are not allowed here.")
+    require_unit(literal.unit, slot)
+    return literal.value
+
+
+def si_value(given: Any, slot: str) -> float | None:
+    """Return one number for a slot, as `si_values`.
+
+    Raises
+    ------
+    UnitError   As `si_values`, or when there are several numbers.
+    """
+    value = si_values(given, slot)
+    if value is not None and np.size(value) != 1:
+        raise UnitError(f"one number is needed, not {np.size(value)}.")
+    return None if value is None else float(np.ravel(value)[0])
+
+
+def kelvin(given: Any) -> Kelvin:
+    """Return one temperature. [K]
+
+    Raises
+    ------
+    UnitError   When it has no unit, or is no temperature.
+    """
+    if isinstance(given, Kelvin):
+        return given
+    value = si_value(given, TEMPERATURE)
+    assert value is not None
+    return Kelvin(value)
+
+
+def end_of_range(given: Any) -> Kelvin:
+    """Return one end of a range of temperatures, infinite where it is open. [K]
+
+    Raises
+    ------
+    UnitError   As `kelvin`.
+    """
+    return Kelvin(given) if isinstance(given, float) and np.isinf(given) else kelvin(given)
+
+
+def seconds(times: Any) -> Array:
+    """Return times (times,): plain numbers are seconds, stamps count from the first. [s]
+
+    Raises
+    ------
+    UnitError   When they are neither numbers, texts with a unit, durations nor stamps.
+    """
+    said = si_values(times, "s")
+    if said is not None:
+        return np.atleast_1d(np.asarray(said, dtype=float))
+    values = np.asarray(times)
+    if values.dtype.kind == "O":
+        zoned = [t.timestamp() for t in values.ravel() if getattr(t, "tzinfo", None) is not None]
+        values = np.array(zoned) - zoned[0] if len(zoned) == values.size and zoned else np.asarray(_stamps(values))
+    if values.dtype.kind == "M":
+        values = values - values[0]
+    if values.dtype.kind == "m":
+        values = values / np.timedelta64(1, "s")
+    if values.dtype.kind not in "iuf":
+        raise UnitError(
+            "times are numbers in seconds, texts such as '2 [h]', durations or stamps. Convert them with pandas.to_datetime.",
+            code="record.time-not-read",
+        )
+    return np.asarray(values, dtype=float)
+
+
+def _stamps(values: NDArray[Any]) -> NDArray[Any]:
+    try:
+        return values.astype("datetime64[us]")
+    except (TypeError, ValueError):
+        return values
+
+
+def _in_si(values: ArrayLike, of: Unit) -> float | Array:
+    """Return numbers in a unit as SI numbers; a single one is rounded once, as that of a text."""
+    numbers = _numbers(values)
+    if isinstance(numbers, float):
+        return to_si(Fraction(repr(numbers)), of) if np.isfinite(numbers) else numbers
+    return in_si(numbers, of)
+
+
+def _numbers(values: ArrayLike) -> float | Array:
+    """Return numbers as a float or an array of floats."""
+    try:
+        numbers = np.asarray(values)
+        if numbers.dtype.kind not in "iufO":
+            raise TypeError
+        numbers = numbers.astype(float)
+    except (TypeError, ValueError):
+        raise UnitError(f"{_shown(values)} is no number. {THREE_WAYS}.") from None
+    return float(numbers) if numbers.ndim == 0 else numbers
+
+
+def _index(values: Any) -> Array | None:
+    """Return the times of the index of a pandas Series, or of the one coordinate of an xarray DataArray; None where there are none."""
+    coordinates, dimensions = getattr(values, "coords", None), list(getattr(values, "dims", []))
+    if coordinates is not None:
+        return seconds(coordinates[dimensions[0]].variable) if len(dimensions) == 1 and dimensions[0] in coordinates else None
+    return seconds(values.index) if hasattr(values, "index") and hasattr(values, "iloc") else None
+
+
+def _shown(given: Any) -> str:
+    text = repr(given)
+    return text if len(text) < 60 and "\n" not in text else f"this {type(given).__name__}"

@@ -255,6 +255,10 @@ def require(dimension: Dimension, slot: str, given: str = "", absolute: bool = F
         bare = dimension == DIMENSIONLESS and given in ("", "1")
         shown = f' Write its unit with it: "2.5 [{"degC" if slot == TEMPERATURE else slot}]".' if bare else ""
         raise UnitError(f"{what}; {need} is needed here.{shown}", code="unit.wrong-dimension")
+    if slot == TEMPERATURE and given.startswith("delta"):
+        raise UnitError(
+            f"'[{given}]' is a temperature difference; a temperature [degC] or [K] is needed here.", code="unit.wrong-dimension"
+        )
     if absolute and slot != TEMPERATURE:
         raise UnitError(
             f"'[{given}]' is a temperature in degC or degF; a temperature difference is needed here. Write it in [K].",

@@ -21,6 +21,7 @@ from typing import Any, Final, NamedTuple
 import numpy as np
 
 from thermid.base.errors import OutputError, RecordError
+from thermid.base.expression import Kelvin
 from thermid.base.files import COPY, write_bytes
 from thermid.bench._wire import MAGIC, BoardLine, parse_line, sealed, unsealed
 from thermid.measure.readers import UNFINISHED, Cells, is_bench_log
@@ -499,7 +500,7 @@ class _Columns:
                 self.resolution[name] = f"{2.0 ** (8 - bits)} [K]"
             if "offset_K" in known:
                 paper = {key: float(known[f"{key}_K"]) for key in ("offset", "uncertainty", "at")}
-                self.certificates[name] = SensorCertificate(**paper, date=str(known["date"]))
+                self.certificates[name] = SensorCertificate(paper["offset"], paper["uncertainty"], Kelvin(paper["at"]), str(known["date"]))
                 notes.append(f"{name}: its certificate in the log, of {known['date']}, states {paper['offset']:+g} K")
         absent = sorted(set(range(self.rows)) - set(lines))
         if absent:

@@ -16,10 +16,11 @@ from typing import Any
 import numpy as np
 
 from thermid.base.errors import ThermidError
+from thermid.base.expression import Kelvin
 from thermid.base.files import OWN, read_bytes, replacing, write_text
 from thermid.fit.calibration import KeptFit
 from thermid.measure.records import Channel, Origin, Record
-from thermid.measure.sensors import SensorPart
+from thermid.measure.sensors import TEMPERATURES, SensorPart
 
 _ARRAYS = ("values", "valid", "masks")
 _ABOUT = "about"
@@ -151,9 +152,11 @@ def _read(path: Path, key: str) -> Record | None:
             written = []
             for k, one in enumerate(about["channels"]):
                 masks = {reason: kept[f"mask {k} {n}"] for n, reason in enumerate(one["reasons"])}
-                part = None if one["part"] is None else SensorPart(**one["part"])
+                fields: dict[str, Any] = {n: Kelvin(v) if n in TEMPERATURES else v for n, v in (one["part"] or {}).items()}
+                part = SensorPart(**fields) if fields else None
                 written.append(Channel(values=kept[f"values {k}"], valid=kept[f"valid {k}"], masks=masks, part=part, **one["plain"]))
-            origin = Origin(**{**about["origin"], "columns": tuple(about["origin"]["columns"])})
+            lists: dict[str, Any] = {k: tuple(v) if isinstance(v, list) else v for k, v in about["origin"].items()}
+            origin = Origin(**lists)
             return Record(about["name"], kept["times"], {c.name: c for c in written}, origin, tuple(about["steps"]))
     except (OSError, EOFError, ValueError, KeyError, TypeError, zipfile.BadZipFile, ThermidError):
         return None  # a damaged file is as good as none: the log is read again

@@ -11,6 +11,7 @@ from typing import TYPE_CHECKING, Any
 
 from thermid.base.arguments import takes_objects
 from thermid.base.errors import DeckError, NameNotFoundError, nearest, refuse_unknown
+from thermid.base.expression import Kelvin
 from thermid.base.extensions import by_grammar
 from thermid.base.files import STUDY, write_text
 from thermid.base.toml_files import Places, read_toml, resolve_inside
@@ -249,7 +250,7 @@ def _passed(name: str, component: Component, solution: Solution, node: str) -> l
         if limit is None:
             continue
         celsius = limit - ICE_POINT
-        time = trace.crossing(celsius, below=sign < 0.0)
+        time = trace.crossing(Kelvin(limit), below=sign < 0.0)
         if time is not None:
             out.append(Exceeded(name, node, celsius, trace.highest if sign > 0.0 else trace.lowest, time))
     return out

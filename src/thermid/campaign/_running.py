@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, Any
 
 from thermid.base.dual import value_of
@@ -52,6 +52,8 @@ class RunningTest:
     def conditions(self, record: Record, said: Scenario | None = None) -> Scenario:
         """Return what a log does not say: as told, else as the stage has it."""
         out = scenario_of(self.stage.scenario, record.name)
+        if said is not None and said.start != "":
+            out = replace(out, initial={})
         starts = {n: t.start for n, t in {**self.stage.local, **self.table.local}.items() if n.startswith("initial.")}
         out = out.with_(initial={**{n.removeprefix("initial."): t for n, t in starts.items()}, **out.initial})
         if said is not None:

@@ -15,7 +15,7 @@ from thermid.campaign._stages import Notice, keyed, progress_of, readings_of, re
 from thermid.fit.calibration import Calibration, fit
 from thermid.fit.problem import Input, InputTable, LocalSpec, Request, build_problem, inputs_of
 from thermid.inference.intervals import Identifiability, identifiability, identifiability_of
-from thermid.measure.records import stray_readings
+from thermid.measure.records import open_questions, stray_readings
 from thermid.model.tree import Finding
 
 if TYPE_CHECKING:
@@ -95,6 +95,7 @@ def check_campaign(
     tables = source.content.stages
     files = {stage.model: source.where(f"stages.{k}.model") for k, stage in enumerate(tables)}
     findings = [f for file, where in files.items() for f in source.model(file, where).check()]
+    asked: list[Finding] = []
     inputs: dict[str, InputTable] = {}
     requests: dict[str, Request] = {}
     for k, stage in enumerate(tables):
@@ -106,13 +107,14 @@ def check_campaign(
             findings.append(_finding(error, where))
             continue
         requests[stage.name] = request
+        asked += [Finding("warning", where, question, code_of(question)) for question in open_questions(request.records)]
         rows, wrong = _bound(request, where)
         findings += wrong
         inputs[stage.name] = InputTable.of(rows)
     for k, verdict in enumerate(source.content.verdicts):
         stage = next(s for s in tables if s.name == verdict.model)
         findings += _judged_on(source, verdict, stage, requests.get(stage.name), source.where(f"verdicts.{k}"))
-    return tuple(dict.fromkeys(findings)), inputs
+    return tuple(dict.fromkeys([*asked, *findings])), inputs
 
 
 def _bound(request: Request, where: str) -> tuple[list[Input], list[Finding]]:
@@ -120,7 +122,6 @@ def _bound(request: Request, where: str) -> tuple[list[Input], list[Finding]]:
     rows: list[Input] = []
     wrong: list[Finding] = []
     for record in request.records:
-        wrong += [Finding("warning", where, said, code_of(said)) for said in stray_readings((record,))]
         try:
             problem = build_problem(replace(request, records=(record,)))
             problem.benches()
@@ -150,7 +151,8 @@ def _judged_on(source: CampaignSource, verdict: VerdictTable, stage: StageTable,
         )
     except ThermidError as error:
         return [_finding(error, where)]
-    return _bound(asked, where)[1]
+    codes = [Finding("warning", where, said, code_of(said)) for said in stray_readings(records)]
+    return [*codes, *_bound(asked, where)[1]]
 
 
 def _finding(error: ThermidError, where: str) -> Finding:

@@ -33,7 +33,7 @@ from thermid.fit._uncertainty.information import Information, Responses, elsewhe
 from thermid.fit._uncertainty.moved import Moves, moves_above
 from thermid.fit._uncertainty.noise import Autocorrelation, TraceNoise, autocorrelation
 from thermid.measure.amounts import short, some
-from thermid.measure.records import Record, noise_seen, stray_readings
+from thermid.measure.records import Record, noise_seen, open_questions
 from thermid.model.identity import identity_of
 from thermid.model.laws import TableSignal
 from thermid.model.parameters import CREDIBLE, UNJUDGED, Standing, worst
@@ -144,6 +144,8 @@ def rests_on(request: Request, values: FittedValues) -> dict[str, Standing]:
     for s in request.store.states.values():
         if s.kind != "parameter" and s.path in values:
             out.setdefault(str(s.origin), []).append(s.standing)
+    for what in request.model.missing_parts():
+        out.setdefault(f"deck '{request.model.title}'", []).append(Standing("incomplete", what))
     return {who: worst(several) for who, several in out.items()}
 
 
@@ -262,6 +264,10 @@ DIFFER = 3.0
 """Standard deviations from which two sensors of one node differ."""
 STRANGE = 300.0
 """Ratio of the power of a log and that of the deck from which one of them is in another unit."""
+EXCHANGED = 0.2
+"""Part of the residuals of two sensors by the deck that is left where they are exchanged. [-]"""
+MISSED_BY_DECK = 3.0
+"""Residuals by the deck, in units of the noise, below which two sensors read alike. [-]"""
 FULL = 101.0
 """Largest number that a duty cycle in per cent reaches, with what rounding adds."""
 
@@ -288,6 +294,29 @@ def strange_powers(problem: Problem) -> tuple[str, ...]:
                     f"{gives}it may be a duty cycle in per cent: no unit is given, so watts were assumed. Give full_scale = '... [W]', its "
                     'power at 100 %, or, if these are watts, unit = "W".'
                 )
+    return tuple(out.values())
+
+
+def exchanged_sensors(problem: Problem) -> tuple[str, ...]:
+    """Return questions about pairs of sensors that the deck, before any fit, reproduces at each other's node and not at their own.
+
+    Fitted values may absorb such an exchange, so the values of the deck are used: by chance they meet no exchanged readings.
+    """
+    try:
+        blocks = problem.blocks(starting_point(problem.unknowns))
+    except SolverError:
+        return ()
+    out: dict[tuple[str, str], str] = {}
+    for a, b in combinations(blocks, 2):
+        if a.record != b.record or a.node == b.node or not np.array_equal(a.times, b.times):
+            continue
+        as_read = float(np.sqrt(np.mean(np.append(a.residuals, b.residuals) ** 2)))
+        exchanged = float(np.sqrt(np.mean(np.append(b.measured - a.predicted, a.measured - b.predicted) ** 2)))
+        if exchanged < EXCHANGED * as_read and as_read > MISSED_BY_DECK * max(a.noise, b.noise):
+            out[a.sensor, b.sensor] = (
+                f"{FIRST}with the values of the deck '{a.sensor}' and '{b.sensor}' agree with each other's node ({short(exchanged)} K RMS) "
+                f"and not with their own ({short(as_read)} K): they may be exchanged, on the bench or in the campaign."
+            )
     return tuple(out.values())
 
 
@@ -753,7 +782,11 @@ def _fitted(request: Request, problem: Problem, progress: Progress | None, known
     if problem.clocked:
         wider = widened_by_noise_of_powers(problem, found.fitted)
         random = random * np.outer(wider, wider)
-    asked = (*strange_powers(problem), *(FIRST + said for said in stray_readings([e.record for e in problem.experiments])))
+    asked = (
+        *(FIRST + question for question in open_questions([e.record for e in problem.experiments])),
+        *strange_powers(problem),
+        *exchanged_sensors(problem),
+    )
     end = {u.name: float(x) for u, x in zip(problem.unknowns, found.fitted, strict=True)}
     kept = KeptFit(end, found.evaluations, found.search, found.remarks)
     found = replace(found, remarks=(*found.remarks, *asked))

@@ -88,7 +88,7 @@ def planned_record(model: Model, scenario: Scenario, sensors: Sequence[Sensor], 
     channels = {}
     for s in sensors:
         values = np.asarray(powers[s.target]) if s.role == "load" else run[s.target].kelvin
-        quantity = "power" if s.role == "load" else "temperature"
+        quantity, of = ("power", "W") if s.role == "load" else ("temperature", "K")
         said = {"noise": s.noise, "accuracy": s.accuracy, "resolution": s.resolution}
-        channels[s.name] = Channel.of(s.name, values, quantity=quantity, role=s.role, target=s.target, **said)
+        channels[s.name] = Channel.of(s.name, values, unit=of, quantity=quantity, role=s.role, target=s.target, **said)
     return Record.from_arrays(name, times, channels)

@@ -4,10 +4,11 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Sequence
 from math import floor, isfinite, log10
+from numbers import Real
 
 from thermid.base.errors import RecordError, ScenarioError, errors_at
-from thermid.base.expression import parse
-from thermid.base.units import format_value, require_unit
+from thermid.base.expression import si_value
+from thermid.base.units import format_value
 
 
 def amount(given: object, slot: str, what: str) -> float:
@@ -15,26 +16,21 @@ def amount(given: object, slot: str, what: str) -> float:
 
     Parameters
     ----------
-    given : str or float   Text with a unit, ``"0.3 [K]"``, or a number in SI.
+    given : Any            Text with a unit, ``"0.3 [K]"``, another value with its unit, or a number in SI if it is no temperature.
     slot : str             The unit that is needed, or `units.TEMPERATURE`.
     what : str             What the value is for, for the message.
 
     Raises
     ------
     RecordError   When it is neither a number nor a text with a unit, or not finite.
-    UnitError     When its unit has another dimension.
+    UnitError     When its unit has another dimension, or a temperature has none.
     """
-    if isinstance(given, int | float) and not isinstance(given, bool):
+    with errors_at(what):
+        value = si_value(given, slot)
+    if value is None:
+        if isinstance(given, bool) or not isinstance(given, Real):
+            raise RecordError(f"{given!r} is neither a number nor a text with a unit, such as '4 [s]'.", what, code="value.not-an-amount")
         value = float(given)
-    elif isinstance(given, str):
-        with errors_at(what):
-            literal = parse(given).literal
-            if literal is None:
-                raise RecordError(f"'{given}' is not a number. Write a number with its unit, such as '4 [s]'.", code="value.not-an-amount")
-            require_unit(literal.unit, slot)
-        value = literal.value
-    else:
-        raise RecordError(f"{given!r} is neither a number nor a text with a unit, such as '4 [s]'.", what, code="value.not-an-amount")
     if not isfinite(value):
         raise RecordError(f"{given!r} is not finite.", what, code="value.outside-range")
     return value

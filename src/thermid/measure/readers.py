@@ -11,5 +11,11 @@ from thermid.measure._readers.log_reader import (
     temperature_columns as temperature_columns,
 )
 from thermid.measure._readers.matlab_objects import objects_of as objects_of, series_of as series_of
+from thermid.measure._readers.questions import (
+    hidden_switches as hidden_switches,
+    lost_hour as lost_hour,
+    repeated_stamps as repeated_stamps,
+    unit_question as unit_question,
+)
 from thermid.measure._readers.stamps import Clock as Clock, Times as Times, clock_column as clock_column, read_times as read_times
 from thermid.measure._readers.textfile import UNFINISHED as UNFINISHED, Cells as Cells

@@ -11,6 +11,7 @@ from thermid.measure._record.channel import (
     found_noise as found_noise,
     gap_from as gap_from,
     noise_seen as noise_seen,
+    open_questions as open_questions,
     step_of as step_of,
     stray_readings as stray_readings,
     stretch as stretch,

@@ -21,6 +21,7 @@ from thermid.model._laws.signal import (
     check_span as check_span,
     common_cycle as common_cycle,
     conducted as conducted,
+    in_run as in_run,
     joined as joined,
     literal as literal,
     multiplied as multiplied,

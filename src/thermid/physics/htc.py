@@ -11,9 +11,9 @@ import numpy as np
 
 from thermid.base.codes import CodedText
 from thermid.base.errors import ThermidError, ThermidWarning, errors_at
-from thermid.base.expression import parse
+from thermid.base.expression import si_value
 from thermid.base.results import Result
-from thermid.base.units import TEMPERATURE, require_unit
+from thermid.base.units import TEMPERATURE
 from thermid.physics._number import Number
 from thermid.physics.air import Gas, dry_air
 from thermid.physics.convection import effective_htc, effective_htc_error
@@ -254,14 +254,9 @@ def _settled(
 
 def _number(value: str | float, slot: str, name: str) -> float:
     """Return a value in SI."""
-    if not isinstance(value, str):
-        return float(value)
     with errors_at(name):
-        literal = parse(value).literal
-        if literal is None:
-            raise ThermidError(f"'{value}' must be a number with a unit.")
-        require_unit(literal.unit, slot)
-    return literal.value
+        si = si_value(value, slot)
+    return float(value) if si is None else si
 
 
 def _correlations(hot: float, cold: float, height: float, box: tuple[float, ...] | None, air: Gas) -> tuple[HtcEstimate, ...]:

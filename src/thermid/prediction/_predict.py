@@ -454,6 +454,7 @@ def predicted(
     setting = Setting.of(budget, every=every, times=times, options=options)
     linear = setting.linear(nodes)
     find = {n: linear.run[n].path for n in (nodes if nodes is not None else linear.run.nodes)}
+    find |= {alias: path for alias, path in setting.budget.model.every_alias().items() if path in find.values()}
     shifts = {n: c @ budget.means for n, c in linear.columns.items()}
     parts = {n: budget.parts(c) for n, c in linear.columns.items()}
     why = Missed() if draws else missed(setting, linear)

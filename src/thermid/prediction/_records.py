@@ -16,6 +16,7 @@ from typing import Any
 import numpy as np
 
 from thermid.base.arguments import takes_objects
+from thermid.base.expression import Kelvin
 from thermid.base.linear_algebra import Array, quadratic_forms, symmetric_inverse
 from thermid.base.units import TEMPERATURE
 from thermid.fit.calibration import Calibration, fit as fitted_to
@@ -377,7 +378,7 @@ def as_run(problem: Problem, end: Array, e: Experiment) -> Scenario:
     """Return the scenario of a record with the rooms and starts that were fitted to it, as it was run."""
     values = {n: x for n, x in zip(problem.bench(0, end).free, problem.inputs(0, end)[0], strict=True)}
     boundaries = {n: Constant(x) for n, x in values.items() if isinstance(e.scenario.boundaries.get(n), Constant)}
-    initial = {n.removeprefix("initial."): x for n, x in values.items() if n.startswith("initial.")}
+    initial = {n.removeprefix("initial."): Kelvin(x) for n, x in values.items() if n.startswith("initial.")}
     return e.scenario.with_(boundaries=boundaries, initial=initial)
 
 

@@ -146,9 +146,9 @@ class Setting:
         modes = {m.name for m in budget.modes}
         means = np.array([s.law.mean if s.name in modes else 0.0 for s in budget.sources])
         expected = {n: float(v[0]) for n, v in self.values(means[:, None]).items()} if self.here else {}
-        times, found = courses(wiring, ready.engine, ready.vector(expected) if ready.free else None, ready.options)
+        times, found = courses(wiring, ready.engine, ready.vector(ready.with_units(expected)) if ready.free else None, ready.options)
         try:
-            rest, _ = ready.settled(expected)
+            rest, _ = ready.settled(ready.with_units(expected))
             acting = {p: c.ends for p, c in constant_coefficients(wiring.network).items() if p in found}
             found = {p: ending_settled(found[p], rest[a], rest[b]) for p, (a, b) in acting.items()}
         except SolverError:
@@ -302,7 +302,7 @@ class Setting:
         found: dict[str, Array] = {}
         turnings: dict[str, MemberTurnings] = {}
         if values:
-            many = ready.ensemble(values, nodes=list(nodes), threads=threads)
+            many = ready.ensemble(ready.with_units(values), nodes=list(nodes), threads=threads)
             lost = len(many.failed) == members
             for n in nodes:
                 found[n] = np.full((self.ready.times.size, members), np.nan) if lost else many.temperatures(n)

@@ -16,7 +16,7 @@ from thermid.base.memo import Memo
 from thermid.base.results import Result
 from thermid.base.units import TEMPERATURE
 from thermid.model.blocks import FACES, Block, Exchange, exchange_cells, links
-from thermid.model.laws import Constant, Drawn, Signal, common_cycle, literal, multiplied
+from thermid.model.laws import Constant, Drawn, Signal, common_cycle, in_run, literal, multiplied
 from thermid.physics.convection import convection_conductance
 from thermid.physics.radiation import radiation_coefficient
 from thermid.simulation._scenarios.scenario import MEAN, PERIODIC, STEADY, Scenario, Start
@@ -111,7 +111,8 @@ class BlockSolution(Solution):
     def load_powers(self) -> Mapping[str, Array]:
         """Heater -> power (times,). [W]"""
         out = {}
-        for name, signal in _powers(self.block, self._scenario).items():
+        for name, course in _powers(self.block, self._scenario).items():
+            signal = in_run(course, self._scenario.seconds)
             out[name] = np.full(self.times.shape, signal.value) if isinstance(signal, Constant) else signal.at(self.times)
         return out
 
@@ -371,13 +372,13 @@ def compile_block(block: Block, scenario: Scenario) -> SparseNetwork:
         return len(inputs) - 1
 
     boundaries = block.boundaries
-    signals = [scenario.boundaries[b].drawn(scenario.seconds) for b in boundaries]
+    signals = [in_run(scenario.boundaries[b], scenario.seconds) for b in boundaries]
     offsets = np.array([s.value if isinstance(s, Constant) else 0.0 for s in signals])
     places = tuple(place(s) for s in signals)
     rows = [row for e in block.exchanges for row in _rows(block, e, boundaries)]
     loads = []
     for tag, (name, course) in enumerate(_powers(block, scenario).items()):
-        power = course.drawn(scenario.seconds)
+        power = in_run(course, scenario.seconds)
         nodes = block.heater_cells(name)
         coefficients = np.zeros((4, nodes.size))
         coefficients[0] = (power.value if isinstance(power, Constant) else 1.0) / nodes.size
@@ -458,7 +459,7 @@ def _settled(
 def _temperature(value: Any, network: SparseNetwork, where: str) -> float:
     if value in network.boundaries:
         return float(network.boundary(network.boundaries.index(value), np.zeros(1))[0])
-    return literal(value, TEMPERATURE, where) if isinstance(value, str) else float(value)
+    return literal(value, TEMPERATURE, where)
 
 
 def _stilled(network: SparseNetwork, span: float) -> SparseNetwork:

@@ -7,7 +7,6 @@ from typing import Any
 
 from thermid.base.arguments import takes_objects
 from thermid.base.errors import ScenarioError
-from thermid.base.linear_algebra import Array
 from thermid.model.tree import Model
 from thermid.simulation._scenarios.scenario import Scenario
 from thermid.simulation._simulator import prepare
@@ -15,8 +14,10 @@ from thermid.values.store import uniforms
 
 
 @takes_objects
-def draw(model: Model, scenario: Scenario, spreads: Mapping[str, Any], members: int, *, seed: int) -> dict[str, Array]:
-    """Return name -> value of every member (members,), independent of each other. [SI]
+def draw(model: Model, scenario: Scenario, spreads: Mapping[str, Any], members: int, *, seed: int) -> dict[str, Any]:
+    """Return name -> value of every member (members,), independent of each other, as `ensemble` takes them.
+
+    Numbers are SI; temperatures are a `thermid.base.expression.Quantity`, an array of kelvin by ``np.asarray``.
 
     Parameters
     ----------
@@ -37,4 +38,4 @@ def draw(model: Model, scenario: Scenario, spreads: Mapping[str, Any], members: 
     duration = scenario if scenario.seconds > 0 else scenario.with_(duration=1.0)
     ready = prepare(model, duration, tuple(spreads))
     laws = {name: ready.law(name, spread) for name, spread in zip(ready.free, spreads.values(), strict=True)}
-    return {name: law.at(uniforms(seed, name, 0, members)) for name, law in laws.items()}
+    return ready.with_units({name: law.at(uniforms(seed, name, 0, members)) for name, law in laws.items()})

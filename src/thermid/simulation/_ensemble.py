@@ -17,6 +17,7 @@ from numpy.typing import NDArray
 
 from thermid.base.dual import Dual, real_power
 from thermid.base.errors import ScenarioError, SolverError, ThermidError, refuse_unknown
+from thermid.base.expression import kelvin
 from thermid.base.linear_algebra import Array, Bools, Indices
 from thermid.base.results import PlottedTrace, Result
 from thermid.model.laws import Constant
@@ -159,12 +160,12 @@ class Ensemble(Result):
         turnings = self._turnings.get(path) or MemberTurnings.joined([])
         return turnings.furthest(samples, sign) - ICE_POINT
 
-    def exceedance(self, node: str, limit: float) -> Array:
-        """Return the share (times,) of the members in which a node is above a limit [degC]. [-]
+    def exceedance(self, node: str, limit: Any) -> Array:
+        """Return the share (times,) of the members in which a node is above a limit, such as ``"50 [degC]"``. [-]
 
-        Members that are above it at any time: ``(ensemble.highest(node) > limit).mean()``.
+        Members that are above it at any time: ``(ensemble.highest(node) > 50.0).mean()``.
         """
-        return np.asarray((self._whole_or_refuse(node) > limit + ICE_POINT).mean(axis=1))
+        return np.asarray((self._whole_or_refuse(node) > kelvin(limit)).mean(axis=1))
 
     def _whole_or_refuse(self, node: str) -> Array:
         self.temperatures(node)

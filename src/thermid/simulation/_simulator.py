@@ -13,7 +13,8 @@ import numpy as np
 from thermid.base.arguments import takes_objects
 from thermid.base.codes import CodedText
 from thermid.base.dual import value_of
-from thermid.base.errors import NameNotFoundError, ScenarioError, cap, raising, refuse_unknown
+from thermid.base.errors import NameNotFoundError, ScenarioError, cap, errors_at, raising, refuse_unknown
+from thermid.base.expression import quantity, seconds, si_values
 from thermid.base.linear_algebra import Array
 from thermid.base.units import TEMPERATURE, unit
 from thermid.model.laws import Constant, literal
@@ -50,7 +51,8 @@ def output_times(scenario: Scenario, every: str | float | None, times: Any) -> A
     if scenario.seconds <= 0:
         raise ScenarioError('a run needs a duration above zero: duration = "5 [h]", or --for "5 [h]".', f"{scenario.title}, duration")
     if times is not None:
-        wanted = np.asarray(times, dtype=float)
+        with errors_at(f"{scenario.title}, times"):
+            wanted = seconds(times)
         if (
             wanted.ndim != 1
             or wanted.size == 0
@@ -195,7 +197,8 @@ class Simulator:
 
         Parameters
         ----------
-        values : dict           Free name -> value; `nominal` where none is given. [SI]
+        values : dict           Free name -> value; `nominal` where none is given. Numbers are SI, but a temperature states its unit:
+                                ``td.celsius(24)``.
         sensitivities : bool    Whether to store derivatives with respect to the free names too; see `Solution.sensitivity`.
 
         Raises
@@ -223,7 +226,8 @@ class Simulator:
 
         Parameters
         ----------
-        draws : dict            Free name -> value of every member (members,); `nominal` where none is given. [SI]
+        draws : dict            Free name -> value of every member (members,); `nominal` where none is given. Numbers are SI, but
+                                temperatures state their unit: ``td.celsius(array)``.
         nodes, quantiles, threads, simd    As in `ensemble`.
 
         Raises
@@ -260,7 +264,7 @@ class Simulator:
         if name in wiring.parameters:
             literal_ = wiring.network.flat.parameters.table[name].parameter.expression.literal
             text = literal_.unit.text if literal_ is not None else "1"
-            return (TEMPERATURE, "K") if literal_ is not None and literal_.unit.absolute else (text, text)
+            return (TEMPERATURE, "K") if literal_ is not None and literal_.unit.offset else (text, text)
         if name.startswith("scale."):
             return "1", "1"
         constant = name.startswith("initial.") or isinstance(wiring.signals[f"boundary {name}"], Constant)
@@ -291,18 +295,31 @@ class Simulator:
         where = f"{self.title}, spread of '{path}'"
         return read_spread(given, self.slots(path)[0], self.nominal[path], where, bounds=self.bounds(path))
 
-    def vector(self, values: Mapping[str, float]) -> Array:
-        """Return the values (free,) in the order of `free`. [SI]"""
+    def with_units(self, values: Mapping[str, Any]) -> dict[str, Any]:
+        """Return values in SI by free name, or of many members, as `run` and `ensemble` take them: temperatures with their unit."""
+        on_scale = {n for n in values if self.slots(self.canonical(n))[0] == TEMPERATURE}
+        return {n: quantity(v, unit="K") if n in on_scale else v for n, v in values.items()}
+
+    def vector(self, values: Mapping[str, Any]) -> Array:
+        """Return the values (free,) in the order of `free`, from what `run` takes. [SI]"""
         point = self._by_free_name(values)
         return np.array([point.get(name, self.nominal[name]) for name in self.free])
 
     def _by_free_name(self, values: Mapping[str, Any]) -> dict[str, Any]:
-        """Return values by the names under which they are free."""
+        """Return values by the names under which they are free. [SI]"""
         named = {_free_name(self._wiring.network, name): value for name, value in values.items()}
         refuse_unknown(
             named, self.free, self.title, "'{}' is not free in this simulator. Name it in free= of td.prepare.", NameNotFoundError
         )
-        return named
+        return {name: self._si(name, value) for name, value in named.items()}
+
+    def _si(self, name: str, given: Any) -> Any:
+        slot = self.slots(name)[0]
+        if slot != TEMPERATURE and isinstance(given, float | np.ndarray):
+            return given
+        with errors_at(f"{self.title}, {name}"):
+            value = si_values(given, slot)
+        return given if value is None else value
 
 
 @takes_objects
@@ -327,7 +344,8 @@ def ensemble(
     ----------
     model, scenario, every, times, options    As in `simulate`.
     draws : dict            Name -> value of every member (members,): parameters, boundaries (a constant added to their signal),
-                            ``initial.<node>``, and ``scale.<load>`` (a factor on its power). See `draw` and `FittedValues.draws`. [SI]
+                            ``initial.<node>``, and ``scale.<load>`` (a factor on its power). See `draw` and `FittedValues.draws`. Numbers
+                            are SI, but temperatures state their unit: ``td.celsius(array)``.
     nodes : list of str     Nodes to keep; all of them when not given.
     quantiles : list        Shares of the quantiles to keep in place of every trace, such as ``(0.05, 0.5, 0.95)``; saves memory. [-]
     threads : int           How many may compute at once.
@@ -351,7 +369,8 @@ def _warnings(wiring: Wiring, scenario: Scenario) -> tuple[str, ...]:
         first = next(r for r in numbers.loads if r.name == load.path)
         mean = float(np.mean(signal.at(np.linspace(0.0, scenario.seconds, 101))))
         powers[load.path] = mean * (1.0 if f"watts {load.path}" in wiring.signals else value_of(first.coefficients[0]))
-    out: list[str] = [part.message() for part in unreached(wiring.network, numbers, powers)]
+    out: list[str] = [f"INCOMPLETE: {what}" for what in wiring.network.flat.names.model.missing_parts()]
+    out += [part.message() for part in unreached(wiring.network, numbers, powers)]
     if wiring.start is not None and wiring.start.kind == STEADY and (said := wiring.held_at(wiring.start.time)):
         out.append(CodedText(f"the start is {said}", "run.start-held"))
     out += sampled_logs(scenario)

@@ -12,6 +12,7 @@ import numpy as np
 
 from thermid.base.dual import Number, value_of
 from thermid.base.errors import NameNotFoundError, ScenarioError, look_up
+from thermid.base.expression import kelvin
 from thermid.base.files import NETCDF, NETCDF_SOURCE, TABLE, replacing
 from thermid.base.linear_algebra import Array
 from thermid.base.memo import Memo
@@ -128,17 +129,17 @@ class Trace:
         span = f"{self.lowest:.3f} .. {self.highest:.3f} degC"
         return f"{self.path}: {self.final:.3f} degC at {self.times[-1]:g} s, {span} at {self.times.size} times{known}"
 
-    def crossing(self, limit: float, *, below: bool = False) -> float | None:
-        """Return the first time at which the node is above a limit [degC], or below it; None where never. [s]
+    def crossing(self, limit: Any, *, below: bool = False) -> float | None:
+        """Return the first time at which the node is above a limit, such as ``"50 [degC]"``, or below it; None where never. [s]
 
         Between samples too where the run was tracked: a pulse counts. To a few digits more than the samples by the integrator's dense
         output, where it can be had.
         """
-        (times, kelvin), sign, level = self.course, -1.0 if below else 1.0, limit + ICE_POINT
+        (times, values), sign, level = self.course, -1.0 if below else 1.0, kelvin(limit)
         if self.dense is None:
-            return first_above(times, sign * (kelvin - level))
+            return first_above(times, sign * (values - level))
         dense = self.dense
-        return first_above(times, sign * (kelvin - level), lambda t: sign * (dense.kelvin(t) - level), dense.switches)
+        return first_above(times, sign * (values - level), lambda t: sign * (dense.kelvin(t) - level), dense.switches)
 
 
 @dataclass(frozen=True)

@@ -10,11 +10,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 from thermid.base.arguments import takes_objects
+from thermid.base.errors import NameNotFoundError, nearest
+from thermid.base.expression import Kelvin
 from thermid.base.linear_algebra import Array
 from thermid.base.results import Result, Row
 from thermid.model.blocks import Block
 from thermid.model.laws import literal
-from thermid.model.tree import Model
+from thermid.model.tree import Model, Names
 from thermid.physics.constants import ICE_POINT
 from thermid.simulation._block import BlockSolution, steady_block, steady_levels_of_block
 from thermid.simulation._heat_map import HeatMap
@@ -40,6 +42,7 @@ class Steady(Result, dict[str, float]):
     remarks : tuple     What a reader must know: inputs that change in time, and what else could be asked for.
     lowest, highest     Of a periodic state: node -> lowest and highest temperature of a period [K]; otherwise the temperature itself.
     heat : HeatMap      Where the heat goes; of a periodic state by the means over the period. None where nobody computed it.
+    names : Names       Finds the node that an alias stands for. None where keys are nodes alone.
     """
 
     def __init__(
@@ -50,13 +53,26 @@ class Steady(Result, dict[str, float]):
         lowest: Mapping[str, float] | None = None,
         highest: Mapping[str, float] | None = None,
         heat: HeatMap | None = None,
+        names: Names | None = None,
     ) -> None:
         self.heat = heat
+        self._names = names
         super().__init__(temperatures)
         self.held = held
         self.remarks = remarks
         self.lowest: Mapping[str, float] = dict(lowest if lowest is not None else temperatures)
         self.highest: Mapping[str, float] = dict(highest if highest is not None else temperatures)
+
+    def __missing__(self, name: str) -> float:
+        """Return the temperature of what an alias stands for. [K]
+
+        Raises
+        ------
+        NameNotFoundError   With the nearest name.
+        """
+        if self._names is None:
+            raise NameNotFoundError(f"no node '{name}'.{nearest(name, self)}", "steady")
+        return self[self._names.find(name)]
 
     def __str__(self) -> str:
         """Return which inputs were held, what a reader must know, and the temperatures."""
@@ -97,11 +113,13 @@ def steady(model: Model | Block, scenario: Scenario, time: float | str = 0.0) ->
     """
     kind = time if time in (MEAN, PERIODIC) else ""
     instant = 0.0 if kind else literal(time, "s", f"{scenario.title}, steady") if isinstance(time, str) else float(time)
-    asked = scenario.with_(duration=max(scenario.seconds, instant), start=scenario.start or ICE_POINT)
+    # a run sees what is before its end; the inputs of an instant are those from it on
+    lasting = scenario.seconds if scenario.seconds > instant else instant * (1.0 + 1e-9)
+    asked = scenario.with_(duration=lasting, start=scenario.start or Kelvin(ICE_POINT))
     if isinstance(model, Block):
         return steady_block(model, asked, instant, kind)
     # the start plays no part
-    asked = replace(asked, start=ICE_POINT, initial={})
+    asked = replace(asked, start=Kelvin(ICE_POINT), initial={})
     wiring = Wiring(network_for(model, asked), asked)
     if kind and wiring.cycle and wiring.cycle > asked.seconds:
         asked = asked.with_(duration=wiring.cycle)
@@ -116,9 +134,11 @@ def steady(model: Model | Block, scenario: Scenario, time: float | str = 0.0) ->
     heat = _heat(problem, a, state, on, temperatures, instant)
     if kind:
         span, said = held_means(wiring.changing, wiring.cycle, asked)
-        return Steady(temperatures, f"mean inputs over {span}", (said,) if said else (), heat=heat)
-    said = wiring.held_at(instant)
-    return Steady(temperatures, f"inputs at {instant:g} s", (said,) if said else (), heat=heat)
+        held = f"mean inputs over {span}"
+    else:
+        held, said = f"inputs at {instant:g} s", wiring.held_at(instant)
+    missing = tuple(f"INCOMPLETE: {what}" for what in model.missing_parts())
+    return Steady(temperatures, held, (*missing, *((said,) if said else ())), heat=heat, names=wiring.network.flat.names)
 
 
 def _heat(
@@ -143,8 +163,10 @@ def _over_a_period(model: Model, scenario: Scenario, cycle: float | None) -> Ste
     mean = {n: float(np.trapezoid(run[n].kelvin, run.times)) / length for n in run.nodes}
     low, high = ({n: float(pick(run[n].kelvin)) for n in run.nodes} for pick in (np.min, np.max))
     flows, powers = ({n: float(np.trapezoid(w, run.times)) / length for n, w in each.items()} for each in (run.heat_flows, run.load_powers))
-    heat = HeatMap.of(network_for(model, scenario), mean, flows, powers)
-    return Steady(mean, f"the mean over a period of {length:g} s of the periodic state", (), low, high, heat)
+    network = network_for(model, scenario)
+    missing = tuple(f"INCOMPLETE: {what}" for what in model.missing_parts())
+    held = f"the mean over a period of {length:g} s of the periodic state"
+    return Steady(mean, held, missing, low, high, HeatMap.of(network, mean, flows, powers), network.flat.names)
 
 
 @overload
@@ -174,7 +196,7 @@ def steady_levels(model: Model | Block, scenario: Scenario) -> tuple[Steady, ...
     """
     if isinstance(model, Block):
         return steady_levels_of_block(model, scenario, MOST_LEVELS)
-    asked = replace(scenario, start=ICE_POINT, initial={})
+    asked = replace(scenario, start=Kelvin(ICE_POINT), initial={})
     wiring = Wiring(network_for(model, asked), asked)
     length = max(asked.seconds, wiring.cycle or 0.0)
     if length > asked.seconds:

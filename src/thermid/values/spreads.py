@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 
 from thermid.base.errors import ScenarioError, nearest
-from thermid.base.expression import parse
+from thermid.base.expression import THREE_WAYS, parse, stated
 from thermid.base.units import TEMPERATURE
 from thermid.model.laws import literal
 from thermid.values.store import Cut, Distribution, LogNormal, Normal, Uniform
@@ -94,9 +94,9 @@ def _uniform(table: Mapping[str, Any], slot: str, nominal: float, where: str, bo
 
 def _absolute(text: Any, where: str) -> bool:
     """Return whether a written number is a temperature and no difference of two."""
-    number = parse(text).literal if isinstance(text, str) else None
+    number = parse(text).literal if isinstance(text, str) else stated(text)
     if number is None:
-        raise ScenarioError(f"'{text}' must be a number with a unit.", where)
+        raise ScenarioError(f"{text!r} has no unit. {THREE_WAYS}; a shift is '2 [K]'.", where)
     return number.unit.absolute
 
 

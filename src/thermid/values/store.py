@@ -608,11 +608,13 @@ class Store:
 
 
 def model_standing(model: Model) -> Standing:
-    """Return the worst standing of the values that act in a model; unjudged where all are those of its decks.
+    """Return the worst standing of the values that act in a model and of its decks; unjudged where all values are those of the decks.
 
-    A value that was laid over the model carries its standing; one that a [set] hides does not act.
+    A deck from which parts are missing makes it incomplete. A value that was laid over the model carries its standing; one that a [set]
+    hides does not act.
     """
     laid = [s for e in parameter_table(model).values() if (s := e.parameter.standing) is not None]
+    laid += [Standing("incomplete", what) for what in model.missing_parts()]
     return worst(laid) if laid else UNJUDGED
 
 

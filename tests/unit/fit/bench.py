@@ -8,6 +8,7 @@ from typing import Any
 
 import numpy as np
 
+from thermid.base.expression import quantity
 from thermid.measure.records import Channel, Record
 from thermid.model.deck import model_from_dict
 from thermid.model.laws import Signal
@@ -96,16 +97,16 @@ def log(
     times, rng = np.linspace(0.0, 3600.0 * hours, samples), np.random.default_rng(seed)
     air = room(times, swing=swing)
     watts = {k: f"{v!r} [W]" if isinstance(v, float) else v for k, v in (loads or {}).items()}
-    given = Scenario(name, boundaries={boundary: (times, air)}, loads=watts, start=start, duration=float(times[-1]))
+    given = Scenario(name, boundaries={boundary: (times, quantity(air, unit="K"))}, loads=watts, start=start, duration=float(times[-1]))
     run = simulate(model.with_values(truth) if truth else model, given, times=times)
     size = noise or 0.0
     channels = {}
     for sensor, node in nodes.items():
         reading = run[node].kelvin + (bias or {}).get(sensor, 0.0) + size * rng.standard_normal(samples)
         channels[sensor] = Channel.of(
-            sensor, reading, role="node", target=node, noise=(noise or 1e-3) if stated else None, accuracy=accuracy
+            sensor, reading, unit="K", role="node", target=node, noise=(noise or 1e-3) if stated else None, accuracy=accuracy
         )
-    channels["ROOM"] = Channel.of("ROOM", air, role="boundary", target=boundary)
+    channels["ROOM"] = Channel.of("ROOM", air, unit="K", role="boundary", target=boundary)
     return Record.from_arrays(name, times, channels)
 
 

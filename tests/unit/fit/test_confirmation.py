@@ -45,6 +45,7 @@ def log(values: dict[str, float], extra: float = 0.0, noise: float | None = NOIS
         name: td.Channel.of(
             name,
             run[name].kelvin + rng.normal(0.0, NOISE, TIMES.size) + extra * (name == "n2") * np.sin(TIMES / 400.0),
+            unit="K",
             role="node",
             target=name,
             noise=noise,

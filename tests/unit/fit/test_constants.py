@@ -228,11 +228,13 @@ class TestAdequacy:
     @pytest.mark.parametrize(("times", "said"), [(1.47, False), (1.54, True)])
     def test_residuals_half_as_large_again_in_their_squares(self, times: float, said: bool) -> None:
         """A mean square of 1.5 of the stated noise: with 300 readings some six deviations of chance."""
-        given = td.Scenario("r", boundaries={"air": (TIMES, room(TIMES))}, start="24 [degC]", duration=18000.0)
+        given = td.Scenario("r", boundaries={"air": (TIMES, td.quantity(room(TIMES), unit="K"))}, start="24 [degC]", duration=18000.0)
         wave = np.where(np.arange(301) % 2, 1.0, -1.0) * 0.1 * math.sqrt(times * 300.0 / 301.0)
         made = {
-            "T": td.Channel.of("T", td.simulate(box(), given, times=TIMES)["case"].kelvin + wave, role="node", target="case", noise=0.1),
-            "ROOM": td.Channel.of("ROOM", room(TIMES), role="boundary", target="air"),
+            "T": td.Channel.of(
+                "T", td.simulate(box(), given, times=TIMES)["case"].kelvin + wave, unit="K", role="node", target="case", noise=0.1
+            ),
+            "ROOM": td.Channel.of("ROOM", room(TIMES), unit="K", role="boundary", target="air"),
         }
         data = td.Record.from_arrays("r", TIMES, made)
         found = td.calibrate(box(), data, [HTC])
@@ -276,7 +278,7 @@ def test_white_residuals_are_called_autocorrelated_in_a_few_cases_of_a_hundred()
     kelvin = td.simulate(box(), given, times=times)["case"].kelvin
     records = []
     for k in range(150):
-        case = td.Channel.of("T", kelvin + 0.1 * rng.standard_normal(times.size), role="node", target="case", noise=0.1)
+        case = td.Channel.of("T", kelvin + 0.1 * rng.standard_normal(times.size), unit="K", role="node", target="case", noise=0.1)
         records.append(td.Record.from_arrays(f"r{k}", times, {"T": case}))
     found = td.calibrate(box(), records, [HTC], scenario=given)
     slow = sum(s.wanders for record in found.statistics.values() for s in record.values())

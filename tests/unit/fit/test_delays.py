@@ -45,7 +45,7 @@ def late(delay: float, seed: int = 3) -> td.Record:
     made = td.Scenario("s", {"air": "20 [degC]"}, {"heat": act}, start="20 [degC]", duration=float(TIMES[-1]))
     readings = td.simulate(BOX, made, times=TIMES)["case"].kelvin + 0.05 * np.random.default_rng(seed).standard_normal(TIMES.size)
     channels = {
-        "T": td.Channel.of("T", readings, role="node", target="case", noise=0.05),
+        "T": td.Channel.of("T", readings, unit="K", role="node", target="case", noise=0.05),
         "P": td.Channel.of("P", power(TIMES), quantity="power", role="load", target="heat"),
     }
     return td.Record.from_arrays("bench", TIMES, channels)

@@ -49,7 +49,7 @@ def test_automatic_roles_follow_what_the_target_is(model: Model, record: Record)
 
 def test_a_channel_without_a_target_is_bound_by_its_name(model: Model, record: Record) -> None:
     times = record.times
-    named = Record.from_arrays("r", times, {"case": record["T"].values, "air": record["ROOM"].values})
+    named = Record.from_arrays("r", times, {"case": record["T"].values, "air": record["ROOM"].values}, unit="K")
     found = bind(model, named)
     assert found.observations[0].node == "case"
     assert "air" in found.scenario.boundaries

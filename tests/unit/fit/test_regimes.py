@@ -79,10 +79,10 @@ def log(name: str, rng: np.random.Generator, deviation: float, synthetic: bool =
     )
     run = td.simulate(hidden, given, times=times)
     channels = {
-        s: Channel.of(s, run[n].kelvin + 0.05 * rng.standard_normal(times.size), role="node", target=n, noise=0.05)
+        s: Channel.of(s, run[n].kelvin + 0.05 * rng.standard_normal(times.size), unit="K", role="node", target=n, noise=0.05)
         for s, n in (("T1", "plate"), ("T2", "box"))
     }
-    channels["ROOM"] = Channel.of("ROOM", np.full(times.size, room + 273.15), role="boundary", target="air")
+    channels["ROOM"] = Channel.of("ROOM", np.full(times.size, room + 273.15), unit="K", role="boundary", target="air")
     channels["P1"] = Channel.of("P1", heat, quantity="power", role="load", target="heat")
     channels["P2"] = Channel.of("P2", np.full(times.size, second), quantity="power", role="load", target="other")
     return Record.from_arrays(name, times, channels, synthetic=synthetic)
@@ -222,7 +222,7 @@ def test_rooms_differ_from_run_to_run_by_what_was_planted() -> None:
         )
         run = td.simulate(plate(), given, times=times)
         channels = {
-            s: Channel.of(s, run[n].kelvin + 0.05 * rng.standard_normal(times.size), role="node", target=n, noise=0.05)
+            s: Channel.of(s, run[n].kelvin + 0.05 * rng.standard_normal(times.size), unit="K", role="node", target=n, noise=0.05)
             for s, n in (("T1", "plate"), ("T2", "box"))
         }
         records.append(Record.from_arrays(f"run {k}", times, channels, synthetic=False))
@@ -263,7 +263,7 @@ def warm_runs(count: int, step: float, past: float = 0.0, seed: int = 7) -> list
         )
         run = td.simulate(plate(), given, times=times)
         channels = {
-            s: Channel.of(s, run[n].kelvin + 0.05 * rng.standard_normal(times.size), role="node", target=n, noise=0.05)
+            s: Channel.of(s, run[n].kelvin + 0.05 * rng.standard_normal(times.size), unit="K", role="node", target=n, noise=0.05)
             for s, n in (("T1", "plate"), ("T2", "box"))
         }
         channels["P"] = Channel.of("P", np.full(times.size, 1.0 + step * k), quantity="power", role="load", target="heat")
@@ -324,8 +324,8 @@ def hot_runs(count: int) -> list[Record]:
         )
         run = td.simulate(plate(), given, times=times)
         noisy = run["plate"].kelvin + 0.05 * rng.standard_normal(times.size)
-        channels = {"T1": Channel.of("T1", noisy, role="node", target="plate", noise=0.05)}
-        channels["ROOM"] = Channel.of("ROOM", np.full(times.size, 293.15), role="boundary", target="air")
+        channels = {"T1": Channel.of("T1", noisy, unit="K", role="node", target="plate", noise=0.05)}
+        channels["ROOM"] = Channel.of("ROOM", np.full(times.size, 293.15), unit="K", role="boundary", target="air")
         records.append(Record.from_arrays(f"down {k}", times, channels, synthetic=False))
     return records
 

@@ -31,12 +31,14 @@ def wandering(seed: int, slow: float = SLOW, samples: int = 301, gap: bool = Fal
     if gap:
         times = times[(times < 6000.0) | (times > 10000.0)]
     hidden = box().with_values({HTC: "5 [W/(m^2 K)]", MASS: "1.7 [kg]"})
-    given = Scenario("bench", boundaries={"air": (times, room(times))}, start="24 [degC]", duration=float(times[-1]))
+    given = Scenario("bench", boundaries={"air": (times, td.quantity(room(times), unit="K"))}, start="24 [degC]", duration=float(times[-1]))
     truth = simulate(hidden, given, times=times)["case"].kelvin
     root = np.linalg.cholesky(np.exp(-np.abs(times[:, None] - times) / TIME) + 1e-12 * np.eye(times.size))
     readings = truth + NOISE * rng.standard_normal(times.size) + slow * root @ rng.standard_normal(times.size)
-    case = Channel.of("T", readings, role="node", target="case", noise=NOISE)
-    return Record.from_arrays(f"r{seed}", times, {"T": case, "ROOM": Channel.of("ROOM", room(times), role="boundary", target="air")})
+    case = Channel.of("T", readings, unit="K", role="node", target="case", noise=NOISE)
+    return Record.from_arrays(
+        f"r{seed}", times, {"T": case, "ROOM": Channel.of("ROOM", room(times), unit="K", role="boundary", target="air")}
+    )
 
 
 def scores(**more: object) -> np.ndarray:
@@ -134,7 +136,7 @@ def test_a_massless_node_and_a_robust_loss_work_too() -> None:
     rng = np.random.default_rng(3)
     slow = 0.1 * np.cumsum(rng.standard_normal(201)) / 5.0
     channels = {
-        s: Channel.of(s, run[n].kelvin + 0.05 * rng.standard_normal(201) + slow, role="node", target=n, noise=0.05)
+        s: Channel.of(s, run[n].kelvin + 0.05 * rng.standard_normal(201) + slow, unit="K", role="node", target=n, noise=0.05)
         for s, n in (("T1", "proc.case"), ("MID", "cd"))
     }
     data = Record.from_arrays("bench", times, channels)
@@ -212,7 +214,9 @@ def drifting(name: str, size: float, seed: int) -> td.Record:
     given = td.Scenario(name, boundaries={"room": "20 [degC]"}, start="20 [degC]", duration="4 [h]", loads={"heat": (times, watts)})
     run = td.simulate(bar(), given, times=times)
     noisy = run["bar"].kelvin + 0.05 * rng.standard_normal(times.size)
-    return td.Record.from_arrays(name, times, {"T": td.Channel.of("T", noisy, role="node", target="bar", noise=0.05)}, synthetic=True)
+    return td.Record.from_arrays(
+        name, times, {"T": td.Channel.of("T", noisy, unit="K", role="node", target="bar", noise=0.05)}, synthetic=True
+    )
 
 
 @pytest.mark.parametrize("size", [0.1, 0.0])

@@ -8,6 +8,7 @@ from pathlib import Path
 
 import numpy as np
 
+from thermid.base.expression import quantity
 from thermid.measure.records import Channel, Record
 from thermid.model.deck import load_model
 from thermid.model.tree import Model
@@ -95,10 +96,12 @@ def record_of(
     times = np.linspace(0.0, 6000.0, 41)
     hidden = model.with_values({p: f"{g!r} [W/K]" for p, g in truth.items()})
     air = np.full(times.size, 295.0)
-    run = simulate(hidden, Scenario(name, boundaries={"air": (times, air)}, start="295 [K]", duration=6000.0), times=times)
+    run = simulate(
+        hidden, Scenario(name, boundaries={"air": (times, quantity(air, unit="K"))}, start="295 [K]", duration=6000.0), times=times
+    )
     rng = np.random.default_rng(seed)
     seen = {f"T_{n.replace('.', '_')}": run[n].kelvin + noise * rng.standard_normal(times.size) for n in nodes} | {"AIR": air}
-    return Record.from_arrays(name, times, {c: Channel.of(c, values + bias.get(c, 0.0)) for c, values in seen.items()})
+    return Record.from_arrays(name, times, {c: Channel.of(c, values + bias.get(c, 0.0), unit="K") for c, values in seen.items()})
 
 
 def write_logs(folder: Path, tested: Sequence[Part], noise: float = 0.02, seed: int = 1, bias: Mapping[str, float] | None = None) -> None:

@@ -215,7 +215,7 @@ HEADER SOURCE DATA, AIR
 
 @pytest.mark.parametrize("row", ["-1, -1, 2, 0.5", "1, -1, -2, 2.", "SIV 1, -1, 2, A1, 1."])
 def test_one_way_conductors_of_other_kinds_are_named(tmp_path: Path, row: str) -> None:
-    nodes = "HEADER NODE DATA, AIR\n  -1, 20., 0.\n  2, 20., 5.\nHEADER ARRAY DATA, AIR\n 1 = 0., 1., 100., 2.\n"
+    nodes = "HEADER NODE DATA, AIR\n  -1, 293., 0.\n  2, 293., 5.\nHEADER ARRAY DATA, AIR\n 1 = 0., 1., 100., 2.\n"
     network = read_network(_write(tmp_path, "stream.inp", f"{nodes}HEADER CONDUCTOR DATA, AIR\n  {row}\n"))
     (remark,) = (r for r in network.remarks if r.dropped)
     assert "is one-way, and not a plain number of W/K" in str(remark)
@@ -268,7 +268,7 @@ def test_an_esatan_deck_is_the_network_that_it_says(esatan: Path) -> None:
         "logic not taken over: 'CALL MYSUB(T1)'",
         "STEFAN is not set; ESATAN's 5.6686e-08 W/(m^2 K^4) is assumed",
     ]
-    assert str(network).startswith("INCOMPLETE: 1 statement not taken over\n")
+    assert str(network).startswith("INCOMPLETE: 1 statement of ESATAN not taken over (logic not taken over)\n")
     model = network.model()
     settled = td.steady(model, network.scenario())
     board, foil, lid, wall = (settled[n] for n in ("UNIT.T1", "UNIT.T2", "UNIT_LID.T1", "UNIT_T99"))

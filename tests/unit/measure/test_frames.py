@@ -9,7 +9,7 @@ import pytest
 
 import thermid as td
 from by_code import raises_code
-from thermid.base.errors import RecordError
+from thermid.base.errors import ThermidError
 
 pandas = pytest.importorskip("pandas")
 CHANNELS: dict[str, dict[str, Any]] = {
@@ -66,5 +66,5 @@ def test_what_is_wrong_is_said(channels: dict[str, Any], change: dict[str, Any],
     made = frame()
     if "index" in change:
         made.index = change["index"]
-    with raises_code(code, RecordError, match=words):
+    with raises_code(code, ThermidError, match=words):
         td.Record.from_dataframe("bench", made, channels)

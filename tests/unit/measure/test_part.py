@@ -66,7 +66,7 @@ def test_half_a_statement_is_refused(table: dict[str, object], said: str) -> Non
     [(None, 0.4, 0.05), (0.05, 0.2, 0.05 / np.sqrt(2)), (0.5, 0.4 * 0.25 / 0.2525, 0.05 * np.sqrt(0.25 / 0.2525))],
 )
 def test_a_certificate_and_the_accuracy_of_the_type_say_it_together(accuracy: float | None, mean: float, sd: float) -> None:
-    channel = td.Channel.of("T", np.array([300.0, 301.0]), accuracy=accuracy)
+    channel = td.Channel.of("T", np.array([300.0, 301.0]), unit="K", accuracy=accuracy)
     made, said = certified(channel, td.bench.SensorCertificate(0.4, 0.05))
     assert made.values == pytest.approx(channel.values - mean)
     assert made.accuracy == pytest.approx(sd)
@@ -85,7 +85,7 @@ def test_a_log_is_read_with_its_sensor_applied(tmp_path: Path) -> None:
 
 
 def test_the_same_keys_serve_in_python() -> None:
-    record = td.Record.from_arrays("r", np.arange(3.0), {"T": np.array([300.0, 301.0, 400.0])})
+    record = td.Record.from_arrays("r", np.arange(3.0), {"T": np.array([300.0, 301.0, 400.0])}, unit="K")
     made = record.with_sensor("T", lag="20 [s]", range=["-55 [degC]", "125 [degC]"])
     assert made["T"].part is not None
     assert made["T"].part.lag == 20.0

@@ -14,7 +14,7 @@ from thermid.measure._record.windows import hampel, low_pass, moving_median
 
 
 def made(times, **channels) -> Record:
-    return Record.from_arrays("bench", times, channels)
+    return Record.from_arrays("bench", times, channels, unit="K")
 
 
 def ramp(count=41, step=0.5) -> Record:
@@ -55,7 +55,8 @@ def test_trim_counts_masks_of_what_is_left():
         (lambda r: r.trim(3, 3), "trim: only 1 sample lies from 3 [s] to 3 [s]; at least two are needed."),
         (
             lambda r: r.trim("fin"),
-            "trim: 'fin' is not a number. Write a number with its unit, such as '4 [s]'. 'start' and 'end' are allowed too.",
+            "trim: 'fin' must be a number with a unit, such as '5 [s]'; names of parameters are not allowed here. "
+            "'start' and 'end' are allowed too.",
         ),
         (lambda r: r.median("0 [s]"), "median, window: 0 [s] is not above zero."),
         (lambda r: r.filter(-1), "filter, window: -1 [s] is not above zero."),
@@ -121,7 +122,7 @@ def test_median_removes_a_single_spike_and_keeps_a_slope():
     record = ramp()
     values = record["case"].values.copy()
     values[[0, 20, 40]] += [40, -30, 25]
-    smooth = record.with_channels(Channel.of("case", values)).median("4 [s]")
+    smooth = record.with_channels(Channel.of("case", values, unit="K")).median("4 [s]")
     assert smooth["case"].values[4:-4] == pytest.approx(record["case"].values[4:-4], abs=0.05 + 1e-9)  # at most one sample of the slope
     # at the ends the window is cut to half: a quarter of the window times the slope, and the spike moves it by one sample of the slope
     assert abs(smooth["case"].values - record["case"].values).max() <= 0.1 * 4 / 4 + 0.1 * 0.5 + 1e-9
@@ -264,10 +265,10 @@ def test_spikes_further_than_a_difference():
 def test_a_quiet_channel_has_no_spike_of_one_level():
     values = np.full(100, 300.0)
     values[[20, 60]] += [0.0625, 0.5]
-    for channel in (values, Channel.of("case", values, resolution=0.0625)):
+    for channel in (values, Channel.of("case", values, unit="K", resolution=0.0625)):
         flagged = made(np.arange(100.0), case=channel).flag_spikes(3, 20)
         assert np.flatnonzero(~flagged["case"].valid).tolist() == [60]
-    coarse = made(np.arange(100.0), case=Channel.of("case", values, resolution=0.5)).flag_spikes(3, 20)
+    coarse = made(np.arange(100.0), case=Channel.of("case", values, unit="K", resolution=0.5)).flag_spikes(3, 20)
     assert coarse["case"].valid.all()
 
 

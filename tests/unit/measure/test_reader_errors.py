@@ -6,7 +6,7 @@ import re
 import pytest
 
 from by_code import raises_code
-from thermid.base.errors import MissingDataError, NameNotFoundError, RecordError, UnitError
+from thermid.base.errors import MissingDataError, NameNotFoundError, RecordError, ThermidError, UnitError
 from thermid.measure._readers.log_reader import read_plain, read_record
 
 ANY = {"case": "T1"}
@@ -127,7 +127,7 @@ def test_unknown_name_offers_the_nearest(log, text, arguments, message):
         ({"separator": "ab"}, "bench.csv: separator 'ab' is not a single character. Give ',' or ';' or '\\t'."),
         ({"decimal": "x"}, "bench.csv: decimal='x' is neither '.' nor ','."),
         ({"decimal": ","}, "bench.csv:2, column 'T1': '20.5' is not a number. Write"),
-        ({"noise": {"case": "x"}}, "'x' is not a number."),
+        ({"noise": {"case": "x"}}, "noise: 'x' must be a number with a unit"),
         ({"noise": {"case": 0}}, "channel 'case': its noise is 0; a finite number above zero is needed."),
         ({"accuracy": {"case": -1}}, "channel 'case': its accuracy is -1; a finite number not below zero is needed."),
         ({"noise": {"case": float("nan")}}, "bench.csv, column 'T1', noise: nan is not finite."),
@@ -135,7 +135,7 @@ def test_unknown_name_offers_the_nearest(log, text, arguments, message):
     ],
 )
 def test_arguments(log, arguments, message):
-    with pytest.raises(RecordError, match=re.escape(message)):
+    with pytest.raises(ThermidError, match=re.escape(message)):
         read_record(log("t,T1\n0,20.5\n1,21\n"), ANY, **arguments)
 
 

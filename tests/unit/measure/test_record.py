@@ -13,7 +13,7 @@ from thermid.measure._record.record import Record
 
 
 def made(**fields) -> Record:
-    return Record.from_arrays("bench", np.arange(5.0), {"case": [300.0, 301, np.nan, 303, 304], **fields})
+    return Record.from_arrays("bench", np.arange(5.0), {"case": [300.0, 301, np.nan, 303, 304], **fields}, unit="K")
 
 
 def test_from_arrays_is_synthetic_and_has_an_identity():
@@ -22,19 +22,23 @@ def test_from_arrays_is_synthetic_and_has_an_identity():
     assert one.origin.sha256 == two.origin.sha256
     assert one.origin.columns == ("time", "case")
     assert one["case"].flags == {"not a number": 1}
-    other = Record.from_arrays("x", np.arange(5.0), {"case": [300.0, 301, np.nan, 303, 304.0000001]})
+    other = Record.from_arrays("x", np.arange(5.0), {"case": [300.0, 301, np.nan, 303, 304.0000001]}, unit="K")
     assert other.origin.sha256 != one.origin.sha256
     assert repr(one) == "Record 'bench': synthetic, 5 samples over 4 s, step 1 s; channels case"
 
 
 def test_hash_has_one_form_of_nan_and_zero():
-    sha = {Record.from_arrays("x", [0.0, 1, 2], {"a": [1.0, zero, nan]}).origin.sha256 for zero in (0.0, -0.0) for nan in (np.nan, -np.nan)}
+    sha = {
+        Record.from_arrays("x", [0.0, 1, 2], {"a": [1.0, zero, nan]}, unit="K").origin.sha256
+        for zero in (0.0, -0.0)
+        for nan in (np.nan, -np.nan)
+    }
     assert len(sha) == 1
 
 
 def test_the_samples_cannot_be_changed():
     given = np.array([300.0, 301, 302])
-    record = Record.from_arrays("x", [0, 1, 2], {"a": given})
+    record = Record.from_arrays("x", [0, 1, 2], {"a": given}, unit="K")
     given[0] = 0
     assert record["a"].values[0] == 300
     for array in (record.times, record["a"].values, record["a"].valid):
@@ -50,7 +54,7 @@ def test_channel_by_name():
 
 
 def test_with_channels_and_select():
-    record = made().with_channels(Channel.of("air", np.full(5, 295.0), role="boundary", target="room"))
+    record = made().with_channels(Channel.of("air", np.full(5, 295.0), unit="K", role="boundary", target="room"))
     assert list(record.channels) == ["case", "air"]
     assert list(record.select("air").channels) == ["air"]
     assert record.origin == made().origin
@@ -60,34 +64,37 @@ def test_with_channels_and_select():
     ("make", "message"),
     [
         (
-            lambda: Record.from_arrays("r", [0, 1, 1, 2], {"a": np.ones(4)}),
+            lambda: Record.from_arrays("r", [0, 1, 1, 2], {"a": np.ones(4)}, unit="K"),
             "record 'r': its times do not increase: 1 s is followed by 1 s (sample 3).",
         ),
         (
-            lambda: Record.from_arrays("r", [0.0], {"a": [1.0]}),
+            lambda: Record.from_arrays("r", [0.0], {"a": [1.0]}, unit="K"),
             "record 'r': its times have shape (1,); at least two finite times in one row are needed.",
         ),
         (
-            lambda: Record.from_arrays("r", [0, np.nan], {"a": [1.0, 2]}),
+            lambda: Record.from_arrays("r", [0, np.nan], {"a": [1.0, 2]}, unit="K"),
             "record 'r': its times have shape (2,); at least two finite times in one row are needed.",
         ),
-        (lambda: Record.from_arrays("r", [0, 1], {"a": [1.0]}), "record 'r': channel 'a' has 1 samples for 2 times."),
-        (lambda: Record.from_arrays("r", [0], {"b": Channel.of("a", [1.0])}), "record 'r': its times have shape (1,)"),
+        (lambda: Record.from_arrays("r", [0, 1], {"a": [1.0]}, unit="K"), "record 'r': channel 'a' has 1 samples for 2 times."),
+        (lambda: Record.from_arrays("r", [0], {"b": Channel.of("a", [1.0], unit="K")}), "record 'r': its times have shape (1,)"),
         (
-            lambda: Record.from_arrays("r", [0, 1], {"b": Channel.of("a", [1.0, 2])}),
+            lambda: Record.from_arrays("r", [0, 1], {"b": Channel.of("a", [1.0, 2], unit="K")}),
             "record 'r': channel 'a' is stored under another name, 'b'. Use one name.",
         ),
-        (lambda: Channel.of("a", [[1.0]]), "channel 'a': values, valid and masks must be one-dimensional and of equal length."),
+        (lambda: Channel.of("a", [[1.0]], unit="K"), "channel 'a': values, valid and masks must be one-dimensional and of equal length."),
         (
             lambda: Channel("a", np.ones(2), np.ones(3, bool)),
             "channel 'a': values, valid and masks must be one-dimensional and of equal length.",
         ),
         (lambda: Channel("a", np.array([1.0, np.nan]), np.ones(2, bool)), "channel 'a': a valid sample is not finite. Mask it."),
         (
-            lambda: Channel.of("a", [1.0], role="nod"),
+            lambda: Channel.of("a", [1.0], unit="K", role="nod"),
             "channel 'a': no role 'nod'; it is one of auto, node, boundary, load, command, prescribed. Did you mean 'node'?",
         ),
-        (lambda: Channel.of("a", [1.0], resolution=0.0), "channel 'a': its resolution is 0; a finite number above zero is needed."),
+        (
+            lambda: Channel.of("a", [1.0], unit="K", resolution=0.0),
+            "channel 'a': its resolution is 0; a finite number above zero is needed.",
+        ),
     ],
 )
 def test_messages(make, message):
@@ -104,7 +111,7 @@ def test_table_of_a_temperature_bridges_by_lines():
 
 
 def test_table_covers_the_whole_record():
-    channel = Channel.of("case", [np.nan, 301, 302, 303, np.nan])
+    channel = Channel.of("case", [np.nan, 301, 302, 303, np.nan], unit="K")
     times, values, bridged = made(case=channel).table("case")
     assert times.tolist() == [0, 1, 2, 3, 4]
     assert values.tolist() == [301, 301, 302, 303, 303]
@@ -115,7 +122,7 @@ def test_table_of_a_held_channel_and_of_a_gap():
     power = Channel.of("p", [1.0, np.nan, 2, 3, 4], quantity="power")
     assert made(p=power).table("p").bridged == pytest.approx(0.25)
     assert made(p=power).table("p").times.tolist() == [0, 2, 3, 4]
-    record = Record.from_arrays("gap", [0.0, 1, 2, 3, 4, 5, 6, 7, 8, 9, 10, 11, 89, 90], {"case": np.arange(14.0) + 300})
+    record = Record.from_arrays("gap", [0.0, 1, 2, 3, 4, 5, 6, 7, 8, 9, 10, 11, 89, 90], {"case": np.arange(14.0) + 300}, unit="K")
     assert record.table("case").bridged == pytest.approx(78 / 90)
     assert record.table("case", max_gap="2 [min]").bridged == 0
 
@@ -159,8 +166,8 @@ def test_the_step_is_that_of_the_readings_whatever_lies_between_them(by: float |
     """Delays and joined logs put the times of another clock between the readings; the readings come as often as before."""
     times = 10.0 * np.arange(40.0)
     power = Channel.of("p", np.ones(40), quantity="power", role="load", target="heater")
-    record = Record.from_arrays("bench", times, {"case": 300.0 + np.sqrt(times), "p": power})
-    slow = Record.from_arrays("room", 60.0 * np.arange(7.0), {"room": np.full(7, 295.0)})
+    record = Record.from_arrays("bench", times, {"case": 300.0 + np.sqrt(times), "p": power}, unit="K")
+    slow = Record.from_arrays("room", 60.0 * np.arange(7.0), {"room": np.full(7, 295.0)}, unit="K")
     assert record.delayed(by).step == record.step == 10.0
     assert record.joined(slow, 3.0).step == slow.joined(record, -3.0).step == 10.0
     assert record.mask("case", 100, 200).delayed(by).step == 10.0

@@ -94,7 +94,7 @@ def test_what_the_reader_finds_out_alone_is_right(data):
 @settings(max_examples=100, deadline=None, derandomize=True)
 @given(st.lists(st.floats(1.0, 5000.0), min_size=2, max_size=20))
 def test_synthetic_kelvins_come_back_bit_for_bit(values):
-    record = Record.from_arrays("made", 0.1 * np.arange(len(values)), {"case": values})
+    record = Record.from_arrays("made", 0.1 * np.arange(len(values)), {"case": values}, unit="K")
     with tempfile.TemporaryDirectory() as folder:
         record.to_csv(Path(folder) / "made.csv")
         copy = read_record(Path(folder) / "made.csv", {"case": "case"})
@@ -105,7 +105,7 @@ def test_synthetic_kelvins_come_back_bit_for_bit(values):
 
 
 def test_masked_samples_are_written_empty():
-    record = Record.from_arrays("made", [0, 1, 2], {"case": [300.0, 301, 302]}).mask("case", 1, 1)
+    record = Record.from_arrays("made", [0, 1, 2], {"case": [300.0, 301, 302]}, unit="K").mask("case", 1, 1)
     with tempfile.TemporaryDirectory() as folder:
         record.to_csv(Path(folder) / "made.csv")
         assert (Path(folder) / "made.csv").read_text() == '"time [s]",case [K]\n0,300\n1,\n2,302\n'

@@ -19,7 +19,7 @@ def record(rate, noise=0.05, step=0.0, span=4.0, every=10.0, seed=1, name="T"):
     values = 300.0 + rate / HOUR * times + noise * np.random.default_rng(seed).standard_normal(times.size)
     if step:
         values = np.round(values / step) * step
-    return td.Record.from_arrays("log", times, {name: Channel.of(name, values, resolution=step or None)})
+    return td.Record.from_arrays("log", times, {name: Channel.of(name, values, unit="K", resolution=step or None)})
 
 
 @pytest.mark.parametrize(
@@ -86,15 +86,15 @@ def test_a_coarse_sensor_that_stands_still_is_not_called_stable():
 
 def test_the_step_of_a_sensor_is_seen_in_its_readings():
     r = record(1.0, noise=0.2, step=0.0625)
-    bare = Channel.of("T", r["T"].values)
+    bare = Channel.of("T", r["T"].values, unit="K")
     assert step_of(bare) == pytest.approx(0.0625)
-    assert step_of(Channel.of("T", np.random.default_rng(1).standard_normal(100) + 300)) == 0.0
+    assert step_of(Channel.of("T", np.random.default_rng(1).standard_normal(100) + 300, unit="K")) == 0.0
 
 
 def test_since_when_an_approach_is_stable():
     times = np.arange(0.0, 6 * HOUR, 10.0)
     values = 320.0 - 20.0 * np.exp(-times / 2000.0) + 0.02 * np.random.default_rng(2).standard_normal(times.size)
-    log = td.Record.from_arrays("log", times, {"T": values})
+    log = td.Record.from_arrays("log", times, {"T": values}, unit="K")
     when = 2000.0 * np.log(20.0 / 2000.0 / (3.0 / HOUR))
     assert since_when(log, "T", rule_of("3 C/h")) == pytest.approx(when, abs=700.0)
     assert since_when(record(5.0), "T", rule_of("3 C/h")) is None

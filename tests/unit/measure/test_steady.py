@@ -27,8 +27,8 @@ def approach(hours: float = 8.0, noise: float = 0.05, seed: int = 1, drift: floa
         "bench",
         t,
         {
-            "T": Channel.of("T", case + noise * white, role="node", target="case", noise=noise, accuracy=0.5),
-            "ROOM": Channel.of("ROOM", room, role="boundary", target="air"),
+            "T": Channel.of("T", case + noise * white, unit="K", role="node", target="case", noise=noise, accuracy=0.5),
+            "ROOM": Channel.of("ROOM", room, unit="K", role="boundary", target="air"),
             "P": Channel.of("P", np.full(samples, 4.0), quantity="power", role="load", target="heat"),
         },
     )
@@ -114,7 +114,7 @@ def test_a_mean_power_has_the_error_of_its_scatter_alone() -> None:
     """No stored heat is taken off a power, so that its drift adds nothing."""
     rng, record = np.random.default_rng(5), approach()
     noisy = Channel.of("P", 4.0 + 0.6 * rng.standard_normal(481), quantity="power", role="load", target="heat")
-    record = Record.from_arrays("bench", record.times, {**record.channels, "P": noisy})
+    record = Record.from_arrays("bench", record.times, {**record.channels, "P": noisy}, unit="K")
     with_tau, without = (record.steady("6 [h]", "8 [h]", tau=tau)["P"] for tau in (TAU, None))
     assert with_tau.error == without.error
     assert with_tau.error == pytest.approx(0.6 / 121**0.5, rel=0.35)
@@ -127,7 +127,9 @@ def test_noise_before_rounding_takes_the_error_of_steps_away_as_far_as_it_is_kno
     t, away, errors = np.arange(0.0, 7201.0, 30.0), [], []
     for level in 300.0 + rng.random(150):
         read = np.round(level + noise * rng.standard_normal(t.size))
-        v = Record.from_arrays("r", t, {"T": Channel.of("T", read, role="node", target="n", noise=noise, resolution=1.0)}).steady()["T"]
+        v = Record.from_arrays(
+            "r", t, {"T": Channel.of("T", read, unit="K", role="node", target="n", noise=noise, resolution=1.0)}
+        ).steady()["T"]
         away.append(v.value - level)
         errors.append(v.error)
     size = float(np.sqrt(np.mean(np.square(away))))

@@ -57,7 +57,7 @@ def test_a_run_is_that_of_another_integrator() -> None:
 def test_members_are_single_runs() -> None:
     """Tables were kept as structure: three members with three temperatures were one and the same."""
     drawn = {
-        "pipe.start_temperature": 273.15 + np.array([20.0, 30.0, 36.0, 60.0]),
+        "pipe.start_temperature": td.celsius([20.0, 30.0, 36.0, 60.0]),
         "pipe.on_conductance": np.array([4.0, 5.0, 6.0, 5.0]),
         "pipe.off_conductance": np.array([0.2, 0.1, 0.3, 0.2]),
         "pipe.transition": np.array([4.0, 2.0, 6.0, 1.0]),
@@ -78,7 +78,7 @@ def test_derivatives_are_those_of_differences() -> None:
     run = ready.run(sensitivities=True)
     for name, step in zip(FREE, (0.01, 1e-3, 1e-3, 0.01), strict=True):
         at = ready.nominal[name]
-        high, low = (ready.run({name: at + s * step}) for s in (1.0, -1.0))
+        high, low = (ready.run(ready.with_units({name: at + s * step})) for s in (1.0, -1.0))
         for node in ("source", "end"):
             quotient = (high[node].kelvin - low[node].kelvin) / (2.0 * step)
             assert run.sensitivity(node, name) == pytest.approx(quotient, abs=3e-4 * np.abs(quotient).max()), (node, name)
@@ -90,7 +90,7 @@ def test_a_fit_finds_the_temperature_and_both_conductances(seed: int) -> None:
     run = td.simulate(model(), WARM, times=times)
     rng = np.random.default_rng(seed)
     channels = {
-        name: td.Channel.of(name, run[node].kelvin + 0.05 * rng.standard_normal(times.size), role="node", target=node, noise=0.05)
+        name: td.Channel.of(name, run[node].kelvin + 0.05 * rng.standard_normal(times.size), unit="K", role="node", target=node, noise=0.05)
         for name, node in (("T1", "source"), ("T2", "end"))
     }
     start = model(start_temperature="33 [degC]", on_conductance="3 [W/K]", off_conductance="0.35 [W/K]")

@@ -113,7 +113,7 @@ def test_arrays_and_single_numbers_give_the_same_table() -> None:
         (lambda t: np.zeros(3), WARM, r"one value for each"),
         (lambda t: {}["a"], WARM, r"fails: KeyError: 'a'"),
         (lambda t: t, ("120 [degC]", "-40 [degC]"), r"the range is empty\. Give the"),
-        (lambda t: t, (-5.0, 300.0), r"between -5 K and 300 K the range is empty\."),
+        (lambda t: t, ("-5 [K]", "300 [K]"), r"between -5 K and 300 K the range is empty\."),
         (lambda t: t, ("-40 [W]", "120 [degC]"), r"-40 \[W\]|dimension|power"),
     ],
 )
@@ -222,7 +222,7 @@ def test_a_law_runs_at_the_speed_of_a_built_in_one() -> None:
     built_in = {f"{n}_skin": {"kind": "convection", "area": "0.1 [m^2]", "htc": htc, **e} for n, e in ends.items()}
     tabled = {f"{n}_skin": {"kind": "table", "table": law, **e} for n, e in ends.items()}
     noise = np.random.default_rng(2).normal(293.15, 0.05, 3601)
-    room = td.Scenario("room", boundaries={"room": (np.arange(3601.0), noise)}, start=303.15, duration=3600.0)
+    room = td.Scenario("room", boundaries={"room": (np.arange(3601.0), td.quantity(noise, unit="K"))}, start="303.15 [K]", duration=3600.0)
     sims = [td.prepare(td.model_from_dict(base | {"conductors": base["conductors"] | more}), room) for more in (built_in, tabled)]
     best = [np.inf, np.inf]
     for _ in range(30):

@@ -7,6 +7,7 @@ from typing import Any
 
 import pytest
 
+import thermid as td
 from by_code import raises_code
 from thermid.base.errors import DeckError, NameNotFoundError
 from thermid.model._tree.flat import flatten
@@ -142,6 +143,34 @@ def test_aliases_reach_any_depth(pair: Build) -> None:
     assert model.canonical("first.skin.htc") == "a.skin.htc"
     assert model.canonical("nobody") == "nobody"
     assert flatten(model).names.find("again") == "a.case"
+
+
+def test_an_alias_of_one_part_is_a_name_of_the_whole(part: Build, pair: Build) -> None:
+    named = part({"aliases": {"hull": "case", "lid": "skin"}})
+    whole = pair({"submodels/a/use": named})
+    assert (whole.canonical("hull"), whole.canonical("lid.htc")) == ("a.case", "a.skin.htc")
+    assert flatten(whole).names.find("hull") == "a.case"
+    twice = pair({"submodels/a/use": named, "submodels/b/use": part({"aliases": {"hull": "case"}}, title="Other")})
+    assert twice.canonical("hull") == "hull"
+    own = pair({"submodels/a/use": part({"aliases": {"stack": "case", "first": "case"}})})
+    assert (own.canonical("stack"), own.canonical("first")) == ("stack", "a")
+
+
+def test_a_submodel_is_no_node(pair: Build) -> None:
+    with pytest.raises(NameNotFoundError, match=r"'first' is a submodel and no node\. Its nodes: a\.case"):
+        flatten(pair()).names.find("first")
+
+
+def test_results_are_read_by_every_alias(part: Build, pair: Build) -> None:
+    whole = pair({"submodels/a/use": part({"aliases": {"hull": "case"}})})
+    bench = td.Scenario("bench", boundaries={"room": "20 [degC]"}, start="room", duration="1 [h]")
+    for time in (0.0, "mean"):
+        settled = td.steady(whole, bench, time)
+        assert settled["hull"] == settled["first_case"] == settled["a.case"]
+    foreseen = td.design.foresee(td.design.Known(whole), bench).prediction
+    assert foreseen["hull"].final == foreseen["a.case"].final
+    with pytest.raises(NameNotFoundError, match="no node 'nobody'"):
+        td.steady(whole, bench)["nobody"]
 
 
 def test_alias_of_a_part_seen_from_above(part: Build, pair: Build) -> None:

@@ -132,7 +132,7 @@ def test_sensitivities_and_time_constant_of_a_block() -> None:
         up, down = (td.simulate(model.with_values({name: f"{value + s!r} [{unit}]"}), half)["body"].kelvin for s in (step, -step))
         slope = (up - down) / (2 * step)
         assert np.abs(run.sensitivity("body", name) - slope).max() < 2e-4 * np.abs(slope).max()
-    up, down = (td.simulate(model, half.with_(initial={"body": 293.15 + s}))["body"].kelvin for s in (0.1, -0.1))
+    up, down = (td.simulate(model, half.with_(initial={"body": td.celsius(20.0 + s)}))["body"].kelvin for s in (0.1, -0.1))
     assert np.abs(run.sensitivity("body", "initial.body") - (up - down) / 0.2).max() < 1e-3
     hot = float(run["body"].kelvin[-1])
     conductance = 0.05 * 8.0 + 0.025 * 4 * STEFAN_BOLTZMANN * hot**3
@@ -144,8 +144,8 @@ def test_steady_start_and_members_of_an_ensemble() -> None:
     rest = td.steady(model, bench())["body"]
     assert rest == pytest.approx(td.steady(block({"specific_heat": "450 [J/(kg K)]"}), bench())["body"], abs=1e-8)
     assert np.ptp(td.simulate(model, bench(start="steady"))["body"].kelvin) < 1e-6
-    many = td.ensemble(model, bench(), {"skin.htc": [7.0, 8.0, 9.0], "initial.body": [293.15, 300.0, 310.0]})
-    alone = td.simulate(model, bench(initial={"body": 300.0}))["body"].kelvin
+    many = td.ensemble(model, bench(), {"skin.htc": [7.0, 8.0, 9.0], "initial.body": td.quantity([293.15, 300.0, 310.0], unit="K")})
+    alone = td.simulate(model, bench(initial={"body": "300 [K]"}))["body"].kelvin
     assert np.abs(many.temperatures("body")[:, 1] - alone).max() < 5e-5
 
 

@@ -40,7 +40,7 @@ def test_the_box_is_the_mean_over_its_faces() -> None:
 
 
 def test_air_is_that_of_the_mean_temperature_where_none_is_given() -> None:
-    found = td.inference.compare_htc(2.168, 0.082241, 309.088, 297.15, 0.02492)
+    found = td.inference.compare_htc(2.168, 0.082241, "309.088 [K]", "297.15 [K]", 0.02492)
     assert found.theoretical == pytest.approx(6.917, rel=0.01)
 
 
@@ -52,7 +52,7 @@ def test_errors_of_power_and_area_join_those_of_the_sensors() -> None:
 
 def test_above_the_laminar_range_it_warns_and_goes_on() -> None:
     with pytest.warns(td.ThermidWarning, match=r"Rayleigh number 1\.[0-9]+e\+09 is outside 0 to 1e\+09"):
-        found = td.inference.compare_htc(100.0, 1.0, 320.0, 290.0, 0.8)
+        found = td.inference.compare_htc(100.0, 1.0, "320.0 [K]", "290.0 [K]", 0.8)
     assert [c.name for c in found.correlations] == [
         "vertical plate, laminar (Churchill and Chu; Eq. 7)",
         "vertical plate, laminar and turbulent (Churchill and Chu)",
@@ -75,23 +75,23 @@ def test_a_low_coefficient_is_not_explained_by_what_lies_inside() -> None:
 
 
 def test_a_high_coefficient_can_be_radiation_or_mounts() -> None:
-    (remark,) = td.inference.compare_htc(8.0, 0.082241, 309.088, 297.15, 0.2).remarks
+    (remark,) = td.inference.compare_htc(8.0, 0.082241, "309.088 [K]", "297.15 [K]", 0.2).remarks
     assert "above convection alone. Possible causes: radiation (0.6 to 5.3 W/(m^2 K)" in remark
     assert "heat through mounts and leads" in remark
-    (told,) = td.inference.compare_htc(20.0, 0.082241, 309.088, 297.15, 0.2, emissivity=0.85).remarks
+    (told,) = td.inference.compare_htc(20.0, 0.082241, "309.088 [K]", "297.15 [K]", 0.2, emissivity=0.85).remarks
     assert "above convection and radiation. Possible causes: heat through mounts and leads" in told
 
 
 def test_a_difference_within_the_errors_is_no_difference() -> None:
     found = elegfo()
     power = found.theoretical * (1 + CORRELATION_ERROR) * 0.082241 * 11.938
-    (remark,) = td.inference.compare_htc(power, 0.082241, 309.088, 297.15, 0.02492, air=PRINTED).remarks
+    (remark,) = td.inference.compare_htc(power, 0.082241, "309.088 [K]", "297.15 [K]", 0.02492, air=PRINTED).remarks
     assert "within two standard errors" in remark
 
 
 def test_a_cold_part_has_a_coefficient_too() -> None:
     """A part that takes up heat: everything with the other sign, but for the mean temperature of the air."""
-    found = td.inference.compare_htc(-2.168, 0.082241, 285.212, 297.15, 0.02492, air=PRINTED)
+    found = td.inference.compare_htc(-2.168, 0.082241, "285.212 [K]", "297.15 [K]", 0.02492, air=PRINTED)
     assert found.effective == pytest.approx(elegfo().effective, rel=1e-12)
     assert found.error == pytest.approx(elegfo().error, rel=1e-12)
 
@@ -116,11 +116,14 @@ def test_it_prints() -> None:
 @pytest.mark.parametrize(
     ("arguments", "message"),
     [
-        ((2.0, 0.1, 290.0, 300.0, 0.1), "2 W and a surface -10 K from its ambient are inconsistent: heat flows to the colder side. Check"),
-        ((2.0, 0.1, 300.0, 300.0, 0.1), "2 W and a surface +0 K from its ambient"),
-        ((2.0, 0.0, 310.0, 300.0, 0.1), "a coefficient needs an area and a height above zero."),
-        (("2 [m]", 0.1, 310.0, 300.0, 0.1), "power: '[m]' is a length; a power [W] is needed here."),
-        (("x", 0.1, 310.0, 300.0, 0.1), "power: 'x' must be a number with a unit."),
+        (
+            (2.0, 0.1, "290.0 [K]", "300.0 [K]", 0.1),
+            "2 W and a surface -10 K from its ambient are inconsistent: heat flows to the colder side. Check",
+        ),
+        ((2.0, 0.1, "300.0 [K]", "300.0 [K]", 0.1), "2 W and a surface +0 K from its ambient"),
+        ((2.0, 0.0, "310.0 [K]", "300.0 [K]", 0.1), "a coefficient needs an area and a height above zero."),
+        (("2 [m]", 0.1, "310.0 [K]", "300.0 [K]", 0.1), "power: '[m]' is a length; a power [W] is needed here."),
+        (("x", 0.1, "310.0 [K]", "300.0 [K]", 0.1), "power: 'x' must be a number with a unit"),
     ],
 )
 def test_what_makes_no_coefficient_is_refused(arguments: tuple[str | float, ...], message: str) -> None:

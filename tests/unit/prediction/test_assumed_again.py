@@ -41,7 +41,7 @@ def log(model: td.Model, synthetic: bool = True) -> Record:
     rng, times = np.random.default_rng(3), np.linspace(0.0, 7200.0, 241)
     given = td.Scenario("bench", boundaries={"air": "22 [degC]"}, start="22 [degC]", duration="2 [h]")
     run = td.simulate(model, given, times=times)
-    reading = Channel.of("T", run["case"].kelvin + 0.05 * rng.standard_normal(times.size), role="node", target="case", noise=0.05)
+    reading = Channel.of("T", run["case"].kelvin + 0.05 * rng.standard_normal(times.size), unit="K", role="node", target="case", noise=0.05)
     return Record.from_arrays("bench", times, {"T": reading}, synthetic=synthetic)
 
 

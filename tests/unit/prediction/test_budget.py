@@ -205,7 +205,7 @@ def test_surfaces_are_half_alike() -> None:
     )
     times = np.arange(0.0, 7201.0, 120.0)
     kelvin = td.simulate(two, BENCH, times=times)["plate"].kelvin
-    record = td.Record.from_arrays("log", times, {"T": td.Channel.of("T", kelvin, role="node", target="plate", noise=0.05)})
+    record = td.Record.from_arrays("log", times, {"T": td.Channel.of("T", kelvin, unit="K", role="node", target="plate", noise=0.05)})
     fit = td.calibrate(two, record, ["top.htc"], scenario=BENCH)
     budget = budget_of(fit, BENCH.with_(boundaries={"air": "60 [degC]"}))
     names = [s.name for s in budget.sources]

@@ -64,7 +64,7 @@ class TestBeforeAFit:
         model = plate(htc={"value": "5 [W/(m^2 K)]", **bounds})
         run = td.simulate(model, BENCH)
         data = td.Record.from_arrays(
-            "log", run.times, {"T": td.Channel.of("T", run["plate"].kelvin, role="node", target="plate", noise=0.05)}
+            "log", run.times, {"T": td.Channel.of("T", run["plate"].kelvin, unit="K", role="node", target="plate", noise=0.05)}
         )
         fit = td.calibrate(model, data, ["skin.htc"], scenario=BENCH)
         seen = foresee(td.design.Known.of(fit), BENCH)
@@ -195,7 +195,9 @@ class TestSplit:
 def case() -> td.Calibration:
     model = plate(htc={"value": "5 [W/(m^2 K)]", "min": 1, "max": 30}, carried_by="free air")
     run = td.simulate(model, BENCH)
-    data = td.Record.from_arrays("log", run.times, {"T": td.Channel.of("T", run["plate"].kelvin, role="node", target="plate", noise=0.05)})
+    data = td.Record.from_arrays(
+        "log", run.times, {"T": td.Channel.of("T", run["plate"].kelvin, unit="K", role="node", target="plate", noise=0.05)}
+    )
     return td.calibrate(model, data, ["skin.htc"], scenario=BENCH)
 
 

@@ -23,7 +23,9 @@ def fit() -> td.Calibration:
     run = td.simulate(unit(), soak(25.0), times=times)
     wave = 0.4 * np.sin(2 * np.pi * times / 5400.0)
     made = {
-        n: td.Channel.of(n, run[n].kelvin + wave + 0.1 * rng.standard_normal(times.size), role="node", target=n, noise=0.1, accuracy=0.3)
+        n: td.Channel.of(
+            n, run[n].kelvin + wave + 0.1 * rng.standard_normal(times.size), unit="K", role="node", target=n, noise=0.1, accuracy=0.3
+        )
         for n in ("proc", "ele", "plate")
     }
     return td.calibrate(unit(), td.Record.from_arrays("log", times, made), ["out.conductance"], scenario=soak(25.0))
@@ -93,7 +95,7 @@ def test_a_margin_counts_the_constant_coefficients_of_a_values_file_or_names_the
     run = td.simulate(model, soak(25.0, hours=4.0), times=times)
     rng = np.random.default_rng(2)
     made = {
-        n: td.Channel.of(n, run[n].kelvin + 0.1 * rng.standard_normal(times.size), role="node", target=n, noise=0.1)
+        n: td.Channel.of(n, run[n].kelvin + 0.1 * rng.standard_normal(times.size), unit="K", role="node", target=n, noise=0.1)
         for n in ("proc", "ele")
     }
     fit = td.calibrate(model, td.Record.from_arrays("log", times, made), ["skin_proc.htc"], scenario=soak(25.0, hours=4.0))

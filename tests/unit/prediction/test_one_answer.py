@@ -31,7 +31,7 @@ def answers(case: Case, scenario: td.Scenario, file: Path, members: int) -> dict
     for route, known in (("foresee", td.design.Known.of(fit)), ("foresee, file", td.design.Known(fit.model, (values,)))):
         seen = foresee(known, scenario, nodes=[node])
         out[route] = ends(seen.prediction[node])
-        limits = Limits("point", node, operating=(-np.inf, 700.0))
+        limits = Limits("point", node, operating=td.quantity((-np.inf, 700.0), unit="K"))
         (margin,) = td.qualify.margins({"run": seen}, [limits])
         if margin.time == scenario.seconds:
             out[f"margin, {route}"] = (margin.predicted - 273.15, margin.uncertainty)

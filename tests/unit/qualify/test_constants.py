@@ -53,7 +53,7 @@ class TestLevels:
         times = np.arange(0.0, 3 * HOUR + 1.0, 10.0)
         planned = np.where((times > HOUR) & (times <= 2 * HOUR), 343.15, 293.15)
         shown = np.where((times > HOUR) & (times <= HOUR * (1.0 + share)), 343.15 + kelvin, 293.15)
-        record = td.Record.from_arrays("log", times, {"AIR": td.Channel.of("AIR", shown, role="boundary", target="air")})
+        record = td.Record.from_arrays("log", times, {"AIR": td.Channel.of("AIR", shown, unit="K", role="boundary", target="air")})
         run = {"air": SimpleNamespace(times=times, kelvin=planned)}
         return [*not_reached(record, run, {"AIR": "air"})]  # type: ignore[arg-type]
 

@@ -175,7 +175,7 @@ def test_a_waived_test_is_held_against_its_limits_and_named(tmp_path: Path) -> N
 
 def test_a_unit_switched_off_without_limits_of_its_own() -> None:
     """Within its operating limits it bears that; beyond them nobody said, and that is not passed."""
-    point = Limits("processor", "proc", (263.15, 343.15), loads=("cpu",))
+    point = Limits("processor", "proc", td.quantity((263.15, 343.15), unit="K"), loads=("cpu",))
     off = soak(20.0, loads={"cpu": "0 [W]"})
     (good,) = check_limits(td.simulate(unit(), off), [point])
     assert (good.state, good.passed, good.stand_in) == ("non-operating", True, True)
@@ -199,12 +199,12 @@ def test_no_number_from_memory_decides_whatever_it_is(tmp_path: Path) -> None:
                 assert not found.failed
     for mark in MARKS:
         for kelvin in (400.0, 290.0):
-            (check,) = check_limits(td.simulate(unit(), soak()), [Limits("p", "proc", (250.0, kelvin), mark=mark)])
+            (check,) = check_limits(td.simulate(unit(), soak()), [Limits("p", "proc", td.quantity((250.0, kelvin), unit="K"), mark=mark)])
             assert check.passed is (None if mark == "memory" else kelvin > 350.0)
     for name, policy in POLICIES.items():
         for celsius in (10.0, 90.0):
             seen_at = td.design.foresee(td.design.Known(unit()), soak(celsius), spread={"air": "1 [K]"})
-            hot = td.qualify.margins({"run": seen_at}, [Limits("p", "proc", (200.0, 350.0))], name)[1]
+            hot = td.qualify.margins({"run": seen_at}, [Limits("p", "proc", td.quantity((200.0, 350.0), unit="K"))], name)[1]
             from_memory = "memory" in (policy.acceptance.mark, policy.qualification.mark)
             assert (hot.passed is None) is from_memory
     assert {c.mark for c in CRITERIA.values()} <= {*MARKS} - {"memory"}

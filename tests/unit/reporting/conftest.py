@@ -54,7 +54,9 @@ def record(name: str, model: td.Model, boundary: str, nodes: dict[str, str], pow
     )
     solution = td.simulate(model, bench, times=times)
     channels = {
-        s: td.Channel.of(s, solution[n].kelvin + 0.05 * rng.standard_normal(times.size), role="node", target=n, noise=0.05, accuracy=0.2)
+        s: td.Channel.of(
+            s, solution[n].kelvin + 0.05 * rng.standard_normal(times.size), unit="K", role="node", target=n, noise=0.05, accuracy=0.2
+        )
         for s, n in nodes.items()
     }
     for load, watts in powers.items():

@@ -86,13 +86,13 @@ def noisy_room() -> td.Scenario:
     rng = np.random.default_rng(3)
     times = np.arange(3601.0)
     return td.Scenario(
-        "noisy", boundaries={"air": TableSignal(times, 295.0 + 2.0 * rng.standard_normal(times.size))}, start=290.0, duration=3600.0
+        "noisy", boundaries={"air": TableSignal(times, 295.0 + 2.0 * rng.standard_normal(times.size))}, start="290 [K]", duration=3600.0
     )
 
 
 def jumping_heat() -> td.Scenario:
     power = TableSignal(np.array([0.0, 900.0, 1000.0, 2500.0]), np.array([0.0, 8.0, 0.0, 3.0]), hold=True)
-    return td.Scenario("jumps", boundaries={"air": "295 [K]"}, loads={"heater": power}, start=290.0, duration=3600.0)
+    return td.Scenario("jumps", boundaries={"air": "295 [K]"}, loads={"heater": power}, start="290 [K]", duration=3600.0)
 
 
 def one_heated_cell() -> td.Block:
@@ -174,12 +174,12 @@ def test_a_steady_start_stays() -> None:
         ({"boundaries": {"room": "290 [K]"}}, {}, "no boundary 'room'"),
         ({"loads": {"heating": "1 [W]"}}, {}, "no heater 'heating'. Did you mean 'heater'"),
         ({"schedule": {"x": 1.0}}, {}, "takes no 'schedule'"),
-        ({"start": "steady", "initial": {"cell[0,0,0]": 300.0}}, {}, "a steady start gives the temperatures"),
+        ({"start": "steady", "initial": {"cell[0,0,0]": "300 [K]"}}, {}, "a steady start gives the temperatures"),
         ({}, {"options": td.Options(method="Euler")}, r"unknown method 'Euler' for a block\."),
         ({}, {"watch": ("centre",)}, "no 'centre' to watch"),
         ({}, {"fields": [7200.0]}, "within the duration"),
         ({}, {"options": td.Options(max_steps=3)}, "3 steps were not enough"),
-        ({"start": 1e7}, {}, "a temperature left the range 0"),
+        ({"start": "1e7 [K]"}, {}, "a temperature left the range 0"),
         ({"loads": {"heater": "-1 [MW]"}}, {}, "the temperature rises without limit at 0"),
     ],
 )
@@ -231,7 +231,7 @@ def test_memory_grows_by_few_numbers_a_cell() -> None:
         "n = int(sys.argv[1])\n"
         "b = td.Block(('0.2 [m]',) * 3, (n, n, n), '15 [W/(m K)]', '3900 [kg/m^3]', '1000 [J/(kg K)]')\n"
         "b = b.exchanging('all', 'air', htc='5 [W/(m^2 K)]')\n"
-        "td.simulate(b, td.Scenario(boundaries={'air': '300 [K]'}, start=290.0, duration=600.0))\n"
+        "td.simulate(b, td.Scenario(boundaries={'air': '300 [K]'}, start='290 [K]', duration=600.0))\n"
         "print(resource.getrusage(resource.RUSAGE_SELF).ru_maxrss)\n"
     )
 

@@ -133,7 +133,7 @@ def test_derivatives_are_differences(kind: str, place: str) -> None:
     slopes, nominal = simulator.run(sensitivities=True), simulator.nominal
     for name in VALUES[kind]:
         step = 4e-5 * (1.0 if nominal[name] > 200.0 else max(abs(nominal[name]), 0.1))
-        up, down = (simulator.run({**nominal, name: nominal[name] + s * step}) for s in (1.0, -1.0))
+        up, down = (simulator.run(simulator.with_units({**nominal, name: nominal[name] + s * step})) for s in (1.0, -1.0))
         for node in ("plate", "radiator"):
             difference = (up[node].kelvin - down[node].kelvin) / (2.0 * step)
             size = np.abs(difference).max()
@@ -240,9 +240,9 @@ def test_members_are_single_runs_and_large_networks_say_so() -> None:
     written = deck({"governor": CONTROLS["PID"], "stat": CONTROLS["cooler"]}, pipe={"control": "governor"}, boost={"control": "stat"})
     simulator = run(written, ("heater.power", "governor.pid.setpoint"))
     draws = {"heater.power": np.array([11.0, 12.5]), "governor.pid.setpoint": np.array([306.0, 308.0])}
-    members = simulator.ensemble(draws)
+    members = simulator.ensemble(simulator.with_units(draws))
     for k in range(2):
-        single = simulator.run({name: float(values[k]) for name, values in draws.items()})
+        single = simulator.run(simulator.with_units({name: float(values[k]) for name, values in draws.items()}))
         assert np.abs(members.temperatures("plate")[:, k] - single["plate"].kelvin).max() < 1e-9
     with pytest.raises(td.ThermidError, match="the control 'governor' follows a temperature"):
         run(written, options=td.Options(method="large")).run()

@@ -23,7 +23,7 @@ from thermid.simulation._solver.problem import signal_turnings
 
 PEAK = 20.0 + 50.0 * (1.0 - np.exp(-1.2))
 """End of a pulse: 50 W for 12 s into 10 J/K with 1 W/K to 20 degC. [degC]"""
-LIMIT = Limits("chip", "chip", (263.15, 45.0 + ICE_POINT))
+LIMIT = Limits("chip", "chip", td.quantity((263.15, 45.0 + ICE_POINT), unit="K"))
 METHODS = ("modal", "integrator", "RKC2", "TR-BDF2")
 WITHIN = {"modal": 1e-6, "integrator": 1e-5, "RKC2": 0.02, "TR-BDF2": 0.02}
 """Methods of large networks make errors of their own: `Options.large_tolerance`. [K]"""
@@ -56,8 +56,8 @@ def test_the_highest_of_pulses_was_that_of_the_samples(method: str) -> None:
     assert trace.maximum.time % 600.0 == pytest.approx(12.0, abs=0.05)
     assert trace.maximum.tracked
     assert trace.lowest == pytest.approx(20.0, abs=near)
-    assert trace.crossing(45.0) == pytest.approx(10.0 * np.log(2.0), abs=20.0 * near)
-    assert trace.crossing(55.5) is None
+    assert trace.crossing(td.celsius(45.0)) == pytest.approx(10.0 * np.log(2.0), abs=20.0 * near)
+    assert trace.crossing(td.celsius(55.5)) is None
 
 
 @pytest.mark.parametrize("method", METHODS)
@@ -87,7 +87,7 @@ def test_limits_passed_by_pulses_were_kept_with_14_5_kelvin_left() -> None:
 def test_a_unit_on_in_pulses_was_never_on_at_a_sample() -> None:
     """Each state has its own extreme: on, the end of a pulse; off, what is left of it."""
     run = td.simulate(pulsed(), day(), every="599 [s]")
-    limits = replace(LIMIT, loads=("q",), non_operating=(263.15, 343.15))
+    limits = replace(LIMIT, loads=("q",), non_operating=("-10 [degC]", "70 [degC]"))
     on, off = check_limits(run, [limits])
     assert (on.state, on.passed, off.state, off.passed) == ("operating", False, "non-operating", True)
     assert on.highest - ICE_POINT == pytest.approx(PEAK, abs=1e-4)
@@ -137,7 +137,7 @@ def test_members_of_an_ensemble_agree_with_runs_of_their_own() -> None:
     star = pulsed(
         nodes={"chip": {"capacitance": "10 [J/K]"}, "mid": {}}, conductors=lead | {"up": lead["down"] | {"between": ["mid", "air"]}}
     )
-    blind = td.ensemble(star, day(), {"initial.chip": np.full(3, 293.15)})
+    blind = td.ensemble(star, day(), {"initial.chip": td.celsius(np.full(3, 20.0))})
     assert blind.turnings("mid") is None
     assert "between them unknown" in str(blind.trace(0, "mid"))
 
@@ -203,7 +203,7 @@ def noisy(hold: bool) -> tuple[td.Model, td.Scenario]:
     model = td.model_from_dict({"title": "n", "needs": ["air"], "nodes": nodes, "conductors": conductors, "loads": loads})
     times = np.arange(3601.0)
     values = 293.15 + 0.2 * np.random.default_rng(3).standard_normal(times.size) + 3.0 * ((times + 3.0) % 1300.0 > 703.0)
-    return model, td.Scenario(title="log", duration="1 [h]", boundaries={"air": TableSignal(times, values, hold=hold)}, start=293.15)
+    return model, td.Scenario(title="log", duration="1 [h]", boundaries={"air": TableSignal(times, values, hold=hold)}, start="293.15 [K]")
 
 
 def strayed(trace: Trace, fine: Trace, every: float) -> float:

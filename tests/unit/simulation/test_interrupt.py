@@ -35,7 +35,7 @@ def plate() -> tuple[td.Model, td.Scenario]:
         "loads": {"heater": {"into": "foot", "power": "5 [W]"}},
     }
     noise = np.random.default_rng(3).normal(293.15, 0.05, 3601)
-    room = td.Scenario("room", boundaries={"room": (np.arange(3601.0), noise)}, start=293.15, duration=3600.0)
+    room = td.Scenario("room", boundaries={"room": (np.arange(3601.0), td.quantity(noise, unit="K"))}, start="293.15 [K]", duration=3600.0)
     return td.model_from_dict(deck), room
 
 
@@ -74,7 +74,7 @@ def long_ensemble() -> None:
 
 def block() -> tuple[td.Block, td.Scenario]:
     cube = td.Block((0.1, 0.1, 0.1), (12, 12, 12), conductivity="15 [W/(m K)]", density="3900 [kg/m^3]", specific_heat="1000 [J/(kg K)]")
-    scenario = td.Scenario("days", boundaries={"air": "20 [degC]"}, start=300.0, duration=1e6)
+    scenario = td.Scenario("days", boundaries={"air": "20 [degC]"}, start="300 [K]", duration=1e6)
     core = (slice(2, 5), slice(2, 5), slice(2, 5))
     return cube.exchanging("all", "air", htc="5 [W/(m^2 K)]").heated("heater", "5 [W]", cells=core), scenario
 

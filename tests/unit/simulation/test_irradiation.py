@@ -30,7 +30,7 @@ def under(kelvin: float = 2.7, duration: str = "4 [h]", **flux: Any) -> td.Scena
         "sun",
         boundaries={"space": f"{kelvin} [K]"},
         irradiation={"face": td.simulation.Irradiation(**flux)},
-        start=300.0,
+        start="300 [K]",
         duration=duration,
     )
 
@@ -81,7 +81,7 @@ def test_a_joint_shades_what_it_covers() -> None:
         "sun",
         boundaries={"space": "2.7 [K]"},
         irradiation={"a.face": td.simulation.Irradiation(direct=BRIGHT)},
-        start=300.0,
+        start="300 [K]",
         duration=600.0,
     )
     powers = td.simulate(made, sun).load_powers
@@ -105,7 +105,7 @@ def test_what_two_suns_do_is_the_sum_of_what_each_does() -> None:
     linear = plate(htc="5 [W/(m^2 K)]", emissivity=None)
 
     def rise(**flux: str) -> np.ndarray:
-        made = under(300.0, **flux) if flux else td.Scenario("dark", boundaries={"space": "300 [K]"}, start=300.0, duration="4 [h]")
+        made = under(300.0, **flux) if flux else td.Scenario("dark", boundaries={"space": "300 [K]"}, start="300 [K]", duration="4 [h]")
         run = td.simulate(linear, made)
         assert run.statistics["method"] == "modal"
         return run["plate"].kelvin - 300.0

@@ -42,7 +42,7 @@ def chain(count: int, **more: Any) -> td.Model:
 
 def ends(**more: Any) -> td.Scenario:
     right = {"mean": "310 [K]", "amplitude": "10 [K]", "period": "1 [h]"}
-    return td.Scenario("ends", boundaries={"left": "300 [K]", "right": right}, start=300.0, duration="1 [h]").with_(**more)
+    return td.Scenario("ends", boundaries={"left": "300 [K]", "right": right}, start="300 [K]", duration="1 [h]").with_(**more)
 
 
 def test_many_nodes_are_run_as_a_large_network_and_it_is_said(monkeypatch: pytest.MonkeyPatch) -> None:
@@ -212,7 +212,7 @@ def test_a_node_far_faster_than_the_step_is_right_between_steps() -> None:
         },
     }
     model, times = td.model_from_dict(deck), np.arange(0.0, 3601.0, 10.0)
-    scenario = td.Scenario("kinks", boundaries={"room": room}, start=300.0, duration="1 [h]")
+    scenario = td.Scenario("kinks", boundaries={"room": room}, start="300 [K]", duration="1 [h]")
     small, large = (td.simulate(model, scenario, times=times, options=td.Options(method=m)) for m in ("integrator", "TR-BDF2"))
     assert large.statistics["steps"] < 100
     np.testing.assert_allclose(large["lid"].kelvin[1:], small["lid"].kelvin[1:], atol=1e-3)

@@ -83,7 +83,7 @@ def test_power_balance_derivatives_and_members(law: str, course: str, control: s
     for name in free:
         value = simulator.nominal[name]
         step = 3e-5 if value > 250.0 else 1e-5 * abs(value)  # a threshold moves an instant: by less than to the next stored time
-        sides = [simulator.run({name: value + s * step})["plate"].kelvin for s in (1.0, -1.0)]
+        sides = [simulator.run(simulator.with_units({name: value + s * step}))["plate"].kelvin for s in (1.0, -1.0)]
         difference = (sides[0] - sides[1]) / (2.0 * step)
         size = np.abs(difference).max()
         assert size > 0.0 or name == "heater.power"

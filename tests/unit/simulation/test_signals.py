@@ -11,7 +11,7 @@ import numpy as np
 import pytest
 
 import thermid as td
-from thermid.base.errors import RecordError, ScenarioError
+from thermid.base.errors import RecordError, ScenarioError, ThermidError
 from thermid.model.laws import Constant, MeanOf, Mixed, Signal, Sine, TableSignal, added, common_cycle, joined, multiplied, signal
 from thermid.prediction._monte_carlo.uncertain import begun_at
 from thermid.site.ascent import Trajectory
@@ -444,7 +444,7 @@ def test_a_steady_start_names_its_instant_and_others_can_be_asked_for() -> None:
         ("steady, 1 [h]", "after the end of the run"),
         ("steady, noon", "must be a number"),
     ):
-        with pytest.raises(ScenarioError, match=why):
+        with pytest.raises(ThermidError, match=why):
             begun(start)
     with pytest.raises(ScenarioError, match="a periodic start needs inputs"):
         begun("periodic", loads={"h": "5 [W]"})

@@ -46,7 +46,7 @@ def test_values_act_as_in_a_changed_model(simulator: td.simulation.Simulator) ->
     changed = {**DECK, "loads": {"heater": {"into": "hot", "power": "10 [W]"}}}
     changed["surfaces"] = {"skin": {**DECK["surfaces"]["skin"], "htc": "11 [W/(m^2 K)]"}}
     expected = td.simulate(td.model_from_dict(changed), ROOM.with_(initial={"hot": "30 [degC]"}), every=600.0)
-    found = simulator.run({"skin.htc": 11.0, "scale.heater": 2.0, "initial.warm": 303.15})
+    found = simulator.run(simulator.with_units({"skin.htc": 11.0, "scale.heater": 2.0, "initial.warm": 303.15}))
     assert np.abs(found.temperatures - expected.temperatures).max() < 1e-9
 
 
@@ -55,7 +55,7 @@ def test_values_act_as_in_a_changed_model(simulator: td.simulation.Simulator) ->
 def test_sensitivities_are_slopes(simulator: td.simulation.Simulator, node: str, name: str) -> None:
     found = simulator.run(sensitivities=True).sensitivity(node, name)
     here, step = simulator.nominal[name], 1e-3 * max(abs(simulator.nominal[name]), 1.0)
-    low, high = (simulator.run({name: here + sign * step})[node].kelvin for sign in (-1.0, 1.0))
+    low, high = (simulator.run(simulator.with_units({name: here + sign * step}))[node].kelvin for sign in (-1.0, 1.0))
     assert found == pytest.approx((high - low) / (2 * step), rel=2e-4, abs=2e-4)
 
 

@@ -269,7 +269,7 @@ class Judge:
             return Outlook(None, None, "too early")
         offset = sensor.certificate.offset if sensor is not None and sensor.certificate is not None else 0.0
         step = 2.0 ** (8 - log.state.bits.get(source, log.settings.bits))
-        channel = Channel.of(source, celsius + ICE - offset, column=source, resolution=step)
+        channel = Channel.of(source, celsius - offset, unit="degC", column=source, resolution=step)
         record = Record.from_arrays(log.store.path.name, times, {source: channel}, synthetic=False)
         try:
             found = channel_stability(record, source, self.rule)

@@ -106,6 +106,7 @@ def import_file(
         "conductors": len(network.conductors),
         "loads": len(network.loads),
         "groups": network.groups(),
+        "incomplete": network.incomplete,
         "dropped": [str(each) for each in network.remarks if each.dropped],
         "remarks": [str(each) for each in network.remarks if not each.dropped],
     }
@@ -113,6 +114,7 @@ def import_file(
         shown["not_closed_W"] = closing.open()
     files = [f"written: {each}" for each in (to, case) if each is not None]
     say(as_json, shown, "\n".join([str(network), *([str(closing)] if closing is not None else []), *files]))
+    leave(model_standing(model))
 
 
 def write_back(

@@ -5,6 +5,7 @@ from __future__ import annotations
 import json
 import time
 from collections.abc import Callable, Mapping, Sequence
+from dataclasses import replace
 from pathlib import Path
 from typing import Annotated, Any, Final, NoReturn
 
@@ -243,6 +244,9 @@ def scenario_of(
     }
     if start is not None:
         changes["start"] = with_unit(start, "degC")
+        if base.initial:
+            show(f"note: --start {start} replaces the temperatures of {len(base.initial)} nodes under [initial] of the scenario.", err=True)
+            base = replace(base, initial={})
     if duration is not None:
         changes["duration"] = with_unit(duration, "s")
     scenario = base.with_(**changes)

@@ -28,7 +28,7 @@ PATIENCE: Final = 2.0
 """Time after which a command says how far it is. [s]"""
 STYLES: Final = (
     ("bold red", r"NOT CREDIBLE|FAILED|NOT JUDGED|(?i:not met)|^\s*(?:\S+: )?error:|(?i:do not use)|: (?:failed|not credible)$"),
-    ("yellow", r"NOT ADEQUATE|^\s*(?:\S+: )?(?:warning|likely mistake|check):|(?i:not decided)|: not adequate$"),
+    ("yellow", r"NOT ADEQUATE|INCOMPLETE|^\s*(?:\S+: )?(?:warning|likely mistake|check):|(?i:not decided)|: not adequate$"),
     ("green", r"\bPASSED\b|: met$|: credible$"),
     ("dim", r"^\s*note:"),
 )

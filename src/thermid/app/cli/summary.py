@@ -12,6 +12,7 @@ from thermid.campaign.stages import Campaign, next_command
 from thermid.campaign.verdicts import Check, Verdict
 from thermid.fit.calibration import FIRST, LOUD, Calibration
 from thermid.measure.amounts import digits, short
+from thermid.measure.records import open_questions
 from thermid.values.fitted import FittedValue
 
 Row = tuple[str, ...]
@@ -75,6 +76,7 @@ def _rows(line: str) -> int:
 
 def _top(made: Campaign) -> Iterator[str]:
     """Yield the answer: what must not be used, what passed, the worst sensor of the hold-out records, what would explain a bad fit."""
+    yield from _asked(made)
     if line := made.standing.line(link="stage"):
         yield line
     judged = [v for v in made.verdicts if v.passed is not None]
@@ -89,6 +91,12 @@ def _top(made: Campaign) -> Iterator[str]:
         yield from (f"{name}: {line}" for line in asked.lines())
 
 
+def _asked(made: Campaign) -> tuple[str, ...]:
+    """Return what the owner of the logs should answer first."""
+    records = [r for fit in made.stages.values() if fit.request is not None for r in fit.request.records]
+    return tuple(f"{FIRST}{question}" for question in open_questions(records))
+
+
 def _check_text(c: Check) -> str:
     return f"{c.sensor}, {c.title} {short(c.found, 3)} K, limit {short(c.limit, 3)} K".removeprefix(", ")
 
@@ -99,7 +107,7 @@ def _block(made: Campaign, name: str, fit: Calibration) -> StageRows:
     worst = max(fit.sensors.items(), key=lambda item: item[1].rmse, default=None)
     sensor = f"worst sensor {worst[0]}, RMSE {short(worst[1].rmse, 2)} K" if worst is not None else "tuned by hand"
     assumed = fit.inputs.assumed
-    notes = [f"{name}: {w}" for w in fit.warnings if w.startswith(FIRST)]
+    notes = [f"{name}: {w}" for w in fit.warnings if w.startswith(FIRST) and w not in _asked(made)]
     for why, partly in (("neither log nor scenario gives it", False), ("its channel begins late or ends early", True)):
         inputs = ", ".join(dict.fromkeys(f"{i.name} ({i.kind})" for i in assumed if i.partly == partly))
         if inputs:

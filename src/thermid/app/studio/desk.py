@@ -290,7 +290,7 @@ def _tables(solution: Solution) -> dict[str, Mapping[str, Array]]:
 
 def _of_scenario(simulator: Simulator, si: Mapping[str, float], window: Window) -> RunCurves:
     """Return the curves of a scenario, those of every mass."""
-    solution = simulator.run(dict(si))
+    solution = simulator.run(simulator.with_units(si))
     return RunCurves(
         simulator.wiring.scenario.title, _curves_of(solution, simulator.wiring.network.nodes, window), tuple(solution.warnings)
     )

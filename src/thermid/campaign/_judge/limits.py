@@ -11,7 +11,8 @@ from typing import Any
 import numpy as np
 
 from thermid.base.arguments import takes_objects
-from thermid.base.errors import NameNotFoundError, ScenarioError, refuse_unknown
+from thermid.base.errors import NameNotFoundError, ScenarioError, errors_at, refuse_unknown
+from thermid.base.expression import end_of_range
 from thermid.base.extensions import by_grammar
 from thermid.base.linear_algebra import Array, Bools
 from thermid.base.sourced import check_mark
@@ -33,8 +34,8 @@ class Limits:
     ----------
     point : str             What people call it.
     node : str              Its node in the model.
-    operating : (low, high) While it is switched on; infinite where nobody set one. [K]
-    non_operating, start_up : (low, high) or None   Switched off, and at the instant at which it is switched on. [K]
+    operating : (low, high) Temperatures while it is switched on, ``("-20 [degC]", td.celsius(55))``; infinite where nobody set one.
+    non_operating, start_up : (low, high) or None   Switched off, and at the instant at which it is switched on. All are kept in kelvin.
     loads : tuple of str    Loads that are on when it operates; without them the run says the state.
     mark : str              How sure the numbers are, a key of `MARKS`.
     source : str            Where they stand.
@@ -58,6 +59,10 @@ class Limits:
         """
         where = f"limits of '{self.point}'"
         check_mark(self.mark, where)
+        for state, field in STATES.items():
+            if (given := getattr(self, field)) is not None:
+                with errors_at(f"{where}, {state}"):
+                    object.__setattr__(self, field, tuple(end_of_range(end) for end in given))
         if not np.isfinite(self.operating).any():
             raise ScenarioError("operating: both ends are empty, so no limit would be checked. Give the lower, the upper, or both.", where)
         for state, field in STATES.items():

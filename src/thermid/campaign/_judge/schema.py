@@ -8,17 +8,16 @@ import numpy as np
 from pydantic import ConfigDict
 
 from thermid.base.errors import ScenarioError, ThermidError
+from thermid.base.expression import kelvin
 from thermid.base.grammar import Amount, Finite, Flag, Grammar, GrammarOf, StrictTable, reads
-from thermid.base.units import TEMPERATURE
-from thermid.model.laws import literal
 
 
 def _ends(pair: list[str | float]) -> tuple[float, float]:
     """Return the two ends of a limit; infinite where the text is empty. [K]"""
     if len(pair) != 2:
         raise ScenarioError('a limit is a pair, ["-20 [degC]", "55 [degC]"]; an empty text for an end without limit.')
-    low, high = (literal(t, TEMPERATURE) if t != "" else None for t in pair)
-    return (-np.inf if low is None else low, np.inf if high is None else high)
+    low, high = pair
+    return (kelvin(low) if low != "" else -np.inf, kelvin(high) if high != "" else np.inf)
 
 
 EndsField = Annotated[Any, reads(list[Amount], _ends)]

@@ -288,7 +288,7 @@ def _written(path: Path, stage: str, before: Request, after: Request, delays: Se
     scenario, old = after.scenarios.get("*"), before.scenarios.get("*")
     if scenario is not None and old is not None and scenario.initial != old.initial:
         own = dict(table.get("scenario", {}))
-        own["initial"] = {n: str(c) for n, c in scenario.initial.items() if isinstance(c, str)}
+        own["initial"] = {n: c if isinstance(c, str) else f"{c!r} [K]" for n, c in scenario.initial.items()}
         table["scenario"] = tomlkit.item(own)
     local = {n: _local(s) for n, s in after.local.items() if n not in before.local}
     if local:

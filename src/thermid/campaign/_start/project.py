@@ -336,7 +336,7 @@ def _stage_scenario(proposal: Proposal, request: Request) -> dict[str, Any]:
     if roles.surroundings and not roles.logged:
         out["boundaries"] = {SURROUNDINGS: roles.surroundings}
     given = next(iter([*(request.scenarios.get(r.name) for r in request.records), request.scenarios.get("*")]), None)
-    initial = {n: str(c) for n, c in (given.initial if given else {}).items() if isinstance(c, str)}
+    initial = {n: c if isinstance(c, str) else f"{c!r} [K]" for n, c in (given.initial if given else {}).items()}
     return {**out, **({"initial": initial} if initial else {})}
 
 

@@ -149,7 +149,7 @@ def unread(request: Request, fitted: Likelihood, scenario: Scenario, times: Arra
         raise ScenarioError("a prediction needs times from zero on. Give times, or a scenario with a duration.", name)
     node = fitted.dynamics[0].states[0]
     # a record must read something; what it reads here is never taken
-    blank = Channel.of(node, np.full(times.size, 300.0), role="node", target=node, noise=1.0)
+    blank = Channel.of(node, np.full(times.size, 300.0), unit="K", role="node", target=node, noise=1.0)
     record = Record.from_arrays(name, times, {node: blank})
     asked = replace(
         request, records=(record,), scenarios={"*": scenario}, local={}, record_local={}, readings={}, weights={}, held_errors={}, name=name

@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 
 from thermid.base.arguments import takes_objects
 from thermid.base.errors import IdentificationError, NameNotFoundError, ThermidError, refuse_unknown
+from thermid.base.expression import Kelvin
 from thermid.base.linear_algebra import NOTHING, Array, Bools, covariance as information_inverse, quadratic_forms
 from thermid.base.results import PlottedTrace, Result
 from thermid.base.units import unit
@@ -214,7 +215,7 @@ def _misses(h: PowerHistory, model: Model) -> tuple[dict[str, float], float]:
     loads = {k: v for k, v in h.scenario.loads.items() if k != h.load}
     scenario = replace(
         replace(h.scenario, loads=loads).begun(begin),
-        initial={n: float(whole[n].kelvin[first]) for n in nodes},
+        initial={n: Kelvin(whole[n].kelvin[first]) for n in nodes},
         duration=float(h.times[-1]) - begin,
     )
     out, total = {}, 0.0
@@ -609,7 +610,7 @@ def _history(asked: Request, problem: Problem, path: str, knots: Array, pins: Pi
         if u.kind == "parameter"
     }
     bare = _without(asked.model, path).with_values(texts, f"power of {path}")
-    starts = {u.name.partition("initial.")[2]: float(x) for u, x in zip(problem.unknowns, found.x, strict=True) if ": initial." in u.name}
+    starts = {u.name.partition("initial.")[2]: Kelvin(x) for u, x in zip(problem.unknowns, found.x, strict=True) if ": initial." in u.name}
     given = problem.experiments[0].bare
     loads = {k: v for k, v in given.loads.items() if not k.startswith(f"{path}_at_")}
     loads = {**loads, path: TableSignal(knots, power, False)}

@@ -12,6 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from thermid.base.errors import NameNotFoundError, RecordError, ThermidError, refuse_unknown
+from thermid.base.expression import Kelvin
 from thermid.base.linear_algebra import Array
 from thermid.base.memo import Memo
 from thermid.measure.records import Channel, Record, SecondClock, found_noise, step_of
@@ -96,7 +97,7 @@ def corrected(scenario: Scenario, found: Mapping[str, float]) -> Scenario:
         b: Constant(found[b]) if isinstance(s, Constant) else s.raised(found[b]) for b, s in scenario.boundaries.items() if b in found
     }
     loads = {p: s.scaled(found[f"scale.{p}"]) for p, s in scenario.loads.items() if f"scale.{p}" in found}
-    initial = {name.removeprefix("initial."): t for name, t in found.items() if name.startswith("initial.")}
+    initial = {name.removeprefix("initial."): Kelvin(t) for name, t in found.items() if name.startswith("initial.")}
     return scenario.with_(boundaries=boundaries, loads=loads, initial=initial)
 
 
@@ -305,7 +306,7 @@ def starts_of(
     def lay(node: str, value: Any) -> None:
         if isinstance(value, str) and value in record.channels:
             readings[node] = value
-            initial[node] = first_reading(record, value, window)
+            initial[node] = Kelvin(first_reading(record, value, window))
         else:
             initial[node] = value
 
@@ -315,12 +316,12 @@ def starts_of(
         for node in network.nodes:
             if node not in initial and _massive(network, node):
                 lay(node, base.start)
-        return first_reading(record, base.start, window), initial, readings, ()
+        return Kelvin(first_reading(record, base.start, window)), initial, readings, ()
     if base.start not in ("", MEASURED):
         return base.start, initial, readings, ()
     loose = tuple(n for n in first if n not in initial and _massive(network, n) and _can_start(network, n))
-    initial |= {n: first[n] for n in loose}
-    mean = float(np.mean(list(first.values())))
+    initial |= {n: Kelvin(first[n]) for n in loose}
+    mean = Kelvin(np.mean(list(first.values())))
     return (mean if base.start == MEASURED or len(network.boundaries) != 1 else ""), initial, readings, loose
 
 
@@ -359,7 +360,7 @@ def hidden_starts(
     whole = [*first.values(), *around.values()]
     if network.stores:  # their levels are no temperatures: the readings alone say where they may begin
         return {n: HiddenStart(float(np.mean(list(first.values()))), 0.5 * float(np.ptp(whole)), tuple(first)) for n in hidden}
-    engine = _unpowered(network, replace(scenario, start=float(np.mean(list(first.values())))))
+    engine = _unpowered(network, replace(scenario, start=Kelvin(np.mean(list(first.values())))))
     assembled = engine.wiring.assemble(gradients=False)
     nodes = list(assembled.reduced.nodes)
     loose = [k for k, n in enumerate(nodes) if n not in first and n not in scenario.initial]
@@ -729,7 +730,7 @@ def bind(
     )
     hidden = _hidden_starts(made, network, first, record, driven, observations, tips) if base.start == "" else {}
     if hidden:
-        made = replace(made, initial={**made.initial, **{n: h.mean for n, h in hidden.items()}})
+        made = replace(made, initial={**made.initial, **{n: Kelvin(h.mean) for n, h in hidden.items()}})
     return Experiment(record, model, network, made, times, observations, inputs.shared, readings, loose, tips, ticks, noisy, means, hidden)
 
 
@@ -737,7 +738,7 @@ def _as_it_starts(model: Model, base: Scenario, first: Mapping[str, float]) -> S
     """Return a scenario in which nodes without a reading begin as the program does that runs the model, where nobody gives their start."""
     if model.runner is None or base.start != "":
         return base
-    return replace(base, initial={**{n: t for n, t in model.runner.starts.items() if n not in first}, **base.initial})
+    return replace(base, initial={**{n: Kelvin(t) for n, t in model.runner.starts.items() if n not in first}, **base.initial})
 
 
 def _first_readings(record: Record, observations: Sequence[Observation], window: float) -> dict[str, float]:

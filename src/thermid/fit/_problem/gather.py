@@ -7,6 +7,7 @@ from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass, replace
 
 from thermid.base.errors import IdentificationError, RecordError, nearest, refuse_unknown
+from thermid.base.expression import Kelvin
 from thermid.base.units import TEMPERATURE, require
 from thermid.fit._problem.experiment import OFFSET, RATE, SCALE, Experiment, bind, first_reading, gain_of, lag_of
 from thermid.fit._problem.request import Request, known_before
@@ -284,7 +285,7 @@ def _settled(request: Request, experiment: Experiment, starts: Mapping[str, _Sta
     for name, start in starts.items():
         value = start.reading - request.held_bias.get(start.sensor, 0.0) + start.shift
         if name.startswith("initial."):
-            initial[name.removeprefix("initial.")] = value
+            initial[name.removeprefix("initial.")] = Kelvin(value)
         else:
             boundaries[name] = Constant(value)
     return replace(experiment, scenario=experiment.scenario.with_(boundaries=boundaries, initial=initial))

@@ -14,7 +14,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from thermid.base.errors import IdentificationError, NameNotFoundError, ThermidError, nearest, refuse_unknown
+from thermid.base.errors import IdentificationError, NameNotFoundError, ThermidError, errors_at, nearest, refuse_unknown
+from thermid.base.expression import kelvin
 from thermid.base.linear_algebra import RANK_TOLERANCE, Array, inverse_square_root
 from thermid.base.units import TEMPERATURE, from_si, unit
 from thermid.fit._problem.experiment import first_reading
@@ -47,7 +48,7 @@ class LocalSpec:
 
     @classmethod
     def read(cls, given: Any, where: str) -> LocalSpec:
-        """Return it from a text or a table with `start` and `sd`."""
+        """Return it from a temperature, the name of a channel, or a table with `start` and `sd`."""
         table = given if isinstance(given, Mapping) else {"start": given}
         refuse_unknown(table, ("start", "sd"), where, "give a local value start and sd, not {}.", IdentificationError)
         if "start" not in table:
@@ -55,7 +56,9 @@ class LocalSpec:
         sd = literal(table["sd"], "K", where) if "sd" in table else math.inf
         if not sd > 0:
             raise IdentificationError(f"the standard deviation {table['sd']} of a local value must be above zero.", where)
-        return cls(str(table["start"]), sd)
+        start = table["start"]
+        with errors_at(where):
+            return cls(start if isinstance(start, str) else f"{kelvin(start)!r} [K]", sd)
 
 
 @dataclass(frozen=True)

@@ -10,6 +10,7 @@ import numpy as np
 from thermid.base.arguments import takes_objects
 from thermid.base.dual import value_of
 from thermid.base.errors import DeckError, RecordError
+from thermid.base.expression import Kelvin
 from thermid.base.linear_algebra import Array
 from thermid.base.results import Result
 from thermid.fit.calibration import Calibration
@@ -209,9 +210,9 @@ class _Case:
         measured = {n: by["node", n] for n in self.nodes}
         at = dict(measured)
         if self.calculated:
-            driven = replace(given, prescribed={n: Constant(v) for n, v in measured.items()}, initial={}, start=ICE_POINT + 20.0)
+            driven = replace(given, prescribed={n: Constant(v) for n, v in measured.items()}, initial={}, start=Kelvin(ICE_POINT + 20.0))
             at |= {n: t for n, t in steady(self.model, driven).items() if n in self.calculated}
-        wiring = Wiring(self.network, replace(given, initial={}, start=ICE_POINT + 20.0))
+        wiring = Wiring(self.network, replace(given, initial={}, start=Kelvin(ICE_POINT + 20.0)))
         engine, a, zero = Engine(wiring), wiring.assemble(), np.zeros(1)
         at |= {b: float(wiring.boundary(b, zero, a.offsets)[0]) for b in self.network.boundaries}
         what = "an energy balance at one instant"

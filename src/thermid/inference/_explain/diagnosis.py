@@ -42,7 +42,7 @@ class Case:
 
     def run(self, values: Mapping[str, float], only: str = "") -> tuple[Array, dict[str, Array], Array]:
         """Return temperatures (sensors, bins), their derivatives by free name (one, or all), and temperatures of the room (bins,)."""
-        run = self.ready.run(values, sensitivities=True)
+        run = self.ready.run(self.ready.with_units(values), sensitivities=True)
         at = np.array([np.interp(self.centres, run.times, run[n].kelvin) for n in self.nodes])
         several = [run.slopes(n) for n in self.nodes]
         slopes = {

@@ -192,7 +192,8 @@ def _ran(fit: RoughFit, x: Array, experiment: int) -> Solution:
     values = {t.name: u.to_value(float(v)) for u, v in found for t in u.targets if t.experiment == experiment}
     own = parameter_table(e.model)  # a sensor that lags has values of its own beside the model
     named = {n: v for n, v in values.items() if n in own}
-    return prepare(e.model, e.bare, tuple(named), times=fit.meshes[experiment][0]).run(named)
+    ready = prepare(e.model, e.bare, tuple(named), times=fit.meshes[experiment][0])
+    return ready.run(ready.with_units(named))
 
 
 def air_paths(e: Experiment, boundary: str) -> list[FlatConductor]:

@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 import os
 import re
+from collections import Counter
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, field
 from typing import Any, Final
@@ -23,6 +24,10 @@ GROUP: Final[Mapping[str, float]] = {"value": 1.0, "min": 0.05, "max": 20.0}
 """A factor of all conductors that one statement of the deck's author made: what an analyst correlates."""
 STEP: Final = 1e-9
 """Share of a period over which the end of a cycle steps to its beginning."""
+
+
+MOST_KINDS: Final = 4
+"""Kinds of missing statements that are listed by name."""
 
 
 @dataclass(frozen=True)
@@ -146,15 +151,22 @@ class NetworkFile:
 
     def __str__(self) -> str:
         """Return what was read in one line, then what was not."""
-        dropped = [each for each in self.remarks if each.dropped]
         held = sum(node.held for node in self.nodes)
         head = (
             f"{self.title} ({self.tool}): {counted(len(self.nodes) - held, 'node')}, {counted(held, 'boundary node')}, "
             f"{counted(len(self.conductors), 'conductor')} in {counted(len(self.groups()), 'group')}, {counted(len(self.loads), 'load')}"
         )
-        if dropped:
-            head = f"INCOMPLETE: {counted(len(dropped), 'statement')} not taken over\n{head}"
+        if self.incomplete:
+            head = f"INCOMPLETE: {self.incomplete}\n{head}"
         return "\n".join([head, *(f"  {each}" for each in self.remarks)])
+
+    @property
+    def incomplete(self) -> str:
+        """What was not taken over, counted by kind; empty where nothing is missing."""
+        kinds = Counter(re.split(r":| \(", each.what, maxsplit=1)[0] for each in self.remarks if each.dropped)
+        listed = ", ".join(f"{n} x {what}" if n > 1 else what for what, n in kinds.most_common(MOST_KINDS))
+        more = f" and {len(kinds) - MOST_KINDS} more kinds" if len(kinds) > MOST_KINDS else ""
+        return f"{counted(kinds.total(), 'statement')} of {self.tool} not taken over ({listed}{more})" if kinds else ""
 
     def celsius(self, printed: Mapping[str, float]) -> dict[str, float]:
         """Return printed temperatures in degC; a deck in kelvin or Fahrenheit prints in its own unit."""
@@ -191,6 +203,7 @@ class NetworkFile:
         stated = {name: {"value": value, "source": "derived", "basis": str(span)} for name, (value, span) in self.parameters.items()}
         deck = {
             "title": self.title,
+            "incomplete": self.incomplete,
             "needs": [node.path for node in self.nodes if node.held],
             "parameters": stated | groups,
             "submodels": submodels,

@@ -28,6 +28,8 @@ RANKINE: Final = 5.0 / 9.0
 _ENERGY: Final = {"J": 1.0, "KJ": 1e3, "BTU": BTU, "CAL": 4.184, "W-HR": HOUR, "W*S": 1.0}
 _TIME: Final = {"S": 1.0, "SEC": 1.0, "MIN": 60.0, "HR": HOUR, "H": HOUR}
 _LENGTH: Final = {"M": 1.0, "MM": 1e-3, "CM": 1e-2, "IN": 0.0254, "FT": 0.3048}
+COLDEST: Final = -120.0
+"""Start of a node below which numbers without a stated unit are taken for other than kelvin. [degC]"""
 Cells = list[tuple[str, TextSpan]]
 """What stands between the commas of a row, each with its place."""
 _SILENT: Final = (
@@ -55,6 +57,7 @@ class Units:
     length: float = 1.0
     zero: float = 0.0
     sigma: float | None = None
+    stated: bool = False
 
     @property
     def power(self) -> float:
@@ -109,6 +112,7 @@ def read_sinda(path: str | Path) -> NetworkFile:
             if header.startswith(wanted):
                 _READERS[wanted](deck, submodel, lines)
     _name_what_is_left(deck)
+    _question_kelvin(deck)
     if deck.units.sigma is None and any(c.table["kind"] == "radiation" for c in deck.conductors):
         first = next(c for c in deck.conductors if c.table["kind"] == "radiation")
         deck.reading.remark(
@@ -189,6 +193,7 @@ def _stated_unit(deck: SindaDeck, row: str) -> None:
     elif what == "Length" and unit in _LENGTH:
         deck.units.length = _LENGTH[unit] if unit in ("FT", "IN") else 1.0  # radiation conductors stay in m^2 under mm
     elif what == "Temp":
+        deck.units.stated = True
         deck.units.degree = RANKINE if unit in ("F", "R") else 1.0
         deck.units.zero = {"C": -ICE_POINT, "F": -459.67}.get(unit, 0.0)
 
@@ -198,6 +203,7 @@ def _control(deck: SindaDeck, _: str, lines: list[Line]) -> None:
     for line in lines:
         for found in re.finditer(r"(\w+)\s*=\s*([^\s,]+)", line.text):
             name, word = found[1].upper(), found[2]
+            deck.units.stated |= name in ("UID", "ABSZRO")
             if name == "UID" and word.upper().startswith("E"):
                 deck.units.energy, deck.units.time, deck.units.degree, deck.units.length = BTU, HOUR, RANKINE, 0.3048
                 continue
@@ -595,6 +601,18 @@ def _unique(loads: list[FileLoad]) -> Iterator[FileLoad]:
     for load in loads:
         seen[load.name] = seen.get(load.name, 0) + 1
         yield load if seen[load.name] == 1 else replace(load, name=f"{load.name}_{seen[load.name]}")
+
+
+def _question_kelvin(deck: SindaDeck) -> None:
+    """Name temperatures that are read as kelvin because nothing states their unit, where hardware would be too cold."""
+    coldest = min((node for node in deck.nodes if not node.held), key=lambda node: node.celsius, default=None)
+    if deck.units.stated or coldest is None or coldest.celsius > COLDEST:
+        return
+    deck.reading.remark(
+        coldest.where,
+        f"unit of temperatures not stated: read as kelvin, {coldest.submodel}.{coldest.name} begins at {coldest.celsius:.4g} degC. Write "
+        "ABSZRO = -459.67 and UID = ENG for degrees Fahrenheit, ABSZRO = -273.15 for degC, or ABSZRO = 0 for kelvin into CONTROL DATA",
+    )
 
 
 def _name_what_is_left(deck: SindaDeck) -> None:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
 from pathlib import Path
@@ -11,11 +11,12 @@ from typing import Final
 import numpy as np
 
 from thermid.base.errors import NameNotFoundError, RecordError, errors_at, refuse_unknown
-from thermid.base.units import in_si, require, unit
+from thermid.base.units import from_si, in_si, require, unit
 from thermid.measure._readers.bindings import Binding, bindings, full_scale, unit_and_quantity
 from thermid.measure._readers.columns import decimal_sign, find_column, kelvin_sized, numbers
 from thermid.measure._readers.formats import log_cells
 from thermid.measure._readers.headers import name_and_unit
+from thermid.measure._readers.questions import hidden_switches, lost_hour, repeated_stamps, unit_question
 from thermid.measure._readers.stamps import Clock, Times, clock_column, read_times
 from thermid.measure._readers.textfile import Cells
 from thermid.measure._record.channel import BoolArray, Channel, FloatArray, Origin, digest, with_sensor
@@ -92,7 +93,7 @@ def read_record(
         for made, each in read
     ]
     made = [each for each, _ in sensors]
-    origin = _origin(cells, clock_at, read_at, parsed)
+    origin = replace(_origin(cells, clock_at, read_at, parsed), questions=_questions(times, clock_at, read_at, made))
     notes = [*cells.notes, *read_at.notes, *(note for _, said in sensors for note in said)] + (
         [f"read with decimal '{sign}'"] if sign == "," and decimal is None else []
     )
@@ -122,7 +123,7 @@ def _path(path: str | Path) -> Path:
     """Return the path, and refuse what is in memory."""
     if not isinstance(path, str | Path):
         raise RecordError(
-            f"a {type(path).__name__} is not a file. For columns in memory use Record.from_arrays, with temperatures in kelvin.",
+            f"a {type(path).__name__} is not a file. For columns in memory use Record.from_arrays, with unit='degC', for instance.",
             "read_record",
             code="value.wrong-kind",
         )
@@ -168,9 +169,11 @@ def _channel(cells: Cells, binding: Binding, parsed: list[FloatArray | int]) -> 
         """Return an error or step of the column in SI; one in per cent is a share of the full scale."""
         return None if given is None else amount(given, difference, f"{where}, {word}") * scale
 
-    made = Channel.of(
+    values = in_si(samples, unit_text) * scale
+    made = Channel(
         binding.name,
-        in_si(samples, unit_text) * scale,
+        values,
+        np.isfinite(values),
         quantity=quantity if watts is None else "power",
         role=binding.role,
         target=binding.target,
@@ -214,6 +217,18 @@ def _masked(channel: Channel, reasons: Mapping[str, list[int]]) -> Channel:
         masks[reason][rows] = True
         valid[rows] = False
     return replace(channel, valid=valid, masks=masks) if masks else channel
+
+
+def _questions(times: FloatArray, clock: Clock, read: Times, made: Sequence[Channel]) -> tuple[str, ...]:
+    """Return what the log leaves open of the channels that are read."""
+    columns = {c.name: np.where(c.valid, from_si(c.values, c.unit), np.nan) for c in made}
+    warm = {c.name: columns[c.name] for c in made if c.quantity == "temperature"}
+    return (
+        *unit_question({c.name: warm[c.name] for c in made if c.name in warm and c.assumed and c.unit == "degC"}),
+        *repeated_stamps(times, columns),
+        *(() if read.zone else lost_hour(times, clock.texts, warm)),
+        *hidden_switches(times, {c.name: columns[c.name] for c in made if c.held}),
+    )
 
 
 def _origin(cells: Cells, clock: Clock, times: Times, parsed: list[FloatArray | int]) -> Origin:

@@ -12,8 +12,9 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from thermid.base.codes import CodedText
-from thermid.base.errors import NameNotFoundError, RecordError, nearest, refuse_unknown
-from thermid.base.units import format_value, from_si, unit
+from thermid.base.errors import ExpressionError, NameNotFoundError, RecordError, errors_at, nearest, refuse_unknown
+from thermid.base.expression import quantity, si_values, stated
+from thermid.base.units import TEMPERATURE, format_value, from_si, require_unit, unit as read_unit
 from thermid.measure._record.sensor import KEYS, SensorCertificate, SensorPart
 from thermid.measure.amounts import amount, duration_text, positive_seconds
 
@@ -43,6 +44,7 @@ class Origin:
     rows : int              Lines with samples.
     time : str              Name of the time column.
     synthetic : bool        Whether the samples were made and not measured.
+    questions : tuple       What the log leaves open and its owner can answer, in words: a unit, an hour, two readings at one time.
     """
 
     file: str
@@ -52,6 +54,7 @@ class Origin:
     rows: int
     time: str = "time"
     synthetic: bool = False
+    questions: tuple[str, ...] = ()
 
 
 def digest(columns: Iterable[tuple[str, ArrayLike]]) -> str:
@@ -154,10 +157,29 @@ class Channel:
             object.__setattr__(self, key, value)
 
     @classmethod
-    def of(cls, name: str, values: ArrayLike, **fields: Any) -> Channel:
-        """Return a channel of an array in SI, with samples that are not finite masked."""
-        samples = np.asarray(values, dtype=np.float64)
-        return cls(name, samples, np.isfinite(samples), **fields)
+    def of(cls, name: str, values: Any, *, unit: str = "", **fields: Any) -> Channel:
+        """Return a channel of an array, with samples that are not finite masked.
+
+        Parameters
+        ----------
+        name : str                  Its name in the record.
+        values : array (samples,)   In `unit`; or with their own, by `thermid.celsius`, or of pint, pandas or xarray.
+        unit : str                  Without it, and without a unit of the values, these are SI; temperatures need one.
+        fields                      As of the class.
+
+        Raises
+        ------
+        UnitError   When temperatures have no unit, or the unit is of something else.
+        """
+        kind = fields.get("quantity", "temperature")
+        with errors_at(f"channel '{name}'"):
+            given = quantity(values, unit=unit) if unit else stated(values)
+            if given is not None and kind in _SI:
+                require_unit(given.unit, TEMPERATURE if kind == "temperature" else _SI[kind])
+            if given is None and kind == "temperature":
+                given = quantity(si_values(values, TEMPERATURE), unit="K")
+        samples = np.asarray(values if given is None else given.si, dtype=np.float64)
+        return cls(name, samples, np.isfinite(samples), unit="" if given is None else given.unit.text, **fields)
 
     @property
     def flags(self) -> dict[str, int]:
@@ -431,8 +453,8 @@ def _moment(record: Samples, given: object, what: str) -> float:
         return float(record.times[0 if given.strip() == "start" else -1])
     try:
         return amount(given, "s", what)
-    except RecordError as error:
-        raise error.reworded(f"{error.message} 'start' and 'end' are allowed too.") from None
+    except (RecordError, ExpressionError) as error:
+        raise RecordError(f"{error.message} 'start' and 'end' are allowed too.", error.where, code=error.code) from None
 
 
 def stretch(record: Samples, start: object, end: object, what: str) -> tuple[BoolArray, str]:
@@ -507,7 +529,7 @@ def step_of(channel: Channel) -> float:
 
 def _last_digit(value: float, text: str) -> float:
     """Return the step of the last decimal digit of a value in a unit; zero where it has more than six. [SI]"""
-    of = unit(text)
+    of = read_unit(text)
     shown = (value - float(of.offset)) / float(of.factor)
     for digits in range(DIGITS + 1):
         if abs(shown * 10.0**digits - round(shown * 10.0**digits)) < 1e-6 * 10.0**digits:
@@ -635,6 +657,12 @@ def stray_readings(records: Sequence[Samples]) -> tuple[str, ...]:
                     )
                 )
     return tuple(out)
+
+
+def open_questions(records: Sequence[Samples]) -> tuple[str, ...]:
+    """Return what the owner of the logs should answer first: readings that are codes of faults, and the questions of each log."""
+    asked = (f"record '{r.name}': {question}" for r in records for question in r.origin.questions)
+    return (*stray_readings(records), *dict.fromkeys(asked))
 
 
 def codes_to_mask(codes: Iterable[float], channel: Channel) -> list[str]:

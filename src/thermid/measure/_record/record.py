@@ -15,10 +15,10 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any, Final, NamedTuple
 
 import numpy as np
-from numpy.typing import ArrayLike
 
 from thermid.base.arguments import takes_objects
-from thermid.base.errors import RecordError, ThermidError, refuse_unknown
+from thermid.base.errors import RecordError, ThermidError, errors_at, refuse_unknown
+from thermid.base.expression import seconds
 from thermid.base.extensions import optional
 from thermid.base.files import LOG, replacing
 from thermid.base.results import PlottedTrace, Result, Row
@@ -71,18 +71,24 @@ class Record(Samples, Result):
     """
 
     @classmethod
-    def from_arrays(cls, name: str, times: ArrayLike, channels: Mapping[str, ArrayLike | Channel], *, synthetic: bool = True) -> Record:
+    def from_arrays(cls, name: str, times: Any, channels: Mapping[str, Any], *, unit: str = "", synthetic: bool = True) -> Record:
         """Return a record of samples made in Python, marked as synthetic.
 
         Parameters
         ----------
         name : str               Its name.
-        times : array (samples,) Times. [s]
-        channels : mapping       Arrays of temperatures [K], or whole `Channel` values, by name.
+        times : array (samples,) Times: numbers in seconds, texts such as "2 [h]", durations or stamps.
+        channels : mapping       Arrays of temperatures, or whole `Channel` values, by name.
+        unit : str               Of the arrays that do not state their own: ``"degC"``, ``"K"``.
         synthetic : bool         Set it False for samples that were measured and read by other means.
+
+        Raises
+        ------
+        UnitError     When an array has no unit.
+        RecordError   As of the class.
         """
-        of = {key: each if isinstance(each, Channel) else Channel.of(key, each, column=key) for key, each in channels.items()}
-        axis = np.asarray(times, dtype=np.float64)
+        of = {key: each if isinstance(each, Channel) else Channel.of(key, each, unit=unit, column=key) for key, each in channels.items()}
+        axis = seconds(times)
         sha = digest([("time", axis), *((key, each.values) for key, each in of.items())])
         origin = Origin(name, sha, None, ("time", *of), axis.size, "time", synthetic)
         return cls(name, axis, of, origin)
@@ -774,24 +780,13 @@ ROLES: Final = {"node": "temperature", "boundary": "temperature", "prescribed": 
 
 def _seconds(times: Any, where: str) -> FloatArray:
     """Return the times of a frame; stamps count from the first. [s]"""
-    values = np.asarray(times)
-    if values.dtype.kind == "M":
-        seconds = (values - values[0]) / np.timedelta64(1, "s")
-    elif values.dtype.kind == "m":
-        seconds = values / np.timedelta64(1, "s")
-    elif values.dtype.kind in "iuf":
-        seconds = values.astype(np.float64)
-    else:
-        raise RecordError(
-            "the times are neither numbers nor stamps. Convert them with pandas.to_datetime, or name their column.",
-            where,
-            code="record.time-not-read",
-        )
-    if values.size < 2 or not np.all(np.diff(seconds) > 0.0):
+    with errors_at(where):
+        axis = seconds(times)
+    if axis.size < 2 or not np.all(np.diff(axis) > 0.0):
         raise RecordError(
             "the times do not increase strictly. Sort the frame by time and drop what is there twice.", where, code="record.time-order"
         )
-    return np.asarray(seconds, dtype=np.float64)
+    return axis
 
 
 def _channel_of(column: str, values: FloatArray, table: Mapping[str, Any], name: str) -> Channel:
@@ -813,7 +808,7 @@ def _channel_of(column: str, values: FloatArray, table: Mapping[str, Any], name:
     }
     return Channel.of(
         column,
-        in_si(values, of),
+        values,
         quantity=ROLES[roles[0]],
         role=roles[0],
         target=str(table[roles[0]]),

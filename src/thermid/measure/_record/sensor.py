@@ -7,11 +7,12 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Any, Final
 
-from thermid.base.errors import RecordError, refuse_unknown
+from thermid.base.errors import RecordError, errors_at, refuse_unknown
+from thermid.base.expression import Kelvin, end_of_range, kelvin
 from thermid.base.units import TEMPERATURE
 from thermid.measure.amounts import amount
 
-ICE: Final = 273.15
+ICE: Final = Kelvin(273.15)
 """The ice point, about which a scale is held to turn where nothing else is said. [K]"""
 BEAD: Final = 1e-6
 """Heat capacity of a sensor that lags but is said to have none: it takes no heat worth naming. [J/K]"""
@@ -25,6 +26,8 @@ _NUMBERS: Final = {
     "lag_accuracy": "s",
     "capacitance": "J/K",
 }
+TEMPERATURES: Final = ("gain_about", "low", "high")
+"""Fields of a sensor that are temperatures."""
 KEYS: Final = (*_NUMBERS, "mass", "specific_heat", "lead", "certificate", "range")
 """What the table of a channel may say of its sensor beside noise, accuracy and resolution."""
 
@@ -37,14 +40,19 @@ class SensorCertificate:
     ----------
     offset : float        Reading less temperature. [K]
     uncertainty : float   Standard deviation of that. [K]
-    at : float            Temperature of the comparison. [K]
+    at : temperature      Of the comparison: ``td.celsius(0)`` or a text; kept in kelvin.
     date : str            When.
     """
 
     offset: float
     uncertainty: float
-    at: float = ICE
+    at: Any = ICE
     date: str = ""
+
+    def __post_init__(self) -> None:
+        """Read the temperature."""
+        with errors_at("certificate, at"):
+            object.__setattr__(self, "at", kelvin(self.at))
 
     @classmethod
     def read(cls, given: object, where: str) -> SensorCertificate:
@@ -63,7 +71,7 @@ class SensorCertificate:
         found = cls(
             amount(table["offset"], "K", f"{where}.offset"),
             amount(table["uncertainty"], "K", f"{where}.uncertainty"),
-            amount(table.get("at", ICE), TEMPERATURE, f"{where}.at"),
+            Kelvin(amount(table["at"], TEMPERATURE, f"{where}.at") if "at" in table else ICE),
             str(table.get("date", "")),
         )
         if found.uncertainty <= 0:
@@ -85,25 +93,31 @@ class SensorPart:
     Parameters
     ----------
     gain_accuracy : float           Standard deviation of the relative error of its scale. [-]
-    gain_about : float              Temperature at which that error is nothing. [K]
+    gain_about : temperature        At which that error is nothing: ``td.celsius(0)`` or a text; kept in kelvin.
     correlation_time : float        Of its noise, which then falls off as ``exp(-t / time)``. [s]
     lag, lag_accuracy : float       Time constant with which it follows its node, and standard deviation of that. [s]
     capacitance : float             Its own heat capacity, which its node has to warm too. [J/K]
     lead_conductance : float        Of its leads. [W/K]
     lead_to : str                   The node or boundary to which they lose heat.
-    low, high : float               Range; a reading at or beyond its ends says nothing. [K]
+    low, high : temperature         Range, infinite where it is open; a reading at or beyond its ends says nothing. Kept in kelvin.
     """
 
     gain_accuracy: float = 0.0
-    gain_about: float = ICE
+    gain_about: Any = ICE
     correlation_time: float = 0.0
     lag: float = 0.0
     lag_accuracy: float = 0.0
     capacitance: float = 0.0
     lead_conductance: float = 0.0
     lead_to: str = ""
-    low: float = -math.inf
-    high: float = math.inf
+    low: Any = -math.inf
+    high: Any = math.inf
+
+    def __post_init__(self) -> None:
+        """Read the temperatures."""
+        for key in TEMPERATURES:
+            with errors_at(f"sensor, {key}"):
+                object.__setattr__(self, key, end_of_range(getattr(self, key)))
 
     @classmethod
     def read(cls, table: Mapping[str, Any], where: str) -> SensorPart | None:
@@ -116,6 +130,8 @@ class SensorPart:
         if not any(key in table for key in KEYS):
             return None
         found = {key: amount(table[key], slot, f"{where}, {key}") for key, slot in _NUMBERS.items() if key in table}
+        if "gain_about" in found:
+            found["gain_about"] = Kelvin(found["gain_about"])
         for key, value in found.items():
             if value < 0:
                 raise RecordError(f"its {key} is {value:g}; it cannot be negative.", where, code="value.outside-range")
@@ -174,7 +190,7 @@ def _limits(given: object, where: str) -> tuple[float, float]:
             where,
             code="value.wrong-kind",
         )
-    low, high = (amount(one, TEMPERATURE, where) for one in given)
+    low, high = (Kelvin(amount(one, TEMPERATURE, where)) for one in given)
     if low >= high:
         raise RecordError(f"its lowest reading ({given[0]}) is not below its highest ({given[1]}).", where, code="value.outside-range")
     return low, high

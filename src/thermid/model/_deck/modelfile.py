@@ -152,7 +152,7 @@ def model_from_dict(
             paths = [f"set.{path}" for path in made.settings]
             paths += [f"{table}.{name}" for table in ("submodels", "conductors") for name in getattr(made, table)]
             places |= dict.fromkeys(paths, line)
-    plain: dict[str, Any] = {name: getattr(deck, name) for name in ("title", "box", "use", "parameters", "aliases")}
+    plain: dict[str, Any] = {name: getattr(deck, name) for name in ("title", "box", "use", "incomplete", "parameters", "aliases")}
     made_in = {gas: table.element(site.below(f"made_in.{gas}")) for gas, table in deck.made_in.items()}
     model = Model(
         **plain,

@@ -5,7 +5,7 @@ from __future__ import annotations
 import json
 import os
 import re
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
 from pathlib import Path
 from typing import Any
 
@@ -32,7 +32,8 @@ def save_model(model: Model, path: str | os.PathLike[str], like: str | os.PathLi
 
     Parameters
     ----------
-    path : path     The deck to write; submodels go to ``<title>.toml`` beside it.
+    path : path     The deck to write; submodels go to ``<title>.toml`` beside it, or to ``<deck>_<title>.toml`` where another deck has a
+                    part of that name there.
     like : path     A deck whose comments and order are kept; values that differ are changed in it.
 
     Raises
@@ -44,9 +45,10 @@ def save_model(model: Model, path: str | os.PathLike[str], like: str | os.PathLi
     target = Path(path)
     pattern = Path(like) if like is not None else None
     files: dict[Path, Model] = {}
-    _collect(model, target, files)
+    names = _part_names(model, target)
+    _collect(model, target, files, names)
     files = {file: part for file, part in files.items() if file == target or not _says(file, part)}
-    texts = {file: model_text(part, pattern if file == target else None) for file, part in files.items()}
+    texts = {file: model_text(part, pattern if file == target else None, names) for file, part in files.items()}
     # a deck that is changed in its place, comments kept, carries its content on; every other file is looked at before any is written
     changed = target if pattern is not None and _one_file(pattern, target) else None
     kinds = {file: OWN if file == changed else DECK.of(part.title) for file, part in files.items()}
@@ -60,28 +62,65 @@ def _says(path: Path, model: Model) -> bool:
     """Whether a deck that thermid did not write says the same already: it stays as its author wrote it."""
     if not path.is_file() or DECK.of(model.title).wrote(path):
         return False
-    try:
-        return load_model(path) == model
-    except ThermidError:
-        return False
+    return _equals(path, model)
 
 
 def _one_file(one: Path, other: Path) -> bool:
     return other.exists() and one.samefile(other)
 
 
-def _collect(model: Model, path: Path, files: dict[Path, Model]) -> None:
+def _part_names(model: Model, target: Path) -> dict[str, str]:
+    """Return title of a part -> its file beside the deck; parts of other decks there keep theirs."""
+    own = _used_by(target)
+    out: dict[str, str] = {}
+    for part in _parts(model):
+        name, alone = _file_name(part.title), _file_name(f"{target.stem} {part.title}")
+        there = target.parent / name
+        other = name not in own and there.is_file() and DECK.of(part.title).wrote(there) and not _equals(there, part)
+        out[part.title] = alone if alone in own or other else name
+    return out
+
+
+def _used_by(deck: Path) -> set[str]:
+    """Return the files beside a deck that it and its parts use."""
+    out: set[str] = set()
+    left = [deck]
+    while left:
+        file = left.pop()
+        used = set(re.findall(r'"([^"/]+\.toml)"', file.read_text(encoding="utf-8"))) if file.is_file() else set()
+        left += [deck.parent / name for name in used - out]
+        out |= used
+    return out
+
+
+def _parts(model: Model) -> Iterator[Model]:
+    for part in model.submodels.values():
+        yield part.model
+        yield from _parts(part.model)
+
+
+def _equals(path: Path, model: Model) -> bool:
+    """Whether a deck is the same as a model."""
+    try:
+        return load_model(path) == model
+    except ThermidError:
+        return False
+
+
+def _collect(model: Model, path: Path, files: dict[Path, Model], names: Mapping[str, str]) -> None:
     if path in files and files[path].identity() != model.identity():
         raise DeckError(f"two different submodels would be saved in the same file '{path.name}'. Give them different titles.")
     files[path] = model
     for part in model.submodels.values():
-        _collect(part.model, path.parent / _file_name(part.model.title), files)
+        _collect(part.model, path.parent / names[part.model.title], files, names)
 
 
-def model_text(model: Model, like: Path | None = None) -> str:
-    """Return the TOML of one deck; layers laid over it become its [set] or its values."""
+def model_text(model: Model, like: Path | None = None, names: Mapping[str, str] | None = None) -> str:
+    """Return the TOML of one deck; layers laid over it become its [set] or its values; `names` has the files of parts by title."""
     data = to_dict(model)
-    data["submodels"] = {n: {"use": _file_name(s.model.title), "bind": s.bound()} for n, s in model.submodels.items()}
+    data["submodels"] = {
+        n: {"use": (names or {}).get(s.model.title, _file_name(s.model.title)), "bind": s.bound()} for n, s in model.submodels.items()
+    }
     data.pop("layers", None)
     for layer in model.layers:
         for name, given in layer.values.items():

@@ -761,6 +761,7 @@ class Deck(StrictTable):
     title: str
     box: Box = "light grey"
     use: str = ""
+    incomplete: str = ""
     needs: list[str] = []
     offers: list[str] = []
     parameters: dict[str, Value] = {}

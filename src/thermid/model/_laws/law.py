@@ -7,11 +7,11 @@ from typing import Any, Final, Literal
 
 import numpy as np
 
-from thermid.base.errors import DeckError, nearest
+from thermid.base.errors import DeckError, errors_at, nearest
+from thermid.base.expression import si_value
 from thermid.base.linear_algebra import Array, Indices
 from thermid.model._laws.curves import Curve, hermite
 from thermid.model._laws.options import Source
-from thermid.model._laws.signal import literal
 
 FINEST: Final = 1e-3
 """Points stand no closer than this: a kink is rounded over it. [K]"""
@@ -57,7 +57,7 @@ def law(
             code="name.unknown",
         )
     slot = "temperature" if over == "temperature" else "K"
-    low, high = (literal(b, slot, "law, between") if isinstance(b, str) else float(b) for b in between)
+    low, high = (_end(b, slot) for b in between)
     if not (low < high and np.isfinite([low, high]).all() and (over == "difference" or low >= 0.0)):
         raise DeckError(f"between {low:g} K and {high:g} K the range is empty. Give the lower end first.", "law, between")
     if not 1e-12 <= tolerance < 1.0:
@@ -66,6 +66,13 @@ def law(
     x = np.array([low, 0.0, high] if over == "difference" and low < 0.0 < high else [low, high])
     knots, values, slopes = _refined(asked, x, tolerance)
     return Curve(over, knots, values, slopes, source=source, basis=basis)
+
+
+def _end(given: Any, slot: str) -> float:
+    """Return an end of the range; a difference may be a plain number of kelvin. [K]"""
+    with errors_at("law, between"):
+        value = si_value(given, slot)
+    return float(given) if value is None else value
 
 
 class _Asked:

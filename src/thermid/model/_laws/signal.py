@@ -15,9 +15,9 @@ from typing import Any
 import numpy as np
 
 from thermid.base.errors import ScenarioError, ThermidError, cap, raising
-from thermid.base.expression import parse
+from thermid.base.expression import THREE_WAYS, Quantity, parse, seconds, si_value, si_values, stated, text_value
 from thermid.base.linear_algebra import Array
-from thermid.base.units import require, require_unit, unit as read_unit
+from thermid.base.units import TEMPERATURE, require, unit as read_unit
 
 Span = tuple[float, float]
 
@@ -29,6 +29,8 @@ SINE_SAMPLES = 400
 """Samples of a period where a sine must become a table: within 3e-5 of its amplitude. [-]"""
 JUMP = 1e-6
 """Time in which a held value jumps where it meets one that is not held. [s]"""
+ROUNDED = 1e-12
+"""Share of a run by which times of an edge and of its end may differ. [-]"""
 BEND = 2e-5
 """Share of a signal's range by which straight lines may miss what follows from other signals. [-]"""
 MOST_HALVINGS = 8
@@ -611,6 +613,28 @@ Drawn = Constant | TableSignal | Sine
 """What a run sees, and what is written for other programs."""
 
 
+def in_run(given: Signal, end: float) -> Drawn:
+    """Return a signal as a run from zero to `end` [s] sees it: what jumps at the end itself keeps the value before."""
+    drawn = given.drawn(end)
+    if not isinstance(drawn, TableSignal) or end <= 0.0:
+        return drawn
+    before = np.flatnonzero(drawn.times < end * (1.0 - ROUNDED))
+    if not before.size or before.size == drawn.times.size:
+        return drawn
+    last, following = before[-1], before[-1] + 1
+    if drawn.hold:
+        return (
+            drawn
+            if drawn.values[last] == drawn.values[following]
+            else replace(drawn, times=drawn.times[before], values=drawn.values[before])
+        )
+    if drawn.times[following] - drawn.times[last] <= 2.0 * JUMP:  # a jump that is written as a steep line
+        values = drawn.values.copy()
+        values[following:] = values[last]
+        return replace(drawn, values=values)
+    return drawn
+
+
 def check_span(given: Signal, end: float, where: str) -> None:
     """Refuse a signal that ends before a run, or begins after it: nothing says what holds there.
 
@@ -760,21 +784,22 @@ def averages(times: Array, values: Array, **more: Any) -> TableSignal:
     return TableSignal(edges, np.append(values, values[-1]), **{**more, "hold": True, "samples": "average"})
 
 
-def literal(text: str | float, slot: str, where: str = "") -> float:
-    """Return the SI value of a number with a unit, checked against a slot.
+def literal(text: Any, slot: str, where: str = "") -> float:
+    """Return the SI value of a number with a unit, in one of the ways of `thermid.base.expression`, checked against a slot.
 
     Raises
     ------
     ThermidError   When it is not a number, or of another dimension.
     """
     try:
-        if isinstance(text, bool) or not isinstance(text, str | Real):
+        if isinstance(text, str):
+            return text_value(text, slot)
+        value = si_value(text, slot)
+        if value is not None:
+            return value
+        if isinstance(text, bool) or not isinstance(text, Real):
             raise ScenarioError(f"a number with a unit is needed, such as '5 [{slot or 'K'}]', not {text!r}.")
-        expression = parse(text if isinstance(text, str) else repr(text if isinstance(text, int) else float(text)))
-        if expression.literal is None:
-            raise ScenarioError(f"'{text}' must be a number with a unit; names of parameters are not allowed here.")
-        require_unit(expression.literal.unit, slot)
-        return expression.literal.value
+        return text_value(repr(text if isinstance(text, int) else float(text)), slot)
     except ThermidError as error:
         raise error.located(where) from None
 
@@ -784,11 +809,14 @@ def signal(value: Any, slot: str, where: str = "") -> Signal:
 
     Parameters
     ----------
-    value : str, number, table or Signal
-        ``"24 [degC]"``; ``{times = ["0 [s]", "1 [h]"], values = ["24 [degC]", "25 [degC]"]}`` with ``hold = true`` for steps, ``after``
-        (hold or repeat; ``period`` where the last row does not end it) for the time beyond the last row, ``before`` (hold), and
-        ``samples = "average"`` where each value is the mean over the interval that ends at its time;
-        ``{mean = "24 [degC]", amplitude = "3 [K]", period = "24 [h]", phase = 0.0}``; a pair (times, values) of arrays in SI.
+    value : str, number, Quantity, pair, table or Signal
+        ``"24 [degC]"``; ``td.celsius(24)``; a pair of times and values, ``([0, 18000], td.celsius([24, 25]))``, whose times are seconds,
+        texts, durations or stamps, and whose values are SI where they have no unit and are no temperatures; a pandas Series or an xarray
+        DataArray with a unit, whose index or coordinate gives the times;
+        ``{times = ["0 [s]", "1 [h]"], values = ["24 [degC]", "25 [degC]"]}`` with ``hold = true`` for steps, ``after`` (hold or repeat;
+        ``period`` where the last row does not end it) for the time beyond the last row, ``before`` (hold), and ``samples = "average"``
+        where each value is the mean over the interval that ends at its time;
+        ``{mean = "24 [degC]", amplitude = "3 [K]", period = "24 [h]", phase = 0.0}``.
     slot : str      What it must be: a unit text or `temperature`.
 
     Raises
@@ -805,11 +833,31 @@ def signal(value: Any, slot: str, where: str = "") -> Signal:
         return value
     if isinstance(value, Mapping):
         return _from_table(value, slot, where)
-    if isinstance(value, tuple) and len(value) == 2 and not isinstance(value[0], str):
-        return TableSignal(np.asarray(value[0], dtype=float), np.asarray(value[1], dtype=float))
-    if isinstance(value, str | int | float):
-        return Constant(literal(value, slot, where))
-    raise ScenarioError("give a signal as a value with a unit, a table of times and values, or a sine.", where)
+    try:
+        if isinstance(value, tuple) and len(value) == 2 and not isinstance(value[0], str):
+            values = si_values(value[1], slot)
+            return TableSignal(seconds(value[0]), np.atleast_1d(np.asarray(value[1] if values is None else values, dtype=float)))
+        found = stated(value)
+        if found is not None and np.ndim(found.si):
+            return _sampled(found, slot)
+        if found is not None or isinstance(value, str | Real):
+            return Constant(literal(value, slot))
+    except ThermidError as error:
+        raise error.located(where) from None
+    said = f" {THREE_WAYS}; with times in seconds ([0, 18000], td.celsius([24, 25]))." if slot == TEMPERATURE else ""
+    raise ScenarioError(f"give a signal as a value with a unit, a table of times and values, or a sine.{said}", where)
+
+
+def _sampled(given: Quantity, slot: str) -> TableSignal:
+    """Return the signal of an array that knows its times.
+
+    Raises
+    ------
+    ScenarioError   When it does not.
+    """
+    if given.times is None:
+        raise ScenarioError("an array has no times. Give a pair: (times, values).")
+    return TableSignal(given.times, np.asarray(si_values(given, slot), dtype=float))
 
 
 def own_signal(value: Any, where: str = "") -> Any:
@@ -822,20 +870,20 @@ def own_signal(value: Any, where: str = "") -> Any:
     if not isinstance(value, Mapping):
         return value
     rows = value.get("values", ())
-    first = next(iter(rows if isinstance(rows, Sequence | np.ndarray) else ()), None) if "values" in value else value.get("mean")
+    first = next(iter(rows if isinstance(rows, Sequence | np.ndarray | Quantity) else ()), None) if "values" in value else value.get("mean")
     if first is None:
         return signal(value, "1", where)
     try:
-        given = parse(first if isinstance(first, str) else repr(float(first))).literal
+        of = parse(first).literal if isinstance(first, str) else stated(first)
     except ThermidError as error:
         raise error.located(where) from None
-    if given is None:
+    if of is None:
         return signal(value, "1", where)
-    made = signal(value, "temperature" if given.unit.absolute else given.unit.text, where)
-    return replace(made, unit=given.unit.text) if isinstance(made, TableSignal | Sine) else made
+    made = signal(value, TEMPERATURE if of.unit.absolute else of.unit.text, where)
+    return replace(made, unit=of.unit.text) if isinstance(made, TableSignal | Sine) else made
 
 
-def _column(values: Sequence[str | float], slot: str, where: str) -> Array:
+def _column(values: Any, slot: str, where: str) -> Array:
     return np.array([literal(v, slot, where) for v in values])
 
 
@@ -843,7 +891,7 @@ def _from_table(value: Mapping[str, Any], slot: str, where: str) -> Signal:
     """Read the table form of a signal."""
     keys = {str(key) for key in value}
     for key in ("times", "values"):
-        if key in value and (isinstance(value[key], str) or not isinstance(value[key], Sequence | np.ndarray)):
+        if key in value and (isinstance(value[key], str) or not isinstance(value[key], Sequence | np.ndarray | Quantity)):
             raise ScenarioError(f"the {key} of a table are a list, not {value[key]!r}.", where)
     if {"times", "values"} <= keys <= {"times", "values", "hold", *CONDUCT}:
         try:
@@ -852,7 +900,7 @@ def _from_table(value: Mapping[str, Any], slot: str, where: str) -> Signal:
         except ThermidError as error:
             raise error.located(where) from None
     if {"mean", "amplitude", "period"} <= keys <= {"mean", "amplitude", "period", "phase"}:
-        difference = "K" if slot == "temperature" else slot
+        difference = "K" if slot == TEMPERATURE else slot
         period = literal(value["period"], "s", where)
         if period <= 0:
             raise ScenarioError("a sine needs a period above zero.", where)

@@ -11,13 +11,14 @@ from thermid.base.expression import Expression, Literal, parse
 from thermid.base.units import describe, from_si, unit
 from thermid.model._laws.options import Source
 
-State = OneOf["credible", "unjudged", "not adequate", "not credible", "failed"]
+State = OneOf["credible", "unjudged", "not adequate", "incomplete", "not credible", "failed"]
 ORDER: tuple[State, ...] = get_args(State)
 """From best to worst."""
 FAIR = 2
 """How many of them nobody needs to be told of."""
 UNUSABLE, INADEQUATE = 1, 5
-"""Exit codes of an answer that rests on values which are not credible or failed, and on values which are not adequate."""
+"""Exit codes of an answer that rests on values which are not credible or failed, and on values which are not adequate or a deck that is
+incomplete."""
 
 
 SOURCES: Final = get_args(Source)
@@ -36,7 +37,8 @@ class Standing:
     Parameters
     ----------
     state : str     credible (a fit that its data support), unjudged (a deck's or hand-tuned value), not adequate (the model misses more
-                    than its stage allows), not credible (contradicts what was stated, or did not converge), or failed (a verdict failed).
+                    than its stage allows), incomplete (its deck lacks something of the hardware), not credible (contradicts what was
+                    stated, or did not converge), or failed (a verdict failed).
     because : str   The reason in words; empty for credible and unjudged.
     stage : str     The stage that the reason is about; empty for none.
     accepted : bool Whether that stage was accepted as it is: the state stays, the exit code does not count it.
@@ -76,7 +78,10 @@ class Standing:
 
     @property
     def exit_code(self) -> int:
-        """Exit code of an answer that rests on it: 0; 1 for not credible or failed; 5 for not adequate. Accepted stages do not count."""
+        """Exit code of an answer that rests on it: 0; 1 for not credible or failed; 5 for not adequate or incomplete.
+
+        Accepted stages do not count.
+        """
         open_causes = [s for s in self.causes if not s.accepted]
         return 0 if not open_causes else INADEQUATE if all(s.usable for s in open_causes) else UNUSABLE
 

@@ -466,7 +466,7 @@ def to_dict(model: Tree, bare: bool = False) -> dict[str, Any]:
     bare : bool     Leave out what was laid over the decks or cut.
     """
     out: dict[str, Any] = {"title": model.title, "box": model.box}
-    for key, value in (("use", model.use), ("needs", list(model.needs)), ("offers", list(model.offers))):
+    for key, value in (("use", model.use), ("incomplete", model.incomplete), ("needs", list(model.needs)), ("offers", list(model.offers))):
         if value:
             out[key] = value
     out["parameters"] = {n: written(p) for n, p in model.parameters.items()}

@@ -198,6 +198,16 @@ def _attached(view: _View) -> Iterator[Finding]:
             )
 
 
+def _missing(view: _View) -> Iterator[Finding]:
+    """What an import could not take over."""
+    for what in view.model.missing_parts():
+        yield Finding(
+            "warning",
+            view.model.where("incomplete"),
+            f"incomplete: {what}. Results state this, with exit code 5. Add what is missing and remove 'incomplete'.",
+        )
+
+
 def _massless(view: _View) -> Iterator[Finding]:
     """A massless node, or a group of them, whose temperature is undefined."""
     for group in view.islands():
@@ -516,6 +526,7 @@ def _sources(view: _View) -> Iterator[Finding]:
 
 Rule = Callable[[_View], Iterator[Finding]]
 RULES: Final[tuple[Rule, ...]] = (
+    _missing,
     _impossible,
     _laws,
     _radiating,

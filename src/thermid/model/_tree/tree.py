@@ -89,6 +89,7 @@ class Tree:
     made_in : dict              Gas node, or ``*`` -> `MadeIn`: of a reduced model, whose conductances hold the gas of that state alone.
     box : str                   white, light grey, dark grey or black.
     use : str                   The intended use, in words.
+    incomplete : str            What of the hardware it lacks, in words: what an import could not take over.
     file : str                  The deck's file name, for messages.
     lines : dict                Key path -> line of the deck, for messages.
     memo : Memo                 The tree laid flat, once it was asked for.
@@ -116,6 +117,7 @@ class Tree:
     made_in: Mapping[str, MadeIn] = field(default_factory=dict)
     box: str = "light grey"
     use: str = ""
+    incomplete: str = ""
     file: str = field(default="", compare=False)
     lines: Mapping[str, int | str] = field(default_factory=dict, compare=False, repr=False)
     memo: Memo = field(init=False, default_factory=Memo, compare=False, repr=False)
@@ -170,7 +172,10 @@ class Tree:
         return f" There are {', '.join(self.submodels)}." if self.submodels else " It has none."
 
     def canonical(self, path: str) -> str:
-        """Return the canonical path of a name: aliases resolved, here and in every submodel it passes."""
+        """Return the canonical path of a name: aliases resolved, here and in every submodel it passes.
+
+        An alias that one submodel alone has, and nothing here, stands for the same here.
+        """
         while path in self.aliases:
             path = self.aliases[path]
         head, _, rest = path.partition(".")
@@ -178,7 +183,26 @@ class Tree:
             return self.canonical(f"{self.aliases[head]}.{rest}")
         if rest and head in self.submodels:
             return f"{head}.{self.submodels[head].model.canonical(rest)}"
+        if self.submodels and (inner := self._below.get(head)):
+            return f"{inner}.{rest}" if rest else inner
         return path
+
+    @property
+    def _below(self) -> dict[str, str]:
+        return self.memo.made("inner aliases", self._inner_aliases)
+
+    def every_alias(self) -> dict[str, str]:
+        """Return every alias that is a name here -> its canonical path, those of submodels too."""
+        return self._below | {alias: self.canonical(alias) for alias in self.aliases}
+
+    def _inner_aliases(self) -> dict[str, str]:
+        """Return alias of a submodel -> canonical path, of those that no other submodel has and that are no names here."""
+        paths: dict[str, set[str]] = {}
+        for name, part in self.submodels.items():
+            for alias, path in part.model.every_alias().items():
+                paths.setdefault(alias, set()).add(f"{name}.{path}")
+        mine = {*self.needs, *self.submodels, *self.aliases, *self.parameters, *(name for _, name, _ in self.elements())}
+        return {alias: next(iter(several)) for alias, several in paths.items() if len(several) == 1 and alias not in mine}
 
     def at(self, path: str) -> Self | Element | Parameter:
         """Return the submodel, element or parameter at a path; aliases are accepted.
@@ -206,6 +230,13 @@ class Tree:
         """Return the paths of the parameters that belong to no part alone: what a submodel stage tunes."""
         own = [name for name, _, given in self.own_parameters() if given.is_literal]
         return (*own, *(path for path, given in self.settings.items() if given.is_literal))
+
+    def missing_parts(self, prefix: str = "") -> Iterator[str]:
+        """Yield what the model and its parts lack, each with its place."""
+        if self.incomplete:
+            yield f"{prefix.removesuffix('.')}: {self.incomplete}" if prefix else self.incomplete
+        for name, part in self.submodels.items():
+            yield from part.model.missing_parts(f"{prefix}{name}.")
 
     def without_test_only(self) -> Self:
         """Return the flight model: every element tagged `test_only` is dropped, at every depth."""
@@ -385,6 +416,10 @@ class Names:
         path = self._alias.get(path, path)
         if path not in self.nodes and path not in self.boundaries:
             known = [*self.nodes, *self.boundaries]
+            inside = [n for n in self.nodes if n.startswith(f"{path}.")]
+            if inside:
+                shown = ", ".join(inside[:FEW]) + (f" and {len(inside) - FEW} more" if len(inside) > FEW else "")
+                raise NameNotFoundError(f"'{raw}' is a submodel and no node. Its nodes: {shown}.", where or self.model.title)
             hint = nearest(path, [*known, *self.model.aliases]) or (f" There are {', '.join(known)}." if len(known) <= FEW else "")
             raise NameNotFoundError(f"no node '{raw}'.{hint}", where or self.model.title)
         return path

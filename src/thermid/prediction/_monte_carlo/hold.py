@@ -344,10 +344,7 @@ def _sides(name: str, spec: Any) -> list[tuple[str, float]]:
     table = spec if isinstance(spec, Mapping) else {"highest": spec}
     if not table or not set(table) <= set(SIDES):
         raise ScenarioError('give a limit as "50 [degC]", or { highest = "50 [degC]", lowest = "-20 [degC]" }.', f"limits, {name}")
-    ends_by_side = [
-        (side, literal(value if isinstance(value, str) else f"{value} [degC]", TEMPERATURE, f"limits, {name}"))
-        for side, value in table.items()
-    ]
+    ends_by_side = [(side, literal(value, TEMPERATURE, f"limits, {name}")) for side, value in table.items()]
     ends = dict(ends_by_side)
     if len(ends) == 2 and not ends["lowest"] < ends["highest"]:
         raise ScenarioError("its lowest temperature is not below its highest.", f"limits, {name}")

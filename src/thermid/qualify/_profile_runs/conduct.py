@@ -16,6 +16,7 @@ from numpy.typing import NDArray
 
 from thermid.base.arguments import takes_objects
 from thermid.base.errors import ScenarioError, SolverError, refuse_unknown
+from thermid.base.expression import Kelvin
 from thermid.base.extensions import extension
 from thermid.base.linear_algebra import Array
 from thermid.base.memo import Memo
@@ -177,7 +178,7 @@ class ChamberSetup:
 
         def made() -> Leg:
             course = Timeline((0.0, span), (before, after)) if span else Timeline((0.0,), (after,))
-            return Leg.of(self, replace(course.scenario(self.base, self, "profile", tail=TAIL), initial={}, start=293.15), 0.0)
+            return Leg.of(self, replace(course.scenario(self.base, self, "profile", tail=TAIL), initial={}, start=Kelvin(293.15)), 0.0)
 
         return self.memo.made((before, after, span), made)
 
@@ -483,7 +484,7 @@ def bench_of(
         boundaries=others,
         loads={model.canonical(k): v for k, v in base.loads.items()},
         commands={model.canonical(k): v for k, v in base.commands.items()},
-        start=base.start if base.start != "" else ambient,
+        start=base.start if base.start != "" else Kelvin(ambient),
     )
     gases = tuple(n for n in names if n in base.environment) or (("*",) if thin else ())
     memory = memory_of(model, kept.with_(boundaries={name: Constant(ambient) for name in names}))

@@ -7,10 +7,10 @@ import math
 import os
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
-from numbers import Real
 from typing import Any, Final
 
-from thermid.base.errors import ScenarioError, ThermidError, cap, look_up, nearest, raising, refuse_unknown
+from thermid.base.errors import ScenarioError, ThermidError, cap, errors_at, look_up, nearest, raising, refuse_unknown
+from thermid.base.expression import Kelvin, Quantity, si_value
 from thermid.base.extensions import by_grammar
 from thermid.base.files import PROFILE, write_text
 from thermid.base.results import Result
@@ -121,9 +121,11 @@ def number(name: str, spec: Any, mark: str, clause: str, where: str) -> Number:
         if not isinstance(spec, str) or (WORDS[name] and spec not in WORDS[name]):
             raise ScenarioError(f"{spec!r} is not one of {', '.join(WORDS[name]) or 'the rules of stability'}.", place)
         return Number(spec, "", mark, clause, note)
-    if isinstance(spec, bool) or not isinstance(spec, str | int | float):
+    with errors_at(place):
+        si = si_value(spec, SLOTS[name])
+    if si is None and (isinstance(spec, bool) or not isinstance(spec, int | float)):
         raise ScenarioError(f"{spec!r} is not a value with a unit.", place)
-    value = literal(spec, SLOTS[name], place) if isinstance(spec, str) else float(spec)
+    value = float(spec) if si is None else si
     if SLOTS[name] != TEMPERATURE and value < 0.0:
         raise ScenarioError(f"{spec!r} is below zero.", place)
     return Number(value, SLOTS[name], mark, clause, note)
@@ -189,7 +191,7 @@ def equivalent_cycles(cold: str | float, hot: str | float, level: str | Equivale
     """
     if isinstance(level, str):
         level = look_up(level, EQUIVALENCE, "unknown level '{}'. Use one of {known}.", "cycles", ScenarioError)
-    low, high = (literal(v, TEMPERATURE, "cycles") if isinstance(v, str) else float(v) for v in (cold, hot))
+    low, high = (literal(v, TEMPERATURE, "cycles") for v in (cold, hot))
     if low >= high:
         raise ScenarioError(
             f"the cold level, {low - 273.15:g} degC, is not below the hot one, {high - 273.15:g} degC. Give cold first, then hot.",
@@ -507,9 +509,9 @@ class ThermalProfile(Result):
 
 def pair_of(pair: Any, where: str) -> tuple[float, float]:
     """Return the predicted range (lowest, highest). [K]"""
-    if not isinstance(pair, Sequence) or isinstance(pair, str) or len(pair) != 2:
+    if not isinstance(pair, Sequence | Quantity) or isinstance(pair, str) or len(pair) != 2:
         raise ScenarioError("give predicted as a pair: the lowest and the highest predicted temperature.", where)
-    low, high = (float(v) if isinstance(v, Real) else literal(v, TEMPERATURE, f"{where}, predicted") for v in pair)
+    low, high = (literal(v, TEMPERATURE, f"{where}, predicted") for v in pair)
     if low >= high:
         raise ScenarioError(f"predicted: the lowest ({low - 273.15:g} degC) is not below the highest ({high - 273.15:g} degC).", where)
     return low, high
@@ -634,7 +636,7 @@ def _count(profile: ThermalProfile, beside: float) -> Iterator[str]:
         profile.value("base_cycles"), profile.value("base_range"), profile.value("range_exponent"), profile["base_cycles"].clause
     )
     low, high = profile.value("cold"), profile.value("hot")
-    need = equivalent_cycles(low, high, law)
+    need = equivalent_cycles(Kelvin(low), Kelvin(high), law)
     cycles = profile.value("cycles")
     if need != law.cycles or cycles < need:
         missing = need - cycles - beside

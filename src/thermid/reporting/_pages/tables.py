@@ -21,7 +21,7 @@ from thermid.measure.records import Record
 from thermid.model.tree import Model, ParameterSet, flatten, ledger, parameter_table
 from thermid.physics.constants import ICE_POINT
 from thermid.reporting._blocks.content import DASH, Cell, Head, Line, Table, duration, number, plain, pretty, signed, significant
-from thermid.reporting._pages.views import Quantity, view
+from thermid.reporting._pages.views import ShownValue, view
 from thermid.values.fitted import FittedValue
 
 Names = tuple[tuple[str, str], ...]
@@ -71,7 +71,7 @@ def parameters(calibration: Calibration) -> Table:
     return Table.of(columns, rows)
 
 
-def _bounds(q: Quantity) -> str:
+def _bounds(q: ShownValue) -> str:
     low, high = (plain(b, 4) if math.isfinite(b) else "" for b in q.bounds)
     return f"{low} .. {high}" if low and high else f"from {low}" if low else f"to {high}" if high else DASH
 

@@ -75,7 +75,7 @@ def solution_object(solution: Solution, steady: Mapping[str, float] | None, at: 
 
 
 @dataclass(frozen=True)
-class Quantity:
+class ShownValue:
     """A fitted value in its unit: with its standard error by the noise alone, in all, its start and its bounds (infinite where open)."""
 
     value: float
@@ -109,13 +109,13 @@ class SensorFigures:
 class CalibrationView:
     """A stage as every answer prints it."""
 
-    values: Mapping[str, Quantity]
+    values: Mapping[str, ShownValue]
     sensors: Mapping[str, SensorFigures]
 
 
-def quantity(v: FittedValue) -> Quantity:
+def quantity(v: FittedValue) -> ShownValue:
     """Return a fitted value in its unit."""
-    return Quantity(
+    return ShownValue(
         v.in_unit,
         v.shown(v.error_random),
         v.shown(v.error),

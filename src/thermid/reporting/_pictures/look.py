@@ -17,7 +17,21 @@ from thermid.base.linear_algebra import Array
 from thermid.base.results import Result
 from thermid.base.units import counted, from_si, in_si
 from thermid.measure.amounts import duration_text, short
-from thermid.measure.readers import Cells, Clock, Column, Times, clock_column, columns_of, decimal_sign, log_cells, read_times
+from thermid.measure.readers import (
+    Cells,
+    Clock,
+    Column,
+    Times,
+    clock_column,
+    columns_of,
+    decimal_sign,
+    hidden_switches,
+    log_cells,
+    lost_hour,
+    read_times,
+    repeated_stamps,
+    unit_question,
+)
 from thermid.measure.records import KNOWN, Channel, even_step, gap_from, noise_seen, usual_step
 from thermid.reporting._pictures.chart import Panel, Stroke, chart
 from thermid.reporting._pictures.figures import DASHES, SERIES, time_unit
@@ -66,13 +80,26 @@ class Look(Result):
 
     def lines(self, width: int = 110) -> list[str]:
         """Return what is in the log, its columns as a table with a small picture of each, and the lines for a campaign."""
-        out = [self._headline()]
+        out = [self._headline(), *(f"  check: {question}" for question in self.questions)]
         if self.problem:
             out.append(f"  NOT READABLE YET: {self.problem}")
         out += [f"  {line}" for line in (self._layout(), *self._clock())]
         out += [f"  note: {note}" for note in (*self.cells.notes, *(self.times.notes if self.times else ()))]
         out += ["", *self._table(width), "", *self._remarks(), "For a campaign (insert the nodes and loads of your deck):", ""]
         return [*out, *(f"    {line}".rstrip() for line in self.campaign().splitlines())]
+
+    @property
+    def questions(self) -> tuple[str, ...]:
+        """What the log leaves open and its owner can answer."""
+        columns = {c.name: np.where(np.isfinite(c.values), c.values, np.nan) for c in self.columns if c.guess in _SHOWN and c.values.size}
+        warm = {c.name: columns[c.name] for c in self.columns if c.guess in ("temperature", "boundary") and c.name in columns}
+        out = [*unit_question({c.name: warm[c.name] for c in self.columns if c.name in warm and c.assumed and c.unit == "degC"})]
+        if self.times is not None and self.clock is not None:
+            times = self.times.values
+            out += repeated_stamps(times, columns)
+            out += () if self.times.zone else lost_hour(times, self.clock.texts, warm)
+            out += hidden_switches(times, {n: v for n, v in columns.items() if n not in warm})
+        return tuple(out)
 
     def _headline(self) -> str:
         rows = counted(len(self.cells.lines), "row")
@@ -206,6 +233,7 @@ class Look(Result):
             "sampling": sampling,
             "gaps": [{"at": a - float(times[0]), "length": b} for a, b in self.gaps],
             "columns": columns,
+            "questions": list(self.questions),
             "notes": list(self.cells.notes),
             "campaign": self.campaign(),
         }

@@ -9,9 +9,10 @@ from numbers import Real
 from typing import Any
 
 from thermid.base.codes import CodedText
-from thermid.base.errors import ScenarioError, refuse_unknown
+from thermid.base.errors import ScenarioError, errors_at, refuse_unknown
+from thermid.base.expression import Kelvin, kelvin
 from thermid.base.units import TEMPERATURE
-from thermid.model.laws import Constant, Signal, TableSignal, check_span, literal, own_signal, signal
+from thermid.model.laws import Constant, Signal, TableSignal, check_span, in_run, literal, own_signal, signal
 from thermid.model.tree import Flat
 from thermid.simulation._network.environment import Environment
 from thermid.simulation._network.irradiation import Irradiation, Sky
@@ -67,7 +68,9 @@ class Start:
 class Scenario:
     """What is done to a model.
 
-    Values may be written as texts with units, tables or signals (see `thermid.model._laws.signal.signal`); they are kept as signals.
+    Values may be written as texts with units, with `thermid.celsius` or `thermid.quantity`, as pairs of times and values, tables or signals
+    (see `thermid.model._laws.signal.signal`); they are kept as signals. A temperature always states its unit; times without one are
+    seconds.
 
     Parameters
     ----------
@@ -80,7 +83,7 @@ class Scenario:
     prescribed : dict       Node -> temperature that drives it. [K]
     environment : dict      Gas node -> `Environment`; ``*`` for every gas not named.
     irradiation : dict      Surface -> `Irradiation` on it; ``*`` -> the `Sky` over every surface outdoors.
-    start : str or float    A temperature, the name of a boundary (its temperature at the beginning), ``steady`` (settled under the inputs
+    start : str or Quantity A temperature, the name of a boundary (its temperature at the beginning), ``steady`` (settled under the inputs
                             of time zero), ``steady, 2 [h]`` (of another time), ``steady, mean`` (under their means) or ``periodic`` (the
                             state that comes back after every period of the inputs).
     initial : dict          Node -> temperature or boundary name, where it differs from `start`.
@@ -97,7 +100,7 @@ class Scenario:
     prescribed: Mapping[str, Any] = field(default_factory=dict)
     environment: Mapping[str, Environment] = field(default_factory=dict)
     irradiation: Mapping[str, Irradiation | Sky] = field(default_factory=dict)
-    start: str | float = ""
+    start: Any = ""
     initial: Mapping[str, Any] = field(default_factory=dict)
     duration: str | float = 0.0
     as_printed: bool = False
@@ -107,9 +110,8 @@ class Scenario:
         for name in (*SLOTS, "gains", "environment", "irradiation", "initial"):
             if not isinstance(getattr(self, name), Mapping):
                 raise ScenarioError(f"it takes a dictionary from names to values, not {getattr(self, name)!r}.", f"{self.title}, {name}")
-        for place, given in (("start", self.start), *((f"initial.{k}", v) for k, v in self.initial.items())):
-            if isinstance(given, bool) or not isinstance(given, str | Real):
-                raise ScenarioError(f"it takes a temperature or a name, not {given!r}.", f"{self.title}, {place}")
+        object.__setattr__(self, "start", _start(self.start, f"{self.title}, start"))
+        object.__setattr__(self, "initial", {k: _start(v, f"{self.title}, initial.{k}") for k, v in self.initial.items()})
         for name, slot in SLOTS.items():
             if not slot:
                 by_itself = {k: own_signal(v, f"{self.title}, {name}.{k}") for k, v in getattr(self, name).items()}
@@ -127,7 +129,8 @@ class Scenario:
                     f"it takes an environment, not {around!r}. Make one: td.simulation.Environment(...).",
                     f"{self.title}, environment.{gas}",
                 )
-        seconds = float(self.duration) if isinstance(self.duration, Real) else literal(self.duration, "s", f"{self.title}, duration")
+        bare = isinstance(self.duration, Real) and not isinstance(self.duration, bool)
+        seconds = float(self.duration) if bare else literal(self.duration, "s", f"{self.title}, duration")
         if not math.isfinite(seconds):
             raise ScenarioError(
                 f"a duration of {seconds:g} s has no end. Give a finite duration, or request a steady state.",
@@ -144,7 +147,7 @@ class Scenario:
 
     def media(self) -> Media:
         """Return the state of every gas, and what falls on outer surfaces."""
-        gases = {gas: e.mapped(lambda s: s.drawn(self.seconds)) for gas, e in self.environment.items()}
+        gases = {gas: e.mapped(lambda s: in_run(s, self.seconds)) for gas, e in self.environment.items()}
         return Media(gases, self.as_printed, self.irradiation, self.seconds)
 
     def signals(self) -> Iterator[tuple[str, Signal]]:
@@ -218,6 +221,14 @@ class Scenario:
         refuse_unknown(changes, fields, self.title, "a scenario has no '{}'.", ScenarioError)
         merged: dict[str, Any] = {k: {**getattr(self, k), **v} if isinstance(v, Mapping) else v for k, v in changes.items()}
         return replace(self, **merged)
+
+
+def _start(given: Any, where: str) -> Any:
+    """Return what a node begins with: a text, read when its names are known, or a temperature. [K]"""
+    if isinstance(given, str | Kelvin):
+        return given
+    with errors_at(where):
+        return kelvin(given)
 
 
 def sampled_logs(scenario: Scenario) -> tuple[str, ...]:

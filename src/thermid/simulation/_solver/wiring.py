@@ -24,6 +24,7 @@ from thermid.model.laws import (
     Sine,
     TableSignal,
     common_cycle,
+    in_run,
     literal,
     multiplied,
     pulses,
@@ -164,7 +165,7 @@ class Schedule:
 
     def __init__(self, signals: Mapping[str, Signal], duration: float) -> None:
         self.signals = dict(signals)
-        drawn = [s.drawn(duration) for s in signals.values()]
+        drawn = [in_run(s, duration) for s in signals.values()]
         self.times, self.hold = together(drawn, duration)
         columns = np.column_stack([s.at(self.times) for s in drawn])
         if not self.hold:  # a flow that turns has a knot where it is zero
@@ -514,7 +515,7 @@ class Wiring:
         changing = {n: s for n, s in (*signals.items(), *follow.items()) if s.cycle != 0.0}
         self.changing = tuple(dict.fromkeys(_shown(n) for n in changing))
         self.cycle = common_cycle([s.cycle for s in changing.values()])
-        self.signals: dict[str, Drawn] = {name: signal.drawn(self.scenario.seconds) for name, signal in signals.items()}
+        self.signals: dict[str, Drawn] = {name: in_run(signal, self.scenario.seconds) for name, signal in signals.items()}
         self._follow: dict[tuple[str, int, int], str] = {}
         self.courses = ScheduledCoefficients.of(network, self.schedule) if self.schedule is not None else None
         for key, course in self.courses.signals.items() if self.courses is not None else ():
@@ -578,6 +579,11 @@ class Wiring:
             start = self.network.boundaries[0]
         self._start = self._temperature(start, "start") if self.start is None else STEADY
         self._initial = {n: self._temperature(v, f"initial.{n}") for n, v in self.scenario.initial.items()}
+        if self.start is not None and self._initial and {n.path for n in self.network.flat.nodes if n.fields} <= {*self._initial}:
+            raise ScenarioError(
+                f"start = '{start}' has no effect, because [initial] gives every node a temperature. Leave one of them out.",
+                f"{self.scenario.title}, start",
+            )
 
     def _temperature(self, value: Any, key: str) -> Number | str:
         """Return an initial temperature: a number, or the canonical name of a boundary."""

@@ -177,7 +177,10 @@ def test_refusals(call: Call, accelerometer: Path, arguments: tuple[str, ...], m
 
 def test_a_change_without_a_number_of_its_own_is_said_first(call: Call, tmp_path: Path) -> None:
     case = tmp_path / "strap.inp"
-    case.write_text("HEADER NODE DATA, A\n  -1, 20., 0.\n  2, 20., 5.\n  3, 20., 5.\nHEADER CONDUCTOR DATA, A\n  1, 1, 2, 2, 3, 0.5\n")
+    case.write_text(
+        "HEADER CONTROL DATA, GLOBAL\n  ABSZRO = -273.15\n"
+        "HEADER NODE DATA, A\n  -1, 20., 0.\n  2, 20., 5.\n  3, 20., 5.\nHEADER CONDUCTOR DATA, A\n  1, 1, 2, 2, 3, 0.5\n"
+    )
     assert call("import", case, "--to", tmp_path / "strap.toml").code == 0
     back = ("write-back", case, tmp_path / "strap.toml", "--to", tmp_path / "back")
     said = call(*back, "--param", "A_G1_2.conductance=0.8 [W/K]", "--param", "A.T2.capacitance=6 [J/K]")
@@ -187,3 +190,84 @@ def test_a_change_without_a_number_of_its_own_is_said_first(call: Call, tmp_path
     assert "  2, 20., 6 $ fitted, was 5." in (tmp_path / "back" / "strap.inp").read_text()
     found = call(*back, "--param", "A_G1_2.conductance=0.8 [W/K]", "--json").object
     assert (found["files"], found["not_written"]) == ([], ["A_G1_2.conductance"])
+
+
+LOST = """HEADER CONTROL DATA, GLOBAL
+  ABSZRO = -273.15
+HEADER NODE DATA, BOX
+  -1, 20., 0.
+  2, 20., 50.
+HEADER CONDUCTOR DATA, BOX
+  1, 1, 2, 0.5
+HEADER VARIABLES 1, BOX
+  CALL ORBITAL(HEATS)
+  CALL HEATRATE(Q2)
+"""
+
+
+def test_an_incomplete_import_marks_every_result(call: Call, tmp_path: Path) -> None:
+    """The deck computed -139.9 degC where the tool prints 7 to 11, with exit code 0."""
+    case, deck, bench = (tmp_path / name for name in ("lost.inp", "lost.toml", "bench.toml"))
+    case.write_text(LOST)
+    said = call("import", case, "--to", deck, "--scenario", bench)
+    assert said.code == 5
+    assert said.out.startswith("INCOMPLETE: ")
+    model = td.load_model(deck)
+    assert "not taken over" in model.incomplete
+    assert any(f.severity == "warning" and "incomplete" in f.message for f in model.check())
+    for command in (
+        ("simulate", deck, "--scenario", bench, "--for", "1 [h]"),
+        ("steady", deck, "--scenario", bench),
+        ("export", deck, "--scenario", bench, "--for", "1 [h]", "--as", "spice"),
+    ):
+        done = call(*command)
+        assert (done.code, "INCOMPLETE: " in done.out + done.err) == (5, True), command
+    done = call("simulate", deck, "--scenario", bench, "--for", "1 [h]", "--json").object
+    assert done["standing"]["state"] == "incomplete"
+    scenario = td.load_scenario(bench).with_(duration="1 [h]")
+    assert any(w.startswith("INCOMPLETE") for w in td.simulate(model, scenario).warnings)
+    mended = tmp_path / "mended.toml"
+    mended.write_text("\n".join(line for line in deck.read_text().splitlines() if not line.startswith(("incomplete", "#"))) + "\n")
+    assert call("simulate", mended, "--scenario", bench, "--for", "1 [h]").code == 0
+
+
+def test_values_fitted_to_an_incomplete_deck_are_marked(call: Call, tmp_path: Path) -> None:
+    (tmp_path / "lost.inp").write_text(LOST)
+    call("import", tmp_path / "lost.inp", "--to", tmp_path / "lost.toml")
+    model = td.load_model(tmp_path / "lost.toml")
+    times = np.linspace(0.0, 600.0, 31)
+    reading = td.Channel.of("T", 20.0 + 10.0 * np.exp(-times / 90.0), unit="degC", role="node", target="BOX.T2", noise=0.05)
+    room = td.Channel.of("R", np.full(31, 20.0), unit="degC", role="boundary", target=model.needs[0])
+    fit = td.calibrate(model, td.Record.from_arrays("log", times, {"T": reading, "R": room}), ["BOX.T2.capacitance"])
+    assert (fit.standing.state, fit.standing.exit_code) == ("incomplete", 5)
+
+
+def test_a_deck_that_states_no_unit_of_temperature_is_questioned(call: Call, tmp_path: Path) -> None:
+    case = tmp_path / "warm.inp"
+    bare = LOST.partition("HEADER VARIABLES")[0].replace("  ABSZRO = -273.15\n", "").replace("20.", "70.")
+    case.write_text(bare)
+    said = call("import", case)
+    assert said.code == 5
+    assert "unit of temperatures not stated" in said.out
+    assert "ABSZRO = -459.67" in said.out
+    for stated in ("  ABSZRO = -459.67\n  UID = ENG\n", "  ABSZRO = 0.0\n"):
+        case.write_text(bare.replace("GLOBAL\n", f"GLOBAL\n{stated}"))
+        assert call("import", case).code == 0
+    case.write_text(bare.replace("70.", "293."))
+    assert call("import", case).code == 0
+
+
+def test_two_imports_into_one_folder_keep_their_parts(call: Call, tmp_path: Path) -> None:
+    bare = LOST.partition("HEADER VARIABLES")[0]
+    decks = {}
+    for name, heat in (("a", "50."), ("b", "80.")):
+        case = tmp_path / f"{name}.inp"
+        case.write_text(bare.replace("50.", heat))
+        assert call("import", case, "--to", tmp_path / f"{name}.toml").code == 0
+        decks[name] = heat
+    for name, heat in decks.items():
+        (node,) = (n for s in td.load_model(tmp_path / f"{name}.toml").submodels.values() for n in s.model.nodes.values())
+        assert node.fields["capacitance"].text == f"{float(heat)!r} [J/K]"
+    before = sorted(tmp_path.glob("*.toml"))
+    assert call("import", tmp_path / "b.inp", "--to", tmp_path / "b.toml").code == 0
+    assert sorted(tmp_path.glob("*.toml")) == before

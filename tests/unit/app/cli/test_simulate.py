@@ -141,6 +141,27 @@ class TestOptions:
         found = case(call, accelerometer, "--start", start, "--at", "0", "--at", "1800")
         assert found["at_C"] == pytest.approx([first, expected(1800.0, start=first)], abs=1e-4)
 
+    @pytest.mark.parametrize(("start", "first"), [("50 [degC]", 50.0), ("air", 24.0), ("steady", 24.0 + RISE)])
+    def test_a_start_of_the_command_line_wins_over_initial(
+        self, call: Call, accelerometer: Path, tmp_path: Path, start: str, first: float
+    ) -> None:
+        """Imported decks give every node a temperature: the option had no effect."""
+        file = tmp_path / "s.toml"
+        file.write_text('duration = "1 [h]"\n[boundaries]\nair = "24 [degC]"\n[initial]\ncase = "10 [degC]"\n')
+        done = call("simulate", accelerometer, "--scenario", file, "--start", start, "--at", "0", "--json")
+        assert done.object["nodes"]["case"]["at_C"] == pytest.approx([first], abs=1e-4)
+        assert "[initial]" in done.err
+        plain = call("simulate", accelerometer, "--scenario", file, "--at", "0", "--json")
+        assert plain.object["nodes"]["case"]["at_C"] == pytest.approx([10.0])
+        assert not plain.err
+
+    def test_a_start_that_has_no_effect_is_refused(self, call: Call, accelerometer: Path, tmp_path: Path) -> None:
+        file = tmp_path / "s.toml"
+        file.write_text('duration = "1 [h]"\nstart = "steady"\n[boundaries]\nair = "24 [degC]"\n[initial]\ncase = "10 [degC]"\n')
+        done = call("simulate", accelerometer, "--scenario", file)
+        assert done.code == 2
+        assert "start = 'steady' has no effect" in done.err
+
     def test_every_and_csv(self, call: Call, accelerometer: Path, tmp_path: Path) -> None:
         file = tmp_path / "run.csv"
         case(call, accelerometer, "--every", "10 [min]", "--csv", file)

@@ -138,7 +138,7 @@ def test_published_sets_carry_their_marks() -> None:
 
 def test_a_model_beside_a_record() -> None:
     run = td.simulate(unit().with_values({"out.conductance": "1.0 [W/K]"}), soak(), times=TIMES)
-    made = {n: td.Channel.of(n, run[n].kelvin, role="node", target=n, accuracy=0.3) for n in ("proc", "ele")}
+    made = {n: td.Channel.of(n, run[n].kelvin, unit="K", role="node", target=n, accuracy=0.3) for n in ("proc", "ele")}
     told = td.compare(unit(), td.Record.from_arrays("hot", TIMES, made), scenario=soak(hours=2.0))
     found = correlate(told, ["ECSS"], steady=SETTLED)
     assert {o.node for o in found.overlays} == {"proc", "ele"}
@@ -148,9 +148,9 @@ def test_a_model_beside_a_record() -> None:
 
 
 def test_two_logs_must_share_columns_and_times() -> None:
-    one = td.Record.from_arrays("measured", TIMES, {"T1": TIMES * 0 + 300.0})
+    one = td.Record.from_arrays("measured", TIMES, {"T1": TIMES * 0 + 300.0}, unit="K")
     with pytest.raises(RecordError, match="no column name in common; the second has T2"):
-        correlate((one, td.Record.from_arrays("simulated", TIMES, {"T2": TIMES * 0 + 300.0})), steady=SETTLED)
-    short = td.Record.from_arrays("simulated", TIMES[:50], {"T1": TIMES[:50] * 0 + 300.0})
+        correlate((one, td.Record.from_arrays("simulated", TIMES, {"T2": TIMES * 0 + 300.0}, unit="K")), steady=SETTLED)
+    short = td.Record.from_arrays("simulated", TIMES[:50], {"T1": TIMES[:50] * 0 + 300.0}, unit="K")
     with pytest.raises(RecordError, match="Cut the readings or simulate longer"):
         correlate((one, short), steady=SETTLED)

@@ -31,7 +31,7 @@ def run(**more: object) -> td.Solution:
 
 
 def limits(low: float = -10.0, high: float = 35.0, **more: object) -> Limits:
-    return Limits("box", "box", (kelvin(low), kelvin(high)), **more)
+    return Limits("box", "box", td.celsius((low, high)), **more)
 
 
 def test_a_crossing_stands_where_the_closed_form_has_it() -> None:
@@ -63,7 +63,7 @@ def test_the_low_side_counts_as_well() -> None:
 def test_a_unit_is_off_then_on_and_is_started_where_it_is_switched_on() -> None:
     command = {"heater": {"times": ["0 [s]", "3000 [s]"], "values": [0, 1], "hold": True}}
     cold = run(boundaries={"air": "-30 [degC]"}, commands=command)
-    known = limits(-25.0, 30.0, non_operating=(kelvin(-40.0), kelvin(60.0)), start_up=(kelvin(-20.0), kelvin(30.0)), loads=("heater",))
+    known = limits(-25.0, 30.0, non_operating=td.celsius((-40.0, 60.0)), start_up=td.celsius((-20.0, 30.0)), loads=("heater",))
     checks = {c.state: c for c in check_limits(cold, [known])}
     assert checks["non-operating"].passed
     assert checks["non-operating"].lowest == pytest.approx(kelvin(-30 + 50 * np.exp(-3.0)), abs=0.02)
@@ -87,14 +87,20 @@ def test_limits_from_memory_decide_nothing() -> None:
 @pytest.mark.parametrize(
     ("given", "word"),
     [
-        ({"operating": (300.0, 290.0)}, "operating: the lower limit, 26.9 degC, is not below the upper one, 16.9 degC"),
+        ({"operating": ("300.0 [K]", "290.0 [K]")}, "operating: the lower limit, 26.9 degC, is not below the upper one, 16.9 degC"),
         (
-            {"operating": (250.0, 330.0), "non_operating": (260.0, 340.0)},
+            {"operating": ("250.0 [K]", "330.0 [K]"), "non_operating": ("260.0 [K]", "340.0 [K]")},
             "the lower operating limit, -23.1 degC, lies beyond the lower non-op",
         ),
-        ({"operating": (250.0, 350.0), "non_operating": (240.0, 340.0)}, "the upper operating limit, 76.9 degC, lies beyond"),
-        ({"operating": (250.0, 330.0), "non_operating": (240.0, 340.0), "start_up": (230.0, 330.0)}, "the lower start-up limit"),
-        ({"operating": (250.0, 330.0), "mark": "heard"}, "'heard' is not a mark; use one of"),
+        (
+            {"operating": ("250.0 [K]", "350.0 [K]"), "non_operating": ("240.0 [K]", "340.0 [K]")},
+            "the upper operating limit, 76.9 degC, lies beyond",
+        ),
+        (
+            {"operating": ("250.0 [K]", "330.0 [K]"), "non_operating": ("240.0 [K]", "340.0 [K]"), "start_up": ("230.0 [K]", "330.0 [K]")},
+            "the lower start-up limit",
+        ),
+        ({"operating": ("250.0 [K]", "330.0 [K]"), "mark": "heard"}, "'heard' is not a mark; use one of"),
     ],
 )
 def test_limits_in_the_wrong_order_are_refused(given: dict[str, object], word: str) -> None:

@@ -14,7 +14,7 @@ from thermid.campaign._judge.margins import POLICIES, flat_margin, heater_duty, 
 from thermid.prediction.bands import Known, foresee
 from unit.qualify.things import soak, unit
 
-PROC = Limits("processor", "proc", (253.15, 343.15), loads=("cpu",))
+PROC = Limits("processor", "proc", td.quantity((253.15, 343.15), unit="K"), loads=("cpu",))
 
 
 @pytest.fixture(scope="module")
@@ -24,7 +24,7 @@ def fit() -> td.Calibration:
     times = np.arange(0.0, 6 * 3600.0, 120.0)
     run = td.simulate(unit().with_values({"out.conductance": "1.1 [W/K]"}), soak(25.0), times=times)
     made = {
-        n: td.Channel.of(n, run[n].kelvin + 0.1 * rng.standard_normal(times.size), role="node", target=n, noise=0.1, accuracy=0.3)
+        n: td.Channel.of(n, run[n].kelvin + 0.1 * rng.standard_normal(times.size), unit="K", role="node", target=n, noise=0.1, accuracy=0.3)
         for n in ("proc", "ele", "plate")
     }
     return td.calibrate(unit(), td.Record.from_arrays("log", times, made), ["out.conductance"], scenario=soak(25.0))

@@ -136,7 +136,10 @@ def test_the_three_vocabularies_are_one() -> None:
     """Names of verdicts, of plans and of studies mean the same row, wherever they are asked for."""
     base = 300.0 + TIMES * 0
     found = correlate(
-        (td.Record.from_arrays("m", TIMES, {"T": base + 0.5 - (TIMES > 7000.0)}), td.Record.from_arrays("s", TIMES, {"T": base})),
+        (
+            td.Record.from_arrays("m", TIMES, {"T": base + 0.5 - (TIMES > 7000.0)}, unit="K"),
+            td.Record.from_arrays("s", TIMES, {"T": base}, unit="K"),
+        ),
         [Criteria("ours", largest=9.0, max_error=9.0, mean_error=9.0, final=9.0, final_error=9.0, each=9.0, kinds=("transient",))],
     )
     sizes = {g.criterion: g.found for g in found.gates}

@@ -107,10 +107,10 @@ def drawn(truth: Truth, seed: int, count: int = 240, every: float = 1800.0, nois
         states[k + 1] = f @ states[k] + p1 @ b @ u[k] + p2 @ b @ (u[k + 1] - u[k]) + root @ r.normal(size=2)
     read = states[:, 1] + truth.sigma_v * r.normal(size=count)
     channels: dict[str, Any] = {
-        "indoor": Channel.of("indoor", read, column="indoor", noise=truth.sigma_v if noise_known else None),
+        "indoor": Channel.of("indoor", read, unit="K", column="indoor", noise=truth.sigma_v if noise_known else None),
         "out": out,
     }
-    record = Record.from_arrays("drawn", t, channels)
+    record = Record.from_arrays("drawn", t, channels, unit="K")
     scenario = Scenario("drawn", loads={"heater": TableSignal(t, power)}, initial={"indoor": "25 [degC]", "wall": "25 [degC]"})
     return Case(truth, record, scenario, states)
 

@@ -44,7 +44,7 @@ def found() -> Estimation:
     with path.open(encoding="utf-8") as stream:
         rows = list(csv.DictReader(stream))[:-1]
     t, outside, power, indoor = (np.array([float(r[k]) for r in rows]) for k in ("Time", "T_ext", "P_hea", "T_int"))
-    record = td.Record.from_arrays("armadillo", t, {"indoor": indoor + ICE, "out": outside + ICE}, synthetic=False)
+    record = td.Record.from_arrays("armadillo", t, {"indoor": indoor + ICE, "out": outside + ICE}, unit="K", synthetic=False)
     # first-order hold of the heater too: a log's own column would hold until the next sample
     scenario = td.Scenario("armadillo", loads={"heater": TableSignal(t, power)}, initial={"indoor": "26.7 [degC]"})
     return td.inference.estimate(

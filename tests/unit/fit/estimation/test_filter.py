@@ -62,7 +62,12 @@ def rack_log() -> tuple[Record, Scenario]:
     box[[5, 6, 20]] = np.nan
     plate[[6, 7, 30, 31]] = np.nan
     record = Record.from_arrays(
-        "rack", t, {"box": Channel.of("box", box, column="box", noise=0.1), "plate": Channel.of("plate", plate, column="plate", noise=0.05)}
+        "rack",
+        t,
+        {
+            "box": Channel.of("box", box, unit="K", column="box", noise=0.1),
+            "plate": Channel.of("plate", plate, unit="K", column="plate", noise=0.05),
+        },
     )
     knots = np.linspace(0.0, t[-1], 9)
     room = TableSignal(knots, ICE + 22.0 + np.sin(knots / 300.0))

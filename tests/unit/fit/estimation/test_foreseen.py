@@ -35,7 +35,7 @@ def rates() -> Array:
 def test_variance_of_a_run_is_that_of_its_noise() -> None:
     """Values known: the state after three days has the covariance of Van Loan's block, its mean is the run's."""
     times = np.array([0.0, 0.25 * DAY, 3.0 * DAY])
-    blank = Channel.of("indoor", np.full(3, 300.0), role="node", target="indoor", noise=1.0)
+    blank = Channel.of("indoor", np.full(3, 300.0), unit="K", role="node", target="indoor", noise=1.0)
     asked = td.Scenario("cold", boundaries={"out": "-5 [degC]"}, start="20 [degC]", duration=3.0 * DAY)
     request = Request(house(), (Record.from_arrays("t", times, {"indoor": blank}),), (), {"*": asked}, name="t", fit_start=False)
     problem = build_problem(request)
@@ -144,7 +144,10 @@ def test_noise_stated_too_small_widens_errors() -> None:
     case = drawn(replace(TRUTH, sigma_w=1e-9, sigma_v=0.1), 6, 120)
     done, known = (
         one_value(
-            replace(case, record=case.record.with_channels(Channel.of("indoor", case.record["indoor"].values, column="indoor", noise=n))),
+            replace(
+                case,
+                record=case.record.with_channels(Channel.of("indoor", case.record["indoor"].values, unit="K", column="indoor", noise=n)),
+            ),
             {"wall": "1e-6 [K/s^0.5]"},
         )
         for n in (0.02, 0.1)
@@ -168,8 +171,10 @@ def test_residuals_that_wander_widen_errors(found: Estimation) -> None:
 def test_sensors_of_one_node_that_differ_are_named() -> None:
     case = drawn(TRUTH, 2, 60)
     kelvin = case.record["indoor"].values
-    both = {n: Channel.of(n, kelvin + off, column=n, role="node", target="indoor", noise=0.035) for n, off in (("a", 0.0), ("b", 2.0))}
-    record = Record.from_arrays("two", case.record.times, {**both, "out": case.record["out"].values})
+    both = {
+        n: Channel.of(n, kelvin + off, unit="K", column=n, role="node", target="indoor", noise=0.035) for n, off in (("a", 0.0), ("b", 2.0))
+    }
+    record = Record.from_arrays("two", case.record.times, {**both, "out": case.record["out"].values}, unit="K")
     done = one_value(replace(case, record=record), {"wall": "1.5e-3 [K/s^0.5]"})
     assert any("'a' and 'b' on 'indoor' differ by 2 K" in w for w in done.warnings)
 
@@ -197,7 +202,7 @@ def test_a_line_that_is_no_noise(text: str) -> None:
 def test_noise_of_a_logged_boundary_is_said_not_to_count() -> None:
     case = drawn(TRUTH, 2, 60, noise_known=True)
     out = case.record["out"].values
-    noisy = case.record.with_channels(Channel.of("out", out, role="boundary", target="out", noise=0.4))
+    noisy = case.record.with_channels(Channel.of("out", out, unit="K", role="boundary", target="out", noise=0.4))
     held = {"wall": "1.5e-3 [K/s^0.5]"}
     done = one_value(replace(case, record=noisy), held)
     (words,) = done.assumed

@@ -53,6 +53,7 @@ def plant(
             s: td.Channel.of(
                 s,
                 run[n].kelvin + bias[s] + NOISE * rng.standard_normal(run.times.size),
+                unit="K",
                 role="node",
                 target=n,
                 noise=NOISE,
@@ -70,7 +71,7 @@ def _warmer(scenario: td.Scenario, kelvin: float) -> td.Scenario:
     shifted = {}
     for name, signal in scenario.boundaries.items():
         grid = np.linspace(0.0, scenario.seconds, 401)
-        shifted[name] = (grid, np.broadcast_to(signal.at(grid), grid.shape) + kelvin)
+        shifted[name] = (grid, td.quantity(np.broadcast_to(signal.at(grid), grid.shape) + kelvin, unit="K"))
     return scenario.with_(boundaries=shifted)
 
 

@@ -149,7 +149,9 @@ def rooms(slope: float, count: int = 8) -> td.Calibration:
             truth, td.Scenario("s", boundaries={"air": f"{air} [degC]"}, start=f"{air} [degC]", duration="9000 [s]"), times=times
         )
         channels = {
-            "T": td.Channel.of("T", run["case"].kelvin + 0.05 * rng.standard_normal(times.size), role="node", target="case", noise=0.05),
+            "T": td.Channel.of(
+                "T", run["case"].kelvin + 0.05 * rng.standard_normal(times.size), unit="K", role="node", target="case", noise=0.05
+            ),
             "P": td.Channel.of("P", np.full(times.size, watts), quantity="power", role="load", target="heat"),
         }
         records.append(td.Record.from_arrays(f"r{k}", times, channels))

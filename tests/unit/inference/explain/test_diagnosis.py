@@ -63,7 +63,9 @@ def seen(model: td.Model, shift: dict[str, float]) -> td.Calibration:
     run = td.simulate(model, soak(), times=times)
     rng = np.random.default_rng(2)
     made = {
-        s: td.Channel.of(s, run[n].kelvin + shift.get(s, 0.0) + 0.05 * rng.standard_normal(times.size), role="node", target=n, accuracy=0.3)
+        s: td.Channel.of(
+            s, run[n].kelvin + shift.get(s, 0.0) + 0.05 * rng.standard_normal(times.size), unit="K", role="node", target=n, accuracy=0.3
+        )
         for s, n in SENSORS.items()
     }
     return td.compare(unit(), td.Record.from_arrays("log", times, made), scenario=soak())
@@ -91,7 +93,7 @@ def test_a_sensor_that_a_run_started_from_is_seen_as_that() -> None:
     times = np.arange(0.0, 6 * 3600.1, 60.0)
     run = td.simulate(unit(), soak(), times=times)
     made = {
-        s: td.Channel.of(s, run[n].kelvin + (3.0 if s == "T_ELE" else 0.0), role="node", target=n, noise=0.05, accuracy=0.3)
+        s: td.Channel.of(s, run[n].kelvin + (3.0 if s == "T_ELE" else 0.0), unit="K", role="node", target=n, noise=0.05, accuracy=0.3)
         for s, n in SENSORS.items()
     }
     free = td.Scenario("log", boundaries={"air": "40 [degC]"}, start="measured")
@@ -119,7 +121,9 @@ def test_links_that_are_there_may_weaken_and_others_only_appear() -> None:
 
 def test_one_sensor_tells_no_groups_apart() -> None:
     told = seen(unit(), {})
-    one = td.Record.from_arrays("log", told.experiments[0].record.times, {"T": told.experiments[0].record["T_PROC"].values})
-    alone = td.compare(unit(), one.with_channels(td.Channel.of("T", one["T"].values, role="node", target="proc")), scenario=soak())
+    one = td.Record.from_arrays("log", told.experiments[0].record.times, {"T": told.experiments[0].record["T_PROC"].values}, unit="K")
+    alone = td.compare(
+        unit(), one.with_channels(td.Channel.of("T", one["T"].values, unit="K", role="node", target="proc")), scenario=soak()
+    )
     with pytest.raises(IdentificationError, match="a diagnosis needs at least two sensors,"):
         diagnose(alone)

@@ -42,7 +42,7 @@ def asked(factor: float = 1.0, exchanged: bool = False, extra: float = 0.0, free
     rng = np.random.default_rng(1)
     nodes = ("psu", "amp") if exchanged else ("amp", "psu")
     channels = {
-        f"T{k}": td.Channel.of(f"T{k}", run[n].kelvin + 0.05 * rng.standard_normal(TIMES.size), role="node", target=t, noise=0.05)
+        f"T{k}": td.Channel.of(f"T{k}", run[n].kelvin + 0.05 * rng.standard_normal(TIMES.size), unit="K", role="node", target=t, noise=0.05)
         for k, (n, t) in enumerate(zip(nodes, ("amp", "psu"), strict=True))
     }
     watts = td.Channel.of("P", factor * power, quantity="power", role="load", target="heat")

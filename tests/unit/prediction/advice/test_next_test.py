@@ -218,7 +218,9 @@ def test_what_is_asked_must_make_sense(fit: td.Calibration) -> None:
 
 
 def test_a_test_of_ones_own(fit: td.Calibration) -> None:
-    ramp = td.design.Action("ramp", BENCH.with_(boundaries={"air": (np.array([0.0, 14400.0]), 297.15 + np.array([0.0, 40.0]))}))
+    ramp = td.design.Action(
+        "ramp", BENCH.with_(boundaries={"air": (np.array([0.0, 14400.0]), td.quantity(297.15 + np.array([0.0, 40.0]), unit="K"))})
+    )
     advice = td.design.next_test(fit, MASS, [ramp])
     assert [o.name for o in advice.options] == ["ramp"]
     assert advice.best.error < fit[MASS].error

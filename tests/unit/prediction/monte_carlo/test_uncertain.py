@@ -112,7 +112,7 @@ def test_a_calibration_is_drawn_as_its_values_file(tmp_path: Path) -> None:
     times = np.arange(0.0, 3601.0, 60.0)
     truth = td.simulate(plate().with_values({"loss.conductance": "0.47 [W/K]"}), SCENARIO, times=times)["body"].kelvin
     noisy = truth + 0.1 * np.random.default_rng(2).standard_normal(times.size)
-    channel = td.Channel.of("T", noisy, role="node", target="body", noise=0.1)
+    channel = td.Channel.of("T", noisy, unit="K", role="node", target="body", noise=0.1)
     fit = td.calibrate(plate(), td.Record.from_arrays("log", times, {"T": channel}), ["loss.conductance"], scenario=SCENARIO)
     fit.save(tmp_path / "fit.values.toml")
     own, filed = (runs(values=v, spread={}) for v in (fit, td.load_values(tmp_path / "fit.values.toml")))

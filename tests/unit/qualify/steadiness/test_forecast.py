@@ -25,7 +25,7 @@ def log(hours=2.0, parts=((10.0, 1200.0), (5.0, 3000.0)), noise=0.05, seed=1, ro
     if room is not None:
         channels["T"] = values + room(times) - 297.0
         channels["AIR"] = room(times)
-    return td.Record.from_arrays("warm-up", times, channels)
+    return td.Record.from_arrays("warm-up", times, channels, unit="K")
 
 
 @pytest.mark.campaign
@@ -68,7 +68,7 @@ def test_a_reference_that_drifts_is_followed():
     run = td.simulate(box(), td.Scenario("s", boundaries={"air": air}, duration="5 [h]"), every=10.0)
     rng = np.random.default_rng(5)
     readings = {n: run[n].kelvin + 0.05 * rng.standard_normal(run.times.size) for n in ("core", "air")}
-    record = td.Record.from_arrays("warm-up", run.times, readings)
+    record = td.Record.from_arrays("warm-up", run.times, readings, unit="K")
     alone, led = td.bench.forecast(record, "core"), td.bench.forecast(record, "core", reference="air")
     truth = td.steady(box(), td.Scenario("s", boundaries={"air": f"{led.reference} [K]"}))["core"]
     assert led.final.low <= truth <= led.final.high
@@ -93,7 +93,7 @@ def test_a_model_gives_the_time_constants():
     scenario = td.Scenario("s", boundaries={"air": "20 [degC]"}, duration="90 [min]")
     run = td.simulate(box(), scenario, every=10.0)
     readings = run["core"].kelvin + 0.05 * np.random.default_rng(4).standard_normal(run.times.size)
-    record = td.Record.from_arrays("warm-up", run.times, {"core": readings})
+    record = td.Record.from_arrays("warm-up", run.times, {"core": readings}, unit="K")
     truth = td.steady(box(), scenario)["core"]
     alone, led = td.bench.forecast(record), td.bench.forecast(record, model=box(), scenario=scenario)
     assert led.by_model

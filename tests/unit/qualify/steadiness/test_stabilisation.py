@@ -15,7 +15,7 @@ def log(hours, taus=(1500.0, 5000.0)):
     rng = np.random.default_rng(3)
     times = np.arange(0.0, hours * HOUR, 10.0)
     made = {f"T{k}": 320.0 - 15.0 * np.exp(-times / tau) + 0.03 * rng.standard_normal(times.size) for k, tau in enumerate(taus, 1)}
-    return td.Record.from_arrays("warm-up", times, made)
+    return td.Record.from_arrays("warm-up", times, made, unit="K")
 
 
 def test_the_slowest_is_named_and_decides():
@@ -95,7 +95,7 @@ def warming(seed=2, noise=0.02, nodes=("plate", "core")):
     run = td.simulate(box(), COURSE, every=10.0)
     rng = np.random.default_rng(seed)
     readings = {n: run[n].kelvin + noise * rng.standard_normal(run.times.size) for n in nodes}
-    return run, td.Record.from_arrays("warm-up", run.times, readings)
+    return run, td.Record.from_arrays("warm-up", run.times, readings, unit="K")
 
 
 @pytest.mark.parametrize("at", [3600.0, 2.5 * HOUR, 4.0 * HOUR])

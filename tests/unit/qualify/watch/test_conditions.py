@@ -44,10 +44,10 @@ def log_of(kind: str) -> tuple[td.Model, td.Scenario, Record]:
             values = np.round((values - ICE) / 0.5) * 0.5 + ICE
         if kind == "spikes":
             values[r.choice(t.size, 20, replace=False)] += r.normal(0.0, 10.0, 20)
-        channels[n] = Channel.of(n, values, column=n, noise=None if kind in ("coarse", "spikes") else noise)
+        channels[n] = Channel.of(n, values, unit="K", column=n, noise=None if kind in ("coarse", "spikes") else noise)
     said = {} if kind.startswith("ambient") else {"air": "22 [degC]"}
     if not said:
-        channels["air"] = Channel.of("air", air + ICE + r.normal(0.0, 0.05, t.size), role="boundary", column="air")
+        channels["air"] = Channel.of("air", air + ICE + r.normal(0.0, 0.05, t.size), unit="K", role="boundary", column="air")
     if kind in ("power", "fast"):
         channels["heater"] = Channel.of("heater", watts + r.normal(0.0, 0.02, t.size), role="load", quantity="power", column="P")
     record = Record.from_arrays("rig", t, channels)
@@ -92,7 +92,9 @@ class TestRows:
         t = every * np.arange(watts.size)
         r = np.random.default_rng(1)
         power = Channel.of("P", watts + r.normal(0.0, 0.02, t.size), role="load", quantity="power")
-        return Record.from_arrays("long", t, {"T": Channel.of("T", ICE + 20.0 + r.normal(0.0, 0.1, t.size), noise=0.1), "P": power})
+        return Record.from_arrays(
+            "long", t, {"T": Channel.of("T", ICE + 20.0 + r.normal(0.0, 0.1, t.size), unit="K", noise=0.1), "P": power}
+        )
 
     def test_noise_of_a_power_meter_is_no_switch(self) -> None:
         watts = np.where(np.arange(20000) < 9000, 12.0, 8.0)

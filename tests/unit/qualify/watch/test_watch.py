@@ -24,7 +24,7 @@ def rising(size: int = 400, tau: float = 900.0, seed: int = 1, end: float = 20.0
     """Return a synthetic approach with one time constant, 10 s apart."""
     t = 10.0 * np.arange(size)
     r = np.random.default_rng(seed)
-    return Record.from_arrays("rising", t, {"T": ICE + 22.0 + end * (1.0 - np.exp(-t / tau)) + r.normal(0.0, 0.05, size)})
+    return Record.from_arrays("rising", t, {"T": ICE + 22.0 + end * (1.0 - np.exp(-t / tau)) + r.normal(0.0, 0.05, size)}, unit="K")
 
 
 class TestSensors:
@@ -32,7 +32,9 @@ class TestSensors:
         record = rising(300)
         values = record["T"].values.copy()
         change(values)
-        return [f"{a.suspect}: {a.because}" for a in sensor_alarms(Record.from_arrays("rising", record.times, {"T": values}), ["T"])]
+        return [
+            f"{a.suspect}: {a.because}" for a in sensor_alarms(Record.from_arrays("rising", record.times, {"T": values}, unit="K"), ["T"])
+        ]
 
     def test_a_sensor_that_is_right_says_nothing(self) -> None:
         assert self.values(lambda v: None) == []

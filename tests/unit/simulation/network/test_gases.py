@@ -239,10 +239,10 @@ def test_wind_on_a_fixed_coefficient_is_remarked() -> None:
 
 
 def test_a_gap_in_which_gas_would_convect_is_remarked() -> None:
-    wide = td.simulate(plates("1 [m]"), at(ATMOSPHERE).with_(initial={"case": 310.0}))
+    wide = td.simulate(plates("1 [m]"), at(ATMOSPHERE).with_(initial={"case": "310 [K]"}))
     assert any("the gap of 'gap', 1000 mm, reaches a Rayleigh number of" in w for w in wide.warnings)
-    assert td.simulate(plates("1 [m]"), at(1.0).with_(initial={"case": 310.0})).warnings == ()
-    assert td.simulate(plates("2 [mm]"), at(ATMOSPHERE).with_(initial={"case": 310.0})).warnings == ()
+    assert td.simulate(plates("1 [m]"), at(1.0).with_(initial={"case": "310 [K]"})).warnings == ()
+    assert td.simulate(plates("2 [mm]"), at(ATMOSPHERE).with_(initial={"case": "310 [K]"})).warnings == ()
 
 
 def test_a_volume_vented_to_nowhere_is_refused() -> None:

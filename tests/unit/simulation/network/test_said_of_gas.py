@@ -68,7 +68,9 @@ def test_vacuum_with_a_bare_htc_dropped_all_exchange_in_silence(
         td.ensemble(bare, ROOM.vacuum(), {"skin.htc": np.array([4.0, 5.0])})
     times = np.arange(0.0, 36000.0, 600.0)
     kelvin = td.simulate(bare, ROOM, times=times)["body"].kelvin + 0.1 * np.random.default_rng(1).standard_normal(times.size)
-    record = td.Record.from_arrays("log", times, {"T": td.Channel.of("T", kelvin, role="node", target="body", noise=0.1, accuracy=0.2)})
+    record = td.Record.from_arrays(
+        "log", times, {"T": td.Channel.of("T", kelvin, unit="K", role="node", target="body", noise=0.1, accuracy=0.2)}
+    )
     fit = td.calibrate(bare, record, ["skin.htc"], scenario=ROOM)
     with refused(SAYS_NO_EMISSIVITY):
         td.predict(fit, ROOM.vacuum())

@@ -287,7 +287,7 @@ def test_an_ensemble_spreads_the_inlet() -> None:
     """Members with their own inlet temperature have their own density, as runs one by one."""
     model = bay(fan=stream("inlet", "gas"))
     draws = [263.15, 293.15, 333.15]
-    found = td.prepare(model, run(), ["inlet"]).ensemble({"inlet": draws})
+    found = td.prepare(model, run(), ["inlet"]).ensemble({"inlet": td.quantity(draws, unit="K")})
     for k, kelvin in enumerate(draws):
         alone = td.simulate(model, run(boundaries={"inlet": f"{kelvin} [K]"}))
         assert found.temperatures("gas")[-1, k] == pytest.approx(alone["gas"].kelvin[-1], abs=1e-4)
@@ -296,8 +296,8 @@ def test_an_ensemble_spreads_the_inlet() -> None:
 def test_the_slope_with_the_inlet_holds_its_density() -> None:
     model = bay(fan=stream("inlet", "gas"))
     simulator = td.prepare(model, run(), ["inlet"])
-    slope = simulator.run({"inlet": 293.15}, sensitivities=True).sensitivity("gas", "inlet")[-1]
-    plus, minus = (simulator.run({"inlet": 293.15 + s})["gas"].kelvin[-1] for s in (0.05, -0.05))
+    slope = simulator.run({"inlet": "20 [degC]"}, sensitivities=True).sensitivity("gas", "inlet")[-1]
+    plus, minus = (simulator.run({"inlet": td.celsius(20.0 + s)})["gas"].kelvin[-1] for s in (0.05, -0.05))
     assert slope == pytest.approx((plus - minus) / 0.1, rel=1e-4)
 
 

@@ -1,0 +1,114 @@
+"""Questions that a log leaves open and its owner can answer; they stand in the first lines of `look`, `check` and `calibrate`."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Iterator, Mapping, Sequence
+from typing import Final
+
+import numpy as np
+
+from thermid.measure._record.channel import FloatArray, gap_from, usual_step
+from thermid.measure.amounts import duration_text, short
+
+ROOM_IN_FAHRENHEIT: Final = (59.0, 95.0)
+"""First readings that a room has in degrees Fahrenheit (15 to 35 degC); in degC no room does."""
+HOUR: Final = 3600.0
+"""What clocks lose where summer time begins. [s]"""
+NIGHT: Final = 3 * HOUR
+"""Time of day up to which summer time begins, by the clock before the change. [s]"""
+GOES_ON: Final = 3.0
+"""Largest usual change from reading to reading by which temperatures may differ where no time passed. [-]"""
+SWITCH: Final = 0.1
+"""Part of its range by which a power changes where it is switched; less is its noise. [-]"""
+_OF_DAY = re.compile(r"(?:^|[ T])(\d{1,2}):(\d{2})(?::(\d{2}))?")
+
+
+def unit_question(columns: Mapping[str, FloatArray]) -> Iterator[str]:
+    """Ask whether readings are in degrees Fahrenheit.
+
+    Parameters
+    ----------
+    columns : dict  Temperature that has no unit -> its readings (samples,), NaN where there is none; in the numbers of the log.
+    """
+    first = {name: float(known[0]) for name, values in columns.items() if (known := values[np.isfinite(values)]).size}
+    if first and ROOM_IN_FAHRENHEIT[0] <= min(first.values()) <= ROOM_IN_FAHRENHEIT[1]:
+        coldest = min(first, key=lambda name: first[name])
+        yield (
+            f"{', '.join(first)}: no unit in the log, and {coldest} begins at {short(first[coldest], 3)}. That is a room in degrees "
+            'Fahrenheit, and none in degC, in which it is read. State unit = "degF" or unit = "degC".'
+        )
+
+
+def repeated_stamps(times: FloatArray, columns: Mapping[str, FloatArray]) -> Iterator[str]:
+    """Name time stamps with several different readings.
+
+    Parameters
+    ----------
+    times : array (samples,)    In the order of the log. [s]
+    columns : dict              Name -> readings (samples,), NaN where there is none.
+    """
+    first = np.flatnonzero(np.diff(times, prepend=-np.inf) > 0)
+    if first.size == times.size:
+        return
+    spread = {name: np.fmax.reduceat(values, first) - np.fmin.reduceat(values, first) for name, values in columns.items() if values.size}
+    differ = [name for name, s in spread.items() if np.nanmax(s, initial=0.0) > 0.0]
+    if differ:
+        stamps = int(np.count_nonzero(np.any([np.nan_to_num(spread[n]) > 0.0 for n in differ], axis=0)))
+        worst = max(differ, key=lambda n: float(np.nanmax(spread[n])))
+        k = int(np.nanargmax(spread[worst]))
+        yield (
+            f"{stamps} time stamps have different readings, of {worst} up to {short(float(spread[worst][k]), 3)} apart at "
+            f"{duration_text(float(times[first[k]] - times[0]))}: temperatures are averaged, of powers and commands the last is used. "
+            "Remove the rows that are wrong, or write stamps that keep them apart."
+        )
+
+
+def lost_hour(times: FloatArray, stamps: Sequence[str], temperatures: Mapping[str, FloatArray]) -> Iterator[str]:
+    """Ask whether an hour without readings is the beginning of summer time.
+
+    Parameters
+    ----------
+    times : array (samples,)    [s]
+    stamps : sequence of str    As written.
+    temperatures : dict         Name -> readings (samples,), NaN where there is none.
+    """
+    steps = np.diff(times)
+    step = usual_step(times)
+    holes = np.flatnonzero(steps > gap_from(times)) if steps.size else steps
+    if len(holes) != 1 or step == 0.0 or abs(float(steps[holes[0]]) - HOUR - step) > 0.5 * step:
+        return
+    k = int(holes[0])
+    before, after = (_OF_DAY.search(stamps[i]) for i in (k, k + 1))
+    if before is None or after is None or HOUR * int(before[1]) >= NIGHT or HOUR * int(after[1]) > NIGHT:
+        return
+    for values in temperatures.values():
+        change = np.abs(np.diff(values))
+        if not change[k] <= GOES_ON * float(np.nanquantile(np.delete(change, k), 0.9)):
+            return
+    yield (
+        f"no readings from {stamps[k].strip()} to {stamps[k + 1].strip()}, and temperatures go on as if no time had passed: the clock may "
+        "have changed to summer time. If so, take an hour off all later stamps, or write stamps with their zone."
+    )
+
+
+def hidden_switches(times: FloatArray, powers: Mapping[str, FloatArray]) -> Iterator[str]:
+    """Name changes of a power at a moment that no reading shows.
+
+    Parameters
+    ----------
+    times : array (samples,)    [s]
+    powers : dict               Power or command -> readings (samples,), NaN where there is none.
+    """
+    for name, values in powers.items():
+        known = np.flatnonzero(np.isfinite(values))
+        if known.size < 2:
+            continue
+        change, hole = np.abs(np.diff(values[known])), np.diff(times[known])
+        for k in np.flatnonzero((hole > gap_from(times)) & (change > SWITCH * float(np.ptp(values[known]))) & (change > 0.0)):
+            a, b = known[k], known[k + 1]
+            yield (
+                f"{name} changes from {short(float(values[a]), 3)} to {short(float(values[b]), 3)} in a hole of "
+                f"{duration_text(float(times[b] - times[a]))} at {duration_text(float(times[a] - times[0]))}. Nothing says when: it is "
+                "taken at the end of the hole. Add a row with the moment, or use the parts before and after as records of their own."
+            )
