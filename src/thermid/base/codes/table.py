@@ -280,6 +280,11 @@ CODES: Final[Mapping[str, CodeMeaning]] = {
         "The model fails without the elements marked `test_only`.",
         "Mark what depends on them `test_only` too.",
     ),
+    "model.incomplete": CodeMeaning(
+        "warning",
+        "An import could not take something over, such as heat rates; the deck states it under `incomplete`.",
+        "Add what is missing to the deck and remove `incomplete`.",
+    ),
     "model.unconnected": CodeMeaning(
         "warning",
         "Nothing is connected to a node or need.",

@@ -205,6 +205,7 @@ def _missing(view: _View) -> Iterator[Finding]:
             "warning",
             view.model.where("incomplete"),
             f"incomplete: {what}. Results state this, with exit code 5. Add what is missing and remove 'incomplete'.",
+            "model.incomplete",
         )
 
 
