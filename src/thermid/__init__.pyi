@@ -13,6 +13,7 @@ from thermid import (
 )
 from thermid.base import errors as errors
 from thermid.base.errors import ThermidError as ThermidError, ThermidWarning as ThermidWarning
+from thermid.base.expression import celsius as celsius, quantity as quantity
 from thermid.campaign.stages import Campaign as Campaign, run_stages as run_stages
 from thermid.campaign.verdicts import Criteria as Criteria, Verdict as Verdict, compare as compare, validate as validate
 from thermid.fit.calibration import Calibration as Calibration, calibrate as calibrate
