@@ -36,7 +36,7 @@ ROOT_PAGES = {"changelog.md": "CHANGELOG.md", "contributing.md": "CONTRIBUTING.m
 """Page of the site -> file at the root of the repository."""
 
 ROOMS = {
-    "expression": "Values with their unit, as they enter from Python.",
+    "base": "Values with their unit, as they enter from Python.",
     "model": "The hardware: parts, decks, areas, laws.",
     "simulation": "The equations of a model, conditions of a run, and its results.",
     "site": "Sites on the ground, ascents, orbits, weather, moisture; an optional part.",
@@ -89,9 +89,9 @@ def virtual_pages() -> dict[str, str]:
 
 def rooms() -> dict[str, list[str]]:
     """Return the public names by room, in the order of the package."""
-    found: dict[str, list[str]] = {room: [] for room in [*ROOMS, "base"]}
+    found: dict[str, list[str]] = {room: [] for room in [*ROOMS, "errors"]}
     for name, module in td._PUBLIC.items():
-        found[module.partition(".")[0]].append(name)
+        found["errors" if module == "base.errors" else module.partition(".")[0]].append(name)
     return found
 
 

@@ -18,7 +18,7 @@ ELSEWHERE = {
     "docs/recipes.md": {
         f"{k}{part}" for k in ("", "metric-", "reader-") for part in ("function", "line", "row", "test", "nomenclature", "guide")
     }
-    | {"line-style", "example", "metric-size", "law-function", "law-row", "law-reference", "law-kind", "quick-check"}
+    | {"line-style", "example", "metric-size", "law-function", "law-row", "law-reference", "law-kind", "quick-check", "range"}
 }
 """Second words of blocks that test_contributing.py runs."""
 FOREIGN = {"KINDS", "TypeError", "math.sqrt", "csv", "pandas.read_csv"}

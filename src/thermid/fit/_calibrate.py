@@ -48,7 +48,7 @@ autocorrelated part may be so many times the independent one, or so much of what
 ASIDE, STRAINED = 3.0, 5.0
 """Standard deviations from its prior at which a value of a single record is remarked on, and from which its fit is not adequate: what
 one record takes up so far from what is known of it is physics that the model lacks, or a prior that is wrong. [-]"""
-APART, NO_NOISE = 1.5, 1e-3
+NOISE_RATIO, NO_NOISE = 1.5, 1e-3
 """Factor between stated noise and the noise that readings show, from which it is said; what they show below which they have none [K]."""
 SURE = 3.0
 """Standard deviations of chi-square by chance, from which residuals that wander are asked whether the structure lacks something. [-]"""
@@ -97,13 +97,10 @@ def _missed(request: Request, problem: Problem, found: Fit, spread: Autocorrelat
         size = float(np.sqrt(t.correlated_variance)) * sigma
         if request.adequate:
             limit, what = request.adequate, "'adequate'"
-        elif o.noise is not None:
+        elif o.noise is not None and o.noise <= NOISE_RATIO * shown.get((t.record, t.sensor), math.inf):
             size = scatter[t.record, t.sensor] if size > 0.0 else 0.0
-            noise, what = o.noise, "its stated noise"
-            if noise > APART * shown.get((t.record, t.sensor), math.inf):
-                noise, what = shown[t.record, t.sensor], "the noise that its readings show"
-            limit, what = NOISES * noise, f"{NOISES:g} times {what}"
-        else:
+            limit, what = NOISES * o.noise, f"{NOISES:g} times its stated noise"
+        else:  # nothing stated, or more than the readings show
             limit = max(NOISES * float(np.sqrt(t.white_variance)) * sigma, OF_RANGE * float(np.ptp(o.measured)))
             what = f"{NOISES:g} noises and {100 * OF_RANGE:g} % of its range"
         if size > limit:
@@ -645,7 +642,9 @@ def _seen_noise(problem: Problem) -> dict[tuple[str, str], float]:
 def _noise_apart(problem: Problem) -> list[str]:
     """Return one remark on sensors whose stated noise is far from what their readings show; the farthest is named."""
     seen, stated = _seen_noise(problem), {(e.record.name, o.sensor): o.noise for e in problem.experiments for o in e.observations}
-    apart = {key: (said, size) for key, size in seen.items() if (said := stated[key]) and abs(math.log(said / size)) > math.log(APART)}
+    apart = {
+        key: (said, size) for key, size in seen.items() if (said := stated[key]) and abs(math.log(said / size)) > math.log(NOISE_RATIO)
+    }
     if not apart:
         return []
     (record, sensor), (said, size) = max(apart.items(), key=lambda item: abs(math.log(item[1][0] / item[1][1])))

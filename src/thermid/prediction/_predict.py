@@ -46,7 +46,7 @@ MEAN_MISS, WIDTH_MISS = 0.1, 0.1
 """What the mean may be off by, in half-widths of the 95 % band, and its half-width, relative, before derivatives do not do."""
 SMALL = 0.05
 """Half-width of the 95 % band below which nobody minds how it was computed. [K]"""
-TOLD = 0.1
+NAMED_SHARE = 0.1
 """Part of that below which a cause of a shift is not named. [-]"""
 SHAPE = 4096
 """Draws of a straight model that give the quantiles of its laws."""
@@ -301,7 +301,7 @@ def centre_words(moved: Mapping[str, Mapping[str, Array]], times: Array) -> str:
         return ""
     k = int(np.abs(apart[node]).argmax())
     named = sorted(((c, float(v[k])) for c, v in moved[node].items()), key=lambda item: -abs(item[1]))
-    why = ", ".join(f"{c} {v:+.2g} K" for c, v in named if abs(v) >= TOLD * SMALL)
+    why = ", ".join(f"{c} {v:+.2g} K" for c, v in named if abs(v) >= NAMED_SHARE * SMALL)
     return (
         f"the centre of the band of '{node}' lies {float(apart[node][k]):+.2g} K from the run with the best values at "
         f"{duration_text(float(times[k]))} ({why}), those of other nodes by less; simulate and verdicts show that run"

@@ -82,7 +82,7 @@ def test_a_reader_that_takes_too_long_is_given_up(tmp_path: Path, monkeypatch: p
     read_plain(tmp_path / "log.mat")
     process = confined._CHILD._process
     assert process is not None
-    monkeypatch.setattr(confined, "LONGEST", 0.5)
+    monkeypatch.setattr(confined, "READING_TIME_LIMIT", 0.5)
     os.kill(process.pid, signal.SIGSTOP)
     with pytest.raises(RecordError, match="the file is damaged"):
         read_plain(tmp_path / "log.mat")

@@ -27,7 +27,7 @@ from thermid.simulation.scenarios import Scenario
 
 PULSES = 20
 """Stretches of a record in which heat is tried; windows are made of whole ones first."""
-LARGEST = 30
+MAX_HEATED_NODES = 30
 """Nodes that store heat in which unlogged heat is looked for: each has `PULSES` derivatives of every node's temperature."""
 PLACED = "unlogged_heat_"
 MANY = 3
@@ -246,7 +246,7 @@ class Pulses:
         e = fit.problem.experiments[experiment]
         span = e.scenario.seconds
         near = {*(t.node for t in fit.traces), *(load.node for load in e.network.flat.loads)}
-        nodes = tuple(sorted(stores_of(e), key=lambda n: n not in near)[:LARGEST])
+        nodes = tuple(sorted(stores_of(e), key=lambda n: n not in near)[:MAX_HEATED_NODES])
         edges = np.linspace(0.0, span, PULSES + 1)
         places: dict[str, str] = {}
         tables, amounts = {}, []

@@ -19,7 +19,7 @@ from thermid.base.errors import ThermidError
 from thermid.base.linear_algebra import Array
 from thermid.fit.problem import Prior, Request, Unknown
 from thermid.inference._explain.candidates import Fitted, plain_lacks
-from thermid.inference._explain.heats import LARGEST, Heat, heats_of, stores_of
+from thermid.inference._explain.heats import MAX_HEATED_NODES, Heat, heats_of, stores_of
 from thermid.inference._explain.rough_fit import QUICK, ROUNDS, Extra, RoughEnd, RoughFit
 from thermid.measure.amounts import duration_text, short
 from thermid.measure.records import Channel, Record
@@ -175,8 +175,8 @@ def _found(request: Request, name: str) -> Mistakes:
     if not bad:
         return Mistakes(name)
     stores = len(stores_of(fit.problem.experiments[0]))
-    if stores > LARGEST:
-        return Mistakes(name, bad=bad, failed=f"{stores} nodes store heat, and it takes networks of up to {LARGEST}")
+    if stores > MAX_HEATED_NODES:
+        return Mistakes(name, bad=bad, failed=f"{stores} nodes store heat, and it takes networks of up to {MAX_HEATED_NODES}")
     if len(request.records) > MOST:
         request = _worst(request, fit, base)
         fit, before = RoughFit.of(request), fit.named(base)

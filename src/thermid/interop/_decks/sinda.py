@@ -28,7 +28,7 @@ RANKINE: Final = 5.0 / 9.0
 _ENERGY: Final = {"J": 1.0, "KJ": 1e3, "BTU": BTU, "CAL": 4.184, "W-HR": HOUR, "W*S": 1.0}
 _TIME: Final = {"S": 1.0, "SEC": 1.0, "MIN": 60.0, "HR": HOUR, "H": HOUR}
 _LENGTH: Final = {"M": 1.0, "MM": 1e-3, "CM": 1e-2, "IN": 0.0254, "FT": 0.3048}
-COLDEST: Final = -120.0
+COLDEST_START_IN_KELVIN: Final = -120.0
 """Start of a node below which numbers without a stated unit are taken for other than kelvin. [degC]"""
 Cells = list[tuple[str, TextSpan]]
 """What stands between the commas of a row, each with its place."""
@@ -606,7 +606,7 @@ def _unique(loads: list[FileLoad]) -> Iterator[FileLoad]:
 def _question_kelvin(deck: SindaDeck) -> None:
     """Name temperatures that are read as kelvin because nothing states their unit, where hardware would be too cold."""
     coldest = min((node for node in deck.nodes if not node.held), key=lambda node: node.celsius, default=None)
-    if deck.units.stated or coldest is None or coldest.celsius > COLDEST:
+    if deck.units.stated or coldest is None or coldest.celsius > COLDEST_START_IN_KELVIN:
         return
     deck.reading.remark(
         coldest.where,

@@ -35,7 +35,7 @@ Vectors = dict[str, tuple[Any, str]]
 """Name -> samples (samples,), unit as text; both empty where unknown."""
 
 
-MEMORY: Final = 5.0
+MEMORY_OVER_UNPACKED: Final = 5.0
 """Memory that reading a file may take, over what it may unpack to. [-]"""
 Reader = Callable[[bytes, str, str | None], Cells]
 
@@ -52,7 +52,7 @@ def in_child(read: Reader, module: str = "") -> Reader:
     def of_bytes(data: bytes, file: str, separator: str | None) -> Cells:
         if module and (sys.modules.get(module, module) is None or find_spec(module) is None):
             raise MissingExtraError(missing([module], "this kind of file"), file)
-        memory = MEMORY * cap("unpacked")
+        memory = MEMORY_OVER_UNPACKED * cap("unpacked")
         return of_json(confined(to_json, data, memory, reader=read.__name__, file=file, separator=separator))
 
     return of_bytes
@@ -351,7 +351,7 @@ def hdf5(data: bytes, file: str, separator: str | None) -> Cells:
             return
         if item.external or item.is_virtual:
             how = "a virtual data set" if item.is_virtual else "external storage"
-            raise RecordError(f"'{name}' is {how}: its values stand in other files, which are not read. Save them in this one.", file)
+            raise RecordError(f"'{name}' is {how}: its values are kept in other files, which are not read. Save them in this one.", file)
         unpacked += item.size * item.dtype.itemsize
         _small(unpacked, file)
         values = np.squeeze(item[()])

@@ -21,7 +21,7 @@ from typing import Any, BinaryIO, Final, cast
 from thermid.base import errors
 from thermid.base.errors import CAPS_VARIABLE, ThermidError
 
-LONGEST: Final = 120.0
+READING_TIME_LIMIT: Final = 120.0
 """Time after which a call is given up; a log of 200 MB takes some 20 s. [s]"""
 PROGRAM: Final = f"from {__name__} import serve; serve()"
 
@@ -44,7 +44,7 @@ class _Child:
             process = self._started()
             assert process.stdin is not None
             assert process.stdout is not None
-            late = Timer(LONGEST, process.kill)
+            late = Timer(READING_TIME_LIMIT, process.kill)
             late.start()
             try:
                 process.stdin.write(json.dumps(question | {"size": len(data)}).encode() + b"\n")

@@ -575,7 +575,7 @@ def log_cells(path: Path, separator: str | None = None) -> Cells:
     try:
         cells = of.read(data, name, separator)
     except EndedError as error:
-        cause, memory = f" ({error})" if str(error) else "", binary.MEMORY * cap("unpacked") / 1e6
+        cause, memory = f" ({error})" if str(error) else "", binary.MEMORY_OVER_UNPACKED * cap("unpacked") / 1e6
         raise RecordError(
             f"the file is damaged, laid out in an unknown way, or takes more than {memory:.0f} MB of memory, as where a cell of a sheet "
             f"stands far out{cause}. Save it again, or as CSV.{raising('unpacked')}",

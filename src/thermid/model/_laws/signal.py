@@ -29,7 +29,7 @@ SINE_SAMPLES = 400
 """Samples of a period where a sine must become a table: within 3e-5 of its amplitude. [-]"""
 JUMP = 1e-6
 """Time in which a held value jumps where it meets one that is not held. [s]"""
-ROUNDED = 1e-12
+END_TOLERANCE = 1e-12
 """Share of a run by which times of an edge and of its end may differ. [-]"""
 BEND = 2e-5
 """Share of a signal's range by which straight lines may miss what follows from other signals. [-]"""
@@ -618,7 +618,7 @@ def in_run(given: Signal, end: float) -> Drawn:
     drawn = given.drawn(end)
     if not isinstance(drawn, TableSignal) or end <= 0.0:
         return drawn
-    before = np.flatnonzero(drawn.times < end * (1.0 - ROUNDED))
+    before = np.flatnonzero(drawn.times < end * (1.0 - END_TOLERANCE))
     if not before.size or before.size == drawn.times.size:
         return drawn
     last, following = before[-1], before[-1] + 1

@@ -16,7 +16,7 @@ from thermid.base.dual import value_of
 from thermid.base.units import TEMPERATURE
 
 INFINITE: Final = float("inf")
-LARGEST, SMALLEST = sys.float_info.max, math.ulp(0.0)
+MAX_FLOAT, MIN_FLOAT = sys.float_info.max, math.ulp(0.0)
 """Largest finite number, and smallest one above zero."""
 ROUNDING: Final = 1e-6
 """Share of an upper bound by which a value may lie above it: what a fit at its bound makes of one. [-]"""
@@ -36,17 +36,17 @@ class Range:
 
     words: str
     why: str
-    low: float = -LARGEST
-    high: float = LARGEST
+    low: float = -MAX_FLOAT
+    high: float = MAX_FLOAT
     nonzero: bool = False
 
 
 def _above_zero(why: str) -> Range:
-    return Range("a finite value above zero", why, SMALLEST)
+    return Range("a finite value above zero", why, MIN_FLOAT)
 
 
 def _above_zero_or_infinite(why: str) -> Range:
-    return Range("a value above zero", why, SMALLEST, INFINITE)
+    return Range("a value above zero", why, MIN_FLOAT, INFINITE)
 
 
 def _from_zero(why: str) -> Range:
@@ -105,7 +105,7 @@ RANGES: Final[Mapping[str, Range]] = {
     "gap": _above_zero("a gap has a distance"),
     "aspect": Range("1 or more", "the gap is measured along its longer side; turn it otherwise", 1.0),
     "dimensions": _LENGTH,
-    "accommodation": Range("a value above 0, up to 1", "the share of molecules that take a face's temperature", SMALLEST, 1.0 + ROUNDING),
+    "accommodation": Range("a value above 0, up to 1", "the share of molecules that take a face's temperature", MIN_FLOAT, 1.0 + ROUNDING),
     "convection_factor": _CONDUCTS,
     "mass_flow": _from_zero("a stream that may change direction is a flow with reversible = true"),
     "volume_flow": _from_zero("a stream that may change direction is a flow with reversible = true"),
