@@ -149,12 +149,12 @@ def compare_htc(
 ) -> HtcComparison:
     """Return the effective coefficient of a settled test beside the theoretical one, with what their difference can and cannot mean.
 
-    Numbers may be texts with units, ``"2.168 [W]"``, ``"35.938 [degC]"``; bare ones are SI.
+    Numbers may be texts with units, ``"2.168 [W]"``; bare ones are SI, and no temperature is bare.
 
     Parameters
     ----------
     power, area : str or float          Heat through the surface [W] and its area [m^2].
-    surface, ambient : str or float     Settled temperatures. [K]
+    surface, ambient : temperature      Settled, ``"35.938 [degC]"`` or ``td.celsius(35.938)``.
     height : str or float               Height of the vertical faces. [m]
     box : tuple of 2                    Length and width of a box of that height; adds horizontal faces and the mean over all. [m]
     air : Gas or tuple of 3             Conductivity [W/(m K)], kinematic viscosity [m^2/s] and Prandtl number [-]; dry air at the mean of
@@ -184,7 +184,7 @@ def compare_htc(
     --------
     The EleGFO box of the source document, air as printed there:
 
-    >>> found = compare_htc(2.168, 0.082241, 309.088, 297.15, 0.02492, air=(0.026, 1.6e-5, 0.71))
+    >>> found = compare_htc(2.168, 0.082241, "309.088 [K]", "297.15 [K]", 0.02492, air=(0.026, 1.6e-5, 0.71))
     >>> round(found.effective, 3), round(found.error, 2), round(found.theoretical, 3)
     (2.208, 0.13, 6.798)
     """

@@ -195,15 +195,15 @@ CODES: Final[Mapping[str, CodeMeaning]] = {
         "Constant coefficients carry most of the heat out, and nothing says whether air, a fan or a solid carries it.",
         "State `carried_by`.",
     ),
-    "model.fraction-outside": CodeMeaning(
-        "error",
-        "An emissivity or absorptance is below 0 or above 1.",
-        "Give 0 to 1.",
-    ),
     "model.heat-cannot-leave": CodeMeaning(
         "warning",
         "A load heats a part from which no heat can leave.",
         "Add a conductor.",
+    ),
+    "model.incomplete": CodeMeaning(
+        "warning",
+        "An import could not take something over, such as heat rates; the deck states it under `incomplete`.",
+        "Add what is missing to the deck and remove `incomplete`.",
     ),
     "model.instance-differs": CodeMeaning(
         "remark",
@@ -279,11 +279,6 @@ CODES: Final[Mapping[str, CodeMeaning]] = {
         "warning",
         "The model fails without the elements marked `test_only`.",
         "Mark what depends on them `test_only` too.",
-    ),
-    "model.incomplete": CodeMeaning(
-        "warning",
-        "An import could not take something over, such as heat rates; the deck states it under `incomplete`.",
-        "Add what is missing to the deck and remove `incomplete`.",
     ),
     "model.unconnected": CodeMeaning(
         "warning",
