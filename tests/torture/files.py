@@ -1,6 +1,6 @@
 """Mutants of every kind of file through what reads them: only the library's own errors, none above 5 s of processor time or 1 GB.
 
-``python -m torture.files python|commands|spawned|calls SECONDS SEED [NUMBER]`` in the folder tests prints one JSON object.
+``python -m torture.files python|logs|commands|spawned|calls SECONDS SEED [NUMBER]`` in the folder tests prints one JSON object.
 """
 
 from __future__ import annotations
@@ -29,7 +29,7 @@ from typing import Any
 
 from torture.arguments import CALLS, called
 from torture.mutants import mutant
-from torture.seeds import KINDS, make
+from torture.seeds import KINDS, LOGS, make
 
 PROCESSOR = 5.0
 """Processor time in which a mutant is read or refused. [s]"""
@@ -162,8 +162,9 @@ def _mutant(name: str, seed: str, good: bytes) -> bytes:
 
 def campaign(how: str, seconds: float, first: int, most: int = sys.maxsize) -> dict[str, Any]:
     """Read mutants of all kinds in turn for some seconds; return counts by kind and the findings with the seed of one of each."""
-    judge = {"python": reads, "commands": commands, "spawned": spawned, "calls": calls}[how]
+    judge = {"python": reads, "logs": reads, "commands": commands, "spawned": spawned, "calls": calls}[how]
     kinds = [*CALLS] if how == "calls" else [k for k, of in KINDS.items() if how == "python" or of.commands]
+    kinds = [*LOGS] if how == "logs" else kinds
     counts: Counter[str] = Counter()
     found: dict[str, list[str]] = {}
     before = Path.cwd()

@@ -7,6 +7,7 @@ from __future__ import annotations
 import gzip
 import json
 import os
+import re
 from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
@@ -400,3 +401,5 @@ KINDS: Final[dict[str, Kind]] = {
     "deck of SINDA": Kind("net.cc", lambda f: None, (("import", "{}", "--to", "imported", "--force"),)),
     "script": Kind("tune.m", lambda f: read_initfcn(f), (("import", "{}"),)),
 }
+LOGS: Final = tuple(name for name in KINDS if re.search(r"\blog\b|^structure", name))
+"""The kinds that are logs: text, packed, of a bench, and every binary format."""

@@ -7,11 +7,13 @@ import os
 import subprocess
 import sys
 from pathlib import Path
+from typing import Any
 
 import pytest
 
 import thermid as td
-from torture import elements, hostile, logs, outputs, values
+from thermid.model.tree import parameter_table
+from torture import elements, hostile, logs, outputs, physical, values
 
 TESTS = Path(__file__).parents[1]
 
@@ -38,6 +40,44 @@ def test_a_number_that_is_accepted_by_mistake_is_found() -> None:
     deck = values.DECKS[8]
     case = values.Case("x.emissivity", "python", td.model_from_dict(deck), values.SCENARIO, {"x.emissivity": 1.5})
     assert values.faults(case) == ["x.emissivity = 1.5 is accepted"]
+
+
+def test_every_number_of_the_decks_has_a_row_and_is_allowed_as_it_stands() -> None:
+    """The judge's table has no row that nothing asks for, and none is missing."""
+    rows = set()
+    for deck in values.DECKS:
+        for place in values.leaves(deck):
+            now: Any = deck
+            for step in place:
+                now = now[step]
+            number = values.read(now)
+            assert number is not None
+            assert physical.forbidden(deck, place, number, values.read) == "", place
+            rows.add(physical.row_of(deck, place)[0])
+        table = parameter_table(td.model_from_dict(deck))
+        rows |= {physical.row_of(deck, path.split("."))[0] for path in table if table[path].parameter.is_literal}
+    assert rows == {*physical.ROWS}
+
+
+@pytest.mark.parametrize(
+    ("path", "text"),
+    [
+        ("conductors.x.diameter", "0 [mm]"),
+        ("controls.c.sample", "5e-12 [s]"),
+        ("conductors.x.htc", "-1000 [W/(m^2 K)]"),
+        ("conductors.x.emissivity", "1.5"),
+        ("nodes.b.enthalpy.points.1.1", "1 [MJ/kg]"),
+        ("fans.fan.curve.1.1", "40 [Pa]"),
+    ],
+)
+def test_the_judge_forbids_what_physics_forbids(path: str, text: str) -> None:
+    place = tuple(int(w) if w.isdigit() else w for w in path.split("."))
+    decks = [deck for deck in values.DECKS if place in [*values.leaves(deck)]]
+    assert decks
+    number = values.read(text)
+    assert number is not None
+    seen = [physical.forbidden(deck, place, number, values.read) for deck in decks]
+    assert any(seen) or text == "5e-12 [s]"  # a sample of that time is slow, and possible
 
 
 def test_a_sample_of_every_kind_of_element_beside_radau() -> None:

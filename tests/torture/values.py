@@ -1,7 +1,7 @@
 """Every number of decks of every kind of element at hostile values, by every way that a number comes in.
 
-A deck is checked, its steady state and a short run are asked for. Allowed are errors of the library, and answers for values that the table
-of ranges allows. ``python -m torture.values NUMBER SEED`` in the folder tests prints one JSON object.
+A deck is checked, its steady state and a short run are asked for. Allowed are errors of the library, and answers for values that the tables
+of ranges allow: that of the product, and that of `torture.physical`, which was written without it. ``python -m torture.values NUMBER SEED`` in the folder tests prints one JSON object.
 """
 
 # ruff: noqa: E501  # lines of decks
@@ -28,6 +28,7 @@ from thermid.model._tree.flat import allows
 from thermid.model._tree.rules import findings
 from thermid.model.tree import flatten, parameter_table
 from torture.files import _limit, _over, judged
+from torture.physical import forbidden
 
 AREA: Final = {"area": "20 [cm^2]"}
 FLOW: Final = {"volume_flow": "20 [m^3/h]"}
@@ -203,6 +204,7 @@ class Case:
     model : Model       The model.
     scenario : Scenario What is done to it.
     course : dict       Path -> value that the scenario gives it for a while. [SI]
+    forbids : str       Why physics forbids the value, or nothing.
     """
 
     said: str
@@ -210,35 +212,52 @@ class Case:
     model: td.Model
     scenario: td.Scenario
     course: dict[str, float]
+    forbids: str = ""
+
+
+EXPRESSIONS: Final = {"p + p - p": 1.0, "2*p": 2.0, "p/1": 1.0, "1*p**1": 1.0, "max(p, p)": 1.0}
+"""Expressions of a parameter -> what it is multiplied by."""
+
+
+def read(given: Any) -> float | None:
+    """Return what stands in a deck as a number in SI, if it is one."""
+    if isinstance(given, int | float):
+        return float(given)
+    literal = parse(given).literal if isinstance(given, str) else None
+    return literal.value if literal else None
 
 
 def made(rng: random.Random) -> Case:
     """Return a deck with one hostile value, by one of the ways that a number comes in."""
-    deck = copy.deepcopy(rng.choice(DECKS))
-    places, route = list(leaves(deck)), rng.choice(ROUTES)
+    good = rng.choice(DECKS)
+    deck, route = copy.deepcopy(good), rng.choice(ROUTES)
     if route in ("literal", "parameter", "expression"):
-        place = rng.choice(places)
+        place = rng.choice([*leaves(deck)])
         now: Any = deck
         for step in place:
             now = now[step]
         text, plain = _hostile(rng, now)
+        way = rng.choice([*EXPRESSIONS]) if route == "expression" else "p"
         if route == "literal":
             _put(deck, place, plain)
         else:
             deck["parameters"] = {"p": plain}
-            _put(deck, place, "p" if route == "parameter" else rng.choice(("p + p - p", "2*p", "p/1", "1*p**1", "max(p, p)")))
-        return Case(f"{'.'.join(map(str, place))} = {text}, {route}", route, td.model_from_dict(deck), SCENARIO, {})
+            _put(deck, place, way)
+        value = read(plain)
+        why = "" if value is None else forbidden(good, place, EXPRESSIONS.get(way, 1.0) * value, read)
+        return Case(f"{'.'.join(map(str, place))} = {text}, {route}", route, td.model_from_dict(deck), SCENARIO, {}, why)
     model = td.model_from_dict(deck)
     table = parameter_table(model)
     path = rng.choice([p for p in table if table[p].parameter.is_literal])
     text, plain = _hostile(rng, table[path].parameter.text)
-    said = f"{path} = {text}, {route}"
+    said, value = f"{path} = {text}, {route}", read(text)
+    why = "" if value is None else forbidden(good, path.split("."), value, read)
     if route == "schedule":
         course = {"times": ["0 [s]", "1 [min]"], "values": [table[path].parameter.text, text], "hold": True, "after": "hold"}
-        scenario, written = SCENARIO.with_(schedule={path: course}), parse(text).literal
-        return Case(said, route, model, scenario, {path: written.value} if written else {})
+        scenario = SCENARIO.with_(schedule={path: course})
+        return Case(said, route, model, scenario, {} if value is None else {path: value}, why)
     values = pairs([f"{path}={text}"], "--param") if route == "--param" else {path: plain}
-    return Case(said, route, model.with_values(values), SCENARIO, {})
+    return Case(said, route, model.with_values(values), SCENARIO, {}, why)
 
 
 def faults(case: Case) -> list[str]:
@@ -259,6 +278,7 @@ def faults(case: Case) -> list[str]:
     values = flat.parameters.evaluate({}) | case.course
     out = [f"{path} = {values[path]:g} is accepted" for path, (given, _) in flat.ranges.items() if not allows(given, values[path])]
     out += ["check finds an error, and it runs"] if errors else []
+    out += [f"physics forbids it: {case.forbids}"] if case.forbids else []
     every = [*ends.values(), *(run[n].kelvin for n in run.nodes)]
     return out + (["a temperature is no number"] if not all(np.isfinite(t).all() for t in every) else [])
 

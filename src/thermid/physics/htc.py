@@ -149,12 +149,12 @@ def compare_htc(
 ) -> HtcComparison:
     """Return the effective coefficient of a settled test beside the theoretical one, with what their difference can and cannot mean.
 
-    Numbers may be texts with units, ``"2.168 [W]"``, ``"35.938 [degC]"``; bare ones are SI.
+    Numbers may be texts with units, ``"2.168 [W]"``; bare ones are SI, and no temperature is bare.
 
     Parameters
     ----------
     power, area : str or float          Heat through the surface [W] and its area [m^2].
-    surface, ambient : str or float     Settled temperatures. [K]
+    surface, ambient : temperature      Settled, ``"35.938 [degC]"`` or ``td.celsius(35.938)``.
     height : str or float               Height of the vertical faces. [m]
     box : tuple of 2                    Length and width of a box of that height; adds horizontal faces and the mean over all. [m]
     air : Gas or tuple of 3             Conductivity [W/(m K)], kinematic viscosity [m^2/s] and Prandtl number [-]; dry air at the mean of

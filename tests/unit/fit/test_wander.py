@@ -263,8 +263,8 @@ def lagging_box(noise: float | None) -> Record:
     given = Scenario("bench", boundaries={"air": (times, td.quantity(room(times), unit="K"))}, start="24 [degC]", duration=18000.0)
     truth = simulate(hidden, given, times=times)["case"].kelvin
     case = Channel.of("T", truth + 0.05 * np.random.default_rng(7).standard_normal(301), unit="K", role="node", target="case", noise=noise)
-    room_channel = Channel.of("ROOM", room(times), unit="K", role="boundary", target="air")
-    return Record.from_arrays("bench", times, {"T": case, "ROOM": room_channel})
+    air = Channel.of("ROOM", room(times), unit="K", role="boundary", target="air")
+    return Record.from_arrays("bench", times, {"T": case, "ROOM": air})
 
 
 @pytest.mark.parametrize("noise", [0.05, None, 0.15])

@@ -94,7 +94,7 @@ def test_a_reader_that_takes_too_long_is_given_up(tmp_path: Path, monkeypatch: p
 def test_the_process_ends_with_the_one_that_asks(tmp_path: Path) -> None:
     (tmp_path / "log.mat").write_bytes(matlab())
     program = (
-        f"import sys; from thermid.measure import read_plain; from {confined.__name__} import _CHILD; read_plain(sys.argv[1]);"
+        f"import sys; from thermid.measure.readers import read_plain; from {confined.__name__} import _CHILD; read_plain(sys.argv[1]);"
         "print(_CHILD._process.pid)"
     )
     for end in ("", "; import os; sys.stdout.flush(); os._exit(0)"):

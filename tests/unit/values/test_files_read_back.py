@@ -168,7 +168,9 @@ def test_the_values_of_a_fit_are_read_back_by_every_reader(tmp_path: Path, name:
     times = np.linspace(0.0, 7200.0, 41)
     scenario = Scenario("s", boundaries={"air": "20 [degC]"}, start="20 [degC]", duration=7200.0)
     seen = simulate(model.with_values({"strap.conductance": "0.25 [W/K]"}), scenario, times=times)["case"].kelvin
-    readings = Channel.of("T", seen + 0.05 * np.random.default_rng(1).standard_normal(times.size), role="node", target="case", noise=0.05)
+    readings = Channel.of(
+        "T", seen + 0.05 * np.random.default_rng(1).standard_normal(times.size), role="node", target="case", unit="K", noise=0.05
+    )
     log = Record.from_arrays("log", times, {"T": readings})
     fit = calibrate(load_model(tmp_path / "deck.toml"), log, ["strap.conductance"], scenario=scenario)
     file = tmp_path / "v.toml"
@@ -185,7 +187,7 @@ def test_the_values_of_a_fit_are_read_back_by_every_reader(tmp_path: Path, name:
 
 
 def test_sensors_looks_and_kept_fits_with_every_key_are_read_back(tmp_path: Path) -> None:
-    sensor = MappedSensor("T1", "28AABBCCDDEE0039", SensorCertificate(0.25, 0.1, 293.15, "2026-01-01"), "a note")
+    sensor = MappedSensor("T1", "28AABBCCDDEE0039", SensorCertificate(0.25, 0.1, "293.15 [K]", "2026-01-01"), "a note")
     save_sensor(tmp_path / "sensors.toml", sensor)
     assert load_sensors(tmp_path / "sensors.toml") == {sensor.rom: sensor}
     written = grammar_of("sensors").model_validate(tomllib.loads((tmp_path / "sensors.toml").read_text()))

@@ -465,6 +465,11 @@ CODES: Final[Mapping[str, CodeMeaning]] = {
         "A column without a unit looks like another one than the unit that would be assumed.",
         "Give `units`.",
     ),
+    "record.values-elsewhere": CodeMeaning(
+        "error",
+        "The values of a data set stand in other files, which are not read.",
+        "Save them in the file itself.",
+    ),
     "result.nothing-to-draw": CodeMeaning(
         "error",
         "A result holds no numbers to draw.",

@@ -46,14 +46,14 @@ def in_child(read: Reader, module: str = "") -> Reader:
     Parameters
     ----------
     read : callable     The reader.
-    module : str        Optional module that it needs, as it is imported.
+    module : str        Module that it needs, as it is imported; its memory is not that of the file.
     """
 
     def of_bytes(data: bytes, file: str, separator: str | None) -> Cells:
         if module and (sys.modules.get(module, module) is None or find_spec(module) is None):
             raise MissingExtraError(missing([module], "this kind of file"), file)
         memory = MEMORY_OVER_UNPACKED * cap("unpacked")
-        return of_json(confined(to_json, data, memory, reader=read.__name__, file=file, separator=separator))
+        return of_json(confined(to_json, data, memory, module, reader=read.__name__, file=file, separator=separator))
 
     return of_bytes
 
@@ -78,7 +78,9 @@ def _small(size: float, file: str) -> None:
     RecordError   With the cap.
     """
     if size > cap("unpacked"):
-        raise RecordError(f"it unpacks to {size / 1e6:.0f} MB or more. Save the channels that are needed.{raising('unpacked')}", file)
+        raise RecordError(
+            f"it unpacks to {size / 1e6:.0f} MB or more. Save the channels that are needed.{raising('unpacked')}", file, code="cap.exceeded"
+        )
 
 
 def _inflated(data: bytes, most: int) -> int:
@@ -107,7 +109,7 @@ def tdms(data: bytes, file: str, separator: str | None) -> Cells:
         for name, channels in groups:
             series += _tdms_series(name if len(groups) > 1 else "", channels, begun, file)
     if not series:
-        raise RecordError("the TDMS file has no samples.", file)
+        raise RecordError("the TDMS file has no samples.", file, code="record.no-samples")
     start = None if begun is None else str(begun.isoformat())
     notes = ("the last segment of the file is cut short; the samples before it were read",) if cut else ()
     return merged(series, file, "time [s]", notes, Layout("NI TDMS", ""), start)
@@ -141,7 +143,9 @@ def _tdms_series(group: str, channels: Mapping[str, Any], begun: datetime | None
         times = _tdms_times(channel, channels.get(own) if own else None, begun)
         if times is None or len(times) != len(channel):
             raise RecordError(
-                f"channel '{name}' has no times: neither wf_increment nor a time channel of as many samples in its group.", file
+                f"channel '{name}' has no times: neither wf_increment nor a time channel of as many samples in its group.",
+                file,
+                code="record.time-unclear",
             )
         unit = str(channel.properties.get("unit_string", "") or channel.properties.get("NI_UnitDescription", "")).strip()
         shown = f"{group}/{name}" if group else name
@@ -217,7 +221,9 @@ def _of_series(objects: Mapping[str, Mapping[str, Any]], file: str) -> Vectors:
             continue
         if clock and not np.array_equal(out["Time"][0], series["Time"]):
             raise RecordError(
-                f"'{clock}' and '{name}' have different times. Save one of them in a separate file: save('log.mat', '{clock}').", file
+                f"'{clock}' and '{name}' have different times. Save one of them in a separate file: save('log.mat', '{clock}').",
+                file,
+                code="record.times-differ",
             )
         clock = clock or name
         out["Time"] = series["Time"], "s"
@@ -238,6 +244,7 @@ def of_variables(held: Mapping[str, Any], file: str, series: Vectors | None = No
             "whose layout is not published. In MATLAB: "
             f"t = {objects[0]}.Time; T = {objects[0]}.Data; save('log.mat', 't', 'T', '-v7').",
             file,
+            code="record.layout-unclear",
         )
     return _of_vectors(vectors, file, "MATLAB")
 
@@ -288,13 +295,19 @@ def _of_vectors(vectors: Vectors, file: str, kind: str) -> Cells:
     if not clock:
         held = ", ".join(f"{n} ({len(v)})" for n, (v, _) in vectors.items()) or "no numeric vectors"
         raise RecordError(
-            f"no vector has the name of a time ({', '.join(_TIMES[:6])}); it holds {held}. Rename the vector with the times.", file
+            f"no vector has the name of a time ({', '.join(_TIMES[:6])}); it holds {held}. Rename the vector with the times.",
+            file,
+            code="record.time-unclear",
         )
     times, unit = vectors.pop(clock)
     alike = {name: each for name, each in vectors.items() if len(each[0]) == len(times)}
     other = [name for name in vectors if name not in alike]
     if not alike:
-        raise RecordError(f"no vector is as long as '{clock}' ({len(times)} samples); there are {', '.join(vectors) or 'none'}.", file)
+        raise RecordError(
+            f"no vector is as long as '{clock}' ({len(times)} samples); there are {', '.join(vectors) or 'none'}.",
+            file,
+            code="record.shape",
+        )
     texts, unit, start, name = _clock_texts(times, unit, re.split(r"[./]", clock)[-1], kind)
     header = (f"{name} [{unit}]" if unit else name, *(_named(n, u) for n, (_, u) in alike.items()))
     columns = [texts, *(tuple(text_of(v) for v in np.asarray(values).tolist()) for values, _ in alike.values())]
@@ -351,7 +364,11 @@ def hdf5(data: bytes, file: str, separator: str | None) -> Cells:
             return
         if item.external or item.is_virtual:
             how = "a virtual data set" if item.is_virtual else "external storage"
-            raise RecordError(f"'{name}' is {how}: its values are kept in other files, which are not read. Save them in this one.", file)
+            raise RecordError(
+                f"'{name}' is {how}: its values are kept in other files, which are not read. Save them in this one.",
+                file,
+                code="record.values-elsewhere",
+            )
         unpacked += item.size * item.dtype.itemsize
         _small(unpacked, file)
         values = np.squeeze(item[()])
@@ -404,13 +421,15 @@ def workbook(data: bytes, file: str, separator: str | None) -> Cells:
     try:
         _small(sum(part.file_size for part in zipfile.ZipFile(io.BytesIO(data)).infolist()) if data[:2] == b"PK" else 0.0, file)
     except zipfile.BadZipFile:
-        raise RecordError("this is a binary file, not a text log (a workbook or archive). Export it as CSV.", file) from None
+        raise RecordError(
+            "this is a binary file, not a text log (a workbook or archive). Export it as CSV.", file, code="record.damaged"
+        ) from None
     library = optional("python_calamine", "this kind of file", file)
     book = library.CalamineWorkbook.from_filelike(io.BytesIO(data))
     sheets = {name: book.get_sheet_by_name(name).to_python() for name in book.sheet_names}
     best = max(sheets, key=lambda name: _numbers(sheets[name]), default="")
     if not best or not _numbers(sheets[best]):
-        raise RecordError("no sheet of the workbook holds numbers.", file)
+        raise RecordError("no sheet of the workbook holds numbers.", file, code="record.no-samples")
     text = "\n".join("\t".join(_cell(cell) for cell in row) for row in sheets[best]) + "\n"
     cells = cells_of_text(text, file, "\t")
     others = [name for name in sheets if name != best and _numbers(sheets[name])]

@@ -95,14 +95,15 @@ def _start() -> subprocess.Popen[bytes]:
 _CHILD: Final = _Child()
 
 
-def confined(function: Callable[..., Any], data: bytes, memory: float, **options: Any) -> Any:
+def confined(function: Callable[..., Any], data: bytes, memory: float, library: str = "", **options: Any) -> Any:
     """Return what a function makes of some bytes in a process of its own.
 
     Parameters
     ----------
     function : callable     Of a module, called with the bytes and the options; it returns what JSON can hold.
     data : bytes
-    memory : float          What it may take beside what the process has. [bytes]
+    memory : float          What it may take beside what the process has with the library. [bytes]
+    library : str           Module that the function needs, as it is imported.
     options                 What JSON can hold.
 
     Raises
@@ -110,14 +111,15 @@ def confined(function: Callable[..., Any], data: bytes, memory: float, **options
     ThermidError   That of the function.
     EndedError     When the process ends, takes more memory or time, or the function raises another error.
     """
-    question = {"module": function.__module__, "function": function.__name__, "options": options, "memory": memory}
+    question = {"module": function.__module__, "function": function.__name__, "options": options, "memory": memory, "library": library}
     answer = _CHILD.ask(question | {"caps": os.environ.get(CAPS_VARIABLE)}, data)
     if not answer:
         raise EndedError("")
     if "error" in answer and not answer["kind"]:
         raise EndedError(answer["error"])
     if "error" in answer:
-        raise cast("type[ThermidError]", getattr(errors, answer["kind"]))(answer["error"], answer["where"])
+        kind = cast("type[ThermidError]", getattr(errors, answer["kind"]))
+        raise kind(answer["error"], answer["where"], code=answer["code"])
     return answer["made"]
 
 
@@ -137,10 +139,12 @@ def _answer(question: dict[str, Any], source: BinaryIO) -> dict[str, Any]:
     os.environ |= {CAPS_VARIABLE: question["caps"]} if question["caps"] else {}
     try:
         function = getattr(import_module(question["module"]), question["function"])
+        if question["library"]:
+            import_module(question["library"])
         _limit(question["memory"])
         return {"made": function(data, **question["options"])}
     except ThermidError as error:
-        return {"kind": type(error).__name__, "error": error.message, "where": error.where}
+        return {"kind": type(error).__name__, "error": error.message, "where": error.where, "code": error.code}
     except MemoryError:
         return {}
     except Exception as error:

@@ -218,7 +218,9 @@ def _segment(
 ) -> tuple[tuple[str, ...], datetime | None, list[tuple[int, list[str]]], int]:
     """Return the names of the channels with units, the start, the lines of samples, and the line after the segment."""
     if at == len(lines):
-        raise RecordError("the file ends behind a header, without channels. Export the log again, with its data.", file)
+        raise RecordError(
+            "the file ends behind a header, without channels. Export the log again, with its data.", file, code="record.no-samples"
+        )
     names = [name.strip() for name in lines[at].rstrip("\n").split(mark)]
     stop = at + 1
     while stop < len(lines) and lines[stop].strip() and lines[stop].split(mark)[0].strip() not in ("Channels", "Notes"):
@@ -539,8 +541,10 @@ FORMATS: Final = (
     Format("bench log", "its first line", is_bench_log, _bench),
     Format("NI TDMS", "the bytes TDSm", lambda d: d[:4] == b"TDSm", binary.in_child(binary.tdms, "nptdms"), "npTDMS"),
     Format("HDF5", "its signature", lambda d: d[:8] == b"\x89HDF\r\n\x1a\n", binary.in_child(binary.hdf5, "h5py"), "h5py"),
-    Format("netCDF classic", "the bytes CDF", lambda d: d[:3] == b"CDF" and d[3:4] in b"\x01\x02", binary.in_child(binary.netcdf)),
-    Format("MATLAB", "MATLAB 5.0 in its first line", lambda d: d[:10] == b"MATLAB 5.0", binary.in_child(binary.matlab)),
+    Format(
+        "netCDF classic", "the bytes CDF", lambda d: d[:3] == b"CDF" and d[3:4] in b"\x01\x02", binary.in_child(binary.netcdf, "scipy.io")
+    ),
+    Format("MATLAB", "MATLAB 5.0 in its first line", lambda d: d[:10] == b"MATLAB 5.0", binary.in_child(binary.matlab, "scipy.io")),
     Format("MATLAB 7.3", "MATLAB 7.3 in its first line", lambda d: d[:10] == b"MATLAB 7.3", binary.in_child(binary.hdf5, "h5py"), "h5py"),
     Format("workbook", "a zip archive with xl/ or content.xml", is_workbook, _workbook, "python-calamine"),
     Format("workbook of old Excel", "its signature", lambda d: d[:8] == OLD_OFFICE, _workbook, "python-calamine"),
@@ -580,5 +584,6 @@ def log_cells(path: Path, separator: str | None = None) -> Cells:
             f"the file is damaged, laid out in an unknown way, or takes more than {memory:.0f} MB of memory, as where a cell of a sheet "
             f"stands far out{cause}. Save it again, or as CSV.{raising('unpacked')}",
             name,
+            code="record.damaged",
         ) from None
     return replace(cells, layout=replace(cells.layout, format=of.name)) if cells.layout.format == Layout().format else cells

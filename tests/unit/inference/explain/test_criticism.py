@@ -182,7 +182,7 @@ def test_a_lag_that_is_fitted_does_not_end_it() -> None:
     scenario = td.Scenario("bench", {"room": "22 [degC]"}, start="22 [degC]")
     kelvin = td.simulate(truth, scenario.with_(duration="3 [h]"), times=times)["case"].kelvin
     noisy = kelvin + 0.05 * np.random.default_rng(1).standard_normal(times.size)
-    record = td.Record.from_arrays("log", times, {"T": td.Channel.of("T", noisy, role="node", target="case", noise=0.05)})
+    record = td.Record.from_arrays("log", times, {"T": td.Channel.of("T", noisy, unit="K", role="node", target="case", noise=0.05)})
     lagging = record.with_sensor("T", lag="60 [s]", lag_accuracy="30 [s]")
     fit = td.calibrate(model, lagging, ["case.capacitance", "skin.htc"], scenario=scenario)
     assert any("lag" in name for name in fit.fitted)

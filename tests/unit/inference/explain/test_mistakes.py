@@ -204,7 +204,7 @@ def test_degrees_fahrenheit_are_no_way_out_of_a_misfit() -> None:
     truth = PAIR.with_values({"amp.capacitance": "150 [J/K]", "psu_room.conductance": "0.05 [W/K]"})
     run = td.simulate(truth, td.Scenario("b", {"room": "22 [degC]"}, start="22 [degC]", loads=loads, duration="5 [h]"), times=TIMES)
     noise = 0.05 * np.random.default_rng(3).standard_normal(TIMES.size)
-    channel = td.Channel.of("T", run["amp"].kelvin + noise, role="node", target="body", noise=0.05)
+    channel = td.Channel.of("T", run["amp"].kelvin + noise, unit="K", role="node", target="body", noise=0.05)
     watts = td.Channel.of("P", power, quantity="power", role="load", target="heat")
     record = td.Record.from_arrays("bench", TIMES, {"T": channel, "P": watts})
     free, room = ("body.capacitance", "skin.conductance"), {"room": LocalSpec("T", 0.5)}
