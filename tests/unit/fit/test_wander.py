@@ -260,10 +260,10 @@ def lagging_box(noise: float | None) -> Record:
     hidden = replace(
         box(), nodes={**box().nodes, "inner": deck.nodes["inner"]}, conductors={**box().conductors, "tie": deck.conductors["tie"]}
     )
-    given = Scenario("bench", boundaries={"air": (times, room(times))}, start="24 [degC]", duration=18000.0)
+    given = Scenario("bench", boundaries={"air": (times, td.quantity(room(times), unit="K"))}, start="24 [degC]", duration=18000.0)
     truth = simulate(hidden, given, times=times)["case"].kelvin
-    case = Channel.of("T", truth + 0.05 * np.random.default_rng(7).standard_normal(301), role="node", target="case", noise=noise)
-    return Record.from_arrays("bench", times, {"T": case, "ROOM": Channel.of("ROOM", room(times), role="boundary", target="air")})
+    case = Channel.of("T", truth + 0.05 * np.random.default_rng(7).standard_normal(301), unit="K", role="node", target="case", noise=noise)
+    return Record.from_arrays("bench", times, {"T": case, "ROOM": Channel.of("ROOM", room(times), unit="K", role="boundary", target="air")})
 
 
 @pytest.mark.parametrize("noise", [0.05, None, 0.15])
