@@ -146,7 +146,7 @@ def test_a_cooler_is_v_shaped() -> None:
             "loads": {"q": {"into": "case", "table": table}},
         }
     )
-    scenario = td.Scenario("s", {"air": (TIMES, room)}, start="20 [degC]", duration=float(TIMES[-1]))
+    scenario = td.Scenario("s", {"air": (TIMES, td.quantity(room, unit="K"))}, start="20 [degC]", duration=float(TIMES[-1]))
     readings = td.simulate(model, scenario, times=TIMES)["case"].kelvin + 0.01 * np.random.default_rng(2).standard_normal(TIMES.size)
     channels = {
         "T": td.Channel.of("T", readings, unit="K", role="node", target="case", noise=0.01),

@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 
 from thermid.base.errors import ThermidError
+from thermid.base.expression import celsius
 from thermid.campaign.verdicts import Criteria, validate
 from thermid.fit._minimisation import ended
 from thermid.fit.calibration import Calibration, calibrate, covariances
@@ -80,7 +81,7 @@ def test_gain_error_is_covered_and_would_mislead() -> None:
     rng, known, blind = np.random.default_rng(11), [], []
     for k in range(DRAWS):
         scale = 0.01 * rng.standard_normal()
-        seen = readings(SensorPart(gain_about=ICE), scale) + NOISE * rng.standard_normal(TIMES.size)
+        seen = readings(SensorPart(gain_about=celsius(0.0)), scale) + NOISE * rng.standard_normal(TIMES.size)
         known.append(score(fit(seen, SensorPart(gain_accuracy=0.01))))
         if k < BLIND:
             blind.append(score(fit(seen, None)))
@@ -163,7 +164,7 @@ def test_readings_beyond_the_range_are_not_fitted() -> None:
     seen = readings(SensorPart()) + NOISE * np.random.default_rng(16).standard_normal(TIMES.size)
     stuck = np.minimum(seen, ICE + 36.0)
     raw = record(stuck, None)
-    channel, (said,) = with_sensor(raw["T"], SensorPart(low=ICE - 55.0, high=ICE + 36.0), None, "T")
+    channel, (said,) = with_sensor(raw["T"], SensorPart(low=celsius(-55.0), high=celsius(36.0)), None, "T")
     assert "readings at or beyond its range -55 [degC] to 36 [degC]" in said
     assert channel.flags == {"out of range": int(np.count_nonzero(seen >= ICE + 36.0))}
     found = calibrate(part_model(), raw.with_channels(channel), FREE, scenario=BENCH)

@@ -286,7 +286,8 @@ class TestPredict:
         assert said.code == 0, said.out
         assert said.object["scenario"] == "hot"
         node = said.object["nodes"]["a.case"]
-        assert set(node) == {"final", "steady", "at"}
+        assert set(node) == {"run_C", "moved_K", "final", "steady", "at"}
+        assert node["run_C"] + sum(node["moved_K"].values()) == pytest.approx(node["final"]["C"], abs=1e-3)
         assert node["steady"]["low_C"] < node["steady"]["C"] < node["steady"]["high_C"]
         assert sum(node["final"]["shares"].values()) == pytest.approx(1.0)
         assert (tmp_path / "p.csv").is_file()
