@@ -155,7 +155,7 @@ def planted(seed: int) -> tuple[str, Record, Array]:
     else:
         low = {"air fins": {"htc": f"{14 * r.uniform(0.2, 0.5)} [W/(m^2 K)]"}, "joint pad": {"joint": f"{2.5 * r.uniform(0.1, 0.4)} [W/K]"}}
         changed = low.get(kind, {"watts": f"{12 * r.uniform(0.3, 0.7)} [W]"})
-        begin = {n: float(v[first]) for n, v in clean.items()}
+        begin = {n: f"{v[first]} [K]" for n, v in clean.items()}
         after = run(rig(**changed), seconds - at, {"start": "22 [degC]", "initial": begin}, every)
         courses = {n: np.concatenate([clean[n][: first + 1], after[n][1:]]) for n in clean}
     apart = np.max([np.abs(np.nan_to_num(courses[n] - clean[n], nan=99.0)) for n in ("chip", "case")], axis=0)

@@ -50,6 +50,10 @@ SWITCHED: Final = 8.0
 """Usual changes between neighbours from which a power counts as switched."""
 GAP: Final = 300.0
 """Without readings from which on the state of the unit is open, and ten times their interval. [s]"""
+MINUTE: Final = 60.0
+"""Between the moments at which a log is judged. [s]"""
+FEWEST: Final = 10
+"""Readings from which a log is judged."""
 LEAST: Final = 0.05
 """Noise of a reading at least, where nobody stated it. [K]"""
 QUIET: Final = 600.0
@@ -89,7 +93,7 @@ def plateaus(record: Record, plan: Scenario | None) -> Array:
     signals = [] if plan is None else [s for _, s in plan.signals() if isinstance(s, TableSignal) and s.held]
     planned = [record.times[0] + s.corners() for s in signals]
     times = np.unique(np.concatenate([record.times[switches(record)], *planned]))
-    times = times[(times > record.times[0]) & (times <= record.times[-1])]
+    times = times[(times > record.times[0]) & (times < record.times[-1])]  # what changes at the last reading has not acted yet
     return np.asarray(times[np.diff(times, prepend=record.times[0]) >= QUIET])
 
 
@@ -268,17 +272,48 @@ def latest(record: Record) -> Record:
 
 
 def played(record: Record, every: float) -> Iterator[Record]:
-    """Yield a log that ended as if it grew, at moments some time apart [s], thinned as a log that grows is."""
+    """Yield a log that ended as if it grew, at moments some time apart [s]."""
     times, taken = record.times, 0
-    kept: Record | None = None
     at = float(times[0])
     while taken < times.size:
         at = min(at + every, float(times[-1]))
         end = int(np.searchsorted(times, at, side="right"))
         if end >= 2 and end > taken:
-            kept = thinned(part(record, 0, end) if kept is None else _extended(kept, record, taken, end))
             taken = end
-            yield kept
+            yield part(record, 0, end)
+
+
+class LogClock:
+    """The moments at which a log is judged, by its own clock: with reading `FEWEST`, at each doubling of its first minute, every minute then.
+
+    Each is the first reading at or after such a time, so what is said of a log depends on the log alone, not on when somebody looks.
+    """
+
+    def __init__(self) -> None:
+        self.begin = 0.0
+        self._kept: Record | None = None
+
+    def moments(self, record: Record) -> Iterator[Record]:
+        """Yield the record as it was at every moment since the last call, older readings averaged as `thinned` does.
+
+        Parameters
+        ----------
+        record : Record     The log up to now; what came since the last moment is as it was read.
+        """
+        taken = 0
+        if self._kept is None:
+            self.begin = float(record.times[0])
+        else:
+            taken = int(np.searchsorted(record.times, self._kept.times[-1], side="right"))
+        minute = np.maximum((record.times - self.begin) / MINUTE + 1e-9, np.finfo(float).tiny)
+        number = np.floor(np.where(minute < 1.0, np.log2(minute), minute))
+        ends = 1 + np.flatnonzero(np.diff(number, prepend=number[0]) > 0.0)
+        if self._kept is None:
+            ends = np.union1d(ends[ends > FEWEST], FEWEST) if record.times.size >= FEWEST else ends[:0]
+        for end in ends[ends > taken]:
+            self._kept = thinned(part(record, 0, end) if self._kept is None else _extended(self._kept, record, taken, end))
+            taken = int(end)
+            yield self._kept
 
 
 def _with_step(channel: Channel) -> Channel:
@@ -336,7 +371,7 @@ class GrowingLog:
         self._kept: Record | None = None
 
     def record(self) -> Record | None:
-        """Return what there is by now; None before two samples.
+        """Return what there is by now, what came since the last call as it was read; None before two samples.
 
         Raises
         ------
@@ -349,11 +384,13 @@ class GrowingLog:
             return None
         if size < self._at:  # written anew
             self._forget()
+        if self._kept is not None:
+            self._kept = thinned(self._kept)
         while not self.whole and self._more(size):
             pass
         if self.whole:
             try:
-                found = thinned(self._read(self.path))
+                found = self._read(self.path)
             except (MissingDataError, RecordError) as error:
                 self._failed += 1
                 if self._kept is None or self._failed < TRIES:
@@ -390,7 +427,6 @@ class GrowingLog:
             return False
         else:
             self._kept = followed_by(self._kept, made)
-        self._kept = thinned(self._kept)
         self._at += len(piece)
         return True
 

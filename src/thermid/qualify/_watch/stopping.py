@@ -28,7 +28,7 @@ RISK: Final = 0.01
 GROWN: Final = 1.15
 """By how much the time watched grows from one decision to the next."""
 FIRST: Final = 600.0
-"""After a power was switched, until the second decision on the new plateau. [s]"""
+"""Up to which the time watched doubles from one decision to the next. [s]"""
 DECISIONS: Final = 30
 """Decisions that share the risk: the time watched grows to sixty times that of the first one."""
 
@@ -111,9 +111,9 @@ class Stopping:
 
     def due(self, record: Record) -> bool:
         """Whether the time watched has grown enough for the next decision, or a power was switched since the last one."""
-        if self.last is not None and record.times[-1] >= self.changed > self.last.at:
+        if self.last is not None and record.times[-1] > self.changed >= self.last.at:
             return True
-        return self._since(record) >= GROWN * self._watched
+        return self._since(record) >= min(2.0 * self._watched, max(GROWN * self._watched, FIRST))
 
     def _since(self, record: Record) -> float:
         """Return the time watched: since the beginning, or since a known power was switched. [s]"""
@@ -131,9 +131,9 @@ class Stopping:
         """
         if self.last is not None and not self.due(record):
             return self.last
-        anew = self.last is not None and self.changed > self.last.at
+        anew = self.last is not None and self.changed >= self.last.at
         self.count = 1 if anew else self.count + 1
-        self._watched = max(self._since(record), FIRST / GROWN if self.changed > record.times[0] else 0.0)
+        self._watched = self._since(record)
         level = 1.0 - self.risk / (DECISIONS * len(names))
         ends, why = ({}, "") if doubt else self._ends(record, names, level)
         holds = [f.holds for f in ends.values()]

@@ -26,7 +26,9 @@ from thermid.model.tree import Model
 from thermid.physics.constants import ICE_POINT
 from thermid.qualify._watch.columns import roles_in
 from thermid.qualify._watch.growing import (
+    FEWEST,
     LEAST,
+    LogClock,
     after_gaps_left_out,
     blocked,
     gap_from,
@@ -38,7 +40,7 @@ from thermid.qualify._watch.growing import (
     without_spikes,
 )
 from thermid.qualify._watch.live_fit import STORED, TRUST, unknowns_of
-from thermid.qualify._watch.stopping import StopAdvice, Stopping
+from thermid.qualify._watch.stopping import WAIT, StopAdvice, Stopping
 from thermid.qualify._watch.suspects import SuspectValue, ambients_of, suspects_of
 from thermid.simulation.network import compile_network
 from thermid.simulation.scenarios import Scenario
@@ -325,21 +327,31 @@ class Watcher:
     _since: float | None = field(default=None, init=False, repr=False)
     _wander: Mapping[str, float] = field(default_factory=dict, init=False, repr=False)
     _cleared: float = field(default=0.0, init=False, repr=False)
-    _zero: float | None = field(default=None, init=False, repr=False)
+    _clock: LogClock = field(default_factory=LogClock, init=False, repr=False)
+    _last: WatchLook | None = field(default=None, init=False, repr=False)
     _roles: Mapping[str, str] | None = field(default=None, init=False, repr=False)
     _named: dict[str, Alarm] = field(default_factory=dict, init=False, repr=False)
 
     def look(self, record: Record) -> WatchLook:
-        """Return what a log says by now.
+        """Return what a log says by now: at the last moment of its own clock, whenever and however often one looks.
 
         Parameters
         ----------
-        record : Record     The log from when conditions last changed, its channels bound to the model's nodes.
+        record : Record     The log from when conditions last changed, its channels bound to the model's nodes; what came since the last
+                            look is as it was read.
         """
+        for moment in self._clock.moments(record):
+            self._last = self._judged(moment)
+        if self._last is not None:
+            return self._last
+        few = StopAdvice(WAIT, f"a log is judged from {FEWEST} readings on; {record.times.size} are there.", 0, 0.0, {}, None, record.times[-1])
+        return WatchLook(float(record.times[-1]), few, (), (), self._assumed(record))
+
+    def _judged(self, record: Record) -> WatchLook:
+        """Return what a log says at a moment."""
         recent, record = latest(record), smoothed(without_spikes(record))
         kept = blocked(record)
         calm = after_gaps_left_out(kept)
-        self._zero = float(record.times[0]) if self._zero is None else self._zero
         changed = plateaus(record, self.scenario)
         self.stopping.changed = max(changed, default=self.stopping.changed)
         off = sensor_alarms(recent, self.channels, np.append(changed, recent.times[switches(recent)]))
@@ -459,7 +471,7 @@ class Watcher:
         """Return a stretch of the log passed by the filter, from a belief or the start of the log."""
         assert self.model is not None
         settling = self.stopping.settling
-        later = None if self.scenario is None else self.scenario.begun(float(record.times[0]) - (self._zero or 0.0))
+        later = None if self.scenario is None else self.scenario.begun(float(record.times[0]) - self._clock.begin)
         return _Window.of(self.model, record, later, self.driven, belief, {} if settling is None else settling.values, self._wander)
 
 

@@ -49,7 +49,7 @@ def run(model: td.Model, seconds: float, start: Any, every: float) -> dict[str, 
 def with_fault(at: float, seconds: float, every: float = 10.0, **changes: str) -> dict[str, Array]:
     """Return the courses of all nodes [K]: as the model says up to a time [s], with parameters changed from there on."""
     before = run(rig(), at, {"start": "22 [degC]"}, every)
-    after = run(rig(**changes), seconds - at, {"start": "22 [degC]", "initial": {n: float(v[-1]) for n, v in before.items()}}, every)
+    after = run(rig(**changes), seconds - at, {"start": "22 [degC]", "initial": {n: f"{v[-1]} [K]" for n, v in before.items()}}, every)
     return {n: np.concatenate([before[n], after[n][1:]]) for n in before}
 
 
