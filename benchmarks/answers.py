@@ -59,7 +59,7 @@ def _deck(seed: int) -> tuple[td.Model, td.Scenario, list[str], Array]:
     drawn = network(seed)
     given = {name: value for name, value in drawn.scenario.items() if value != {}}
     times = np.linspace(0.0, drawn.scenario["duration"], 41)
-    return td.model_from_dict(drawn.deck), td.Scenario("random", start=drawn.start, **given), drawn.nodes, times
+    return td.model_from_dict(drawn.deck), td.Scenario("random", start=td.quantity(drawn.start, unit="K"), **given), drawn.nodes, times
 
 
 def decks() -> Answers:
@@ -76,7 +76,8 @@ def decks() -> Answers:
         yield f"{seed}, switchings", np.array([t for t, _ in run.statistics.get("switchings", ())])
         yield f"{seed}, sensitivities", np.stack([run.sensitivity(n, p) for n in nodes for p in simulator.free])
         rng = np.random.default_rng(seed)
-        draws = {p: simulator.nominal[p] * np.exp(0.05 * rng.standard_normal(MEMBERS)) for p in simulator.free}
+        drawn = {p: simulator.nominal[p] * np.exp(0.05 * rng.standard_normal(MEMBERS)) for p in simulator.free}
+        draws = drawn | {"initial.n0": td.quantity(drawn["initial.n0"], unit="K")}
         members = simulator.ensemble(draws)
         yield f"{seed}, members", np.stack([members.temperatures(n) for n in nodes])
         yield f"{seed}, members, highest", np.stack([members.highest(n) for n in nodes])
@@ -131,7 +132,7 @@ class Bench:
         run = td.simulate(self.truth, BENCH, times=times)
         channels = {
             f"T_{n}": td.Channel.of(
-                f"T_{n}", run[n].kelvin + 0.05 * rng.standard_normal(times.size), role="node", target=n, noise=0.05, accuracy=0.2
+                f"T_{n}", run[n].kelvin + 0.05 * rng.standard_normal(times.size), unit="K", role="node", target=n, noise=0.05, accuracy=0.2
             )
             for n in self.sensors
         }

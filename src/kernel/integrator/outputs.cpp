@@ -5,22 +5,37 @@
 #include <cstring>
 
 #include "algebra/four.hpp"
-#include "integrator/integrator.hpp"
+#include "integrator/outputs.hpp"
 #include "algebra/traces.hpp"
 
 namespace thermid {
 
+Outputs::Outputs(Setup& setup, State& state, Step& step, Slaved& slaved, Stages& stages)
+    : view(setup.p, setup.coef), setup_(setup), state_(state), step_(step), slaved_(slaved), stages_(stages), p_(setup.p), coef_(setup.coef), d_(setup.d),
+      o_(setup.o), squares_(setup.squares), n_(setup.n), np_(setup.np), nk_(setup.nk), poly_(POWERS * static_cast<size_t>(n_), 0.0), unit_(nk_, 0.0),
+      cursor_(nk_) {
+    for (auto* v : {&g_, &dir_, &bb_}) v->assign(n_, 0.0);
+    for (auto* v : {&SO_, &dirS_}) v->assign(static_cast<size_t>(n_) * np_, 0.0);
+}
+
+// Outputs at the start: a step of no length.
+void Outputs::begin() {
+    std::copy(state_.T.begin(), state_.T.end(), poly_.begin());
+    for (int k = 0; k < nk_; ++k)
+        if (p_.inputs[k].sampled()) cursor_[k].begin(&p_.inputs[k], state_.t);
+}
+
 // Weights of m outputs at increasing times into shares_; the first slope_count_ terms are those of the sensitivities.
-void Integrator::weigh(const double* times, int m) {
+void Outputs::weigh(const double* times, int m) {
     double s[CHUNK], sums[3 * CHUNK];
     shares_.resize((POWERS + 4 * static_cast<size_t>(nk_)) * CHUNK);
-    powers(shares_.data(), s, times, t_, end_, h_, m);
+    powers(shares_.data(), s, times, state_.t, step_.end, step_.h, m);
     if (s[0] < at_) move_cursors(s[0], times[0]);
     double *w = shares_.data() + POWERS * CHUNK, *more = shares_.data() + static_cast<size_t>(slope_count_) * CHUNK;
     for (int k = 0; k < nk_; ++k) {
-        if (!noise_[k].active) continue;
+        if (!step_.noise[k].active) continue;
         cursor_[k].move(times, m, sums, CHUNK);
-        left_over(w, more, s, sums, in_[k], m);
+        left_over(w, more, s, sums, step_.in[k], m);
         w += 2 * CHUNK;
         more += 2 * CHUNK;
     }
@@ -28,7 +43,7 @@ void Integrator::weigh(const double* times, int m) {
 }
 
 // What the weights of temperatures stand before: (terms, nodes).
-void Integrator::temperature_terms(const int* obs, int nobs) {
+void Outputs::temperature_terms(const int* obs, int nobs) {
     const size_t stride = padded(nobs);
     terms_.resize((POWERS + 4 * static_cast<size_t>(nk_)) * stride);
     double* to = terms_.data();
@@ -37,10 +52,10 @@ void Integrator::temperature_terms(const int* obs, int nobs) {
         to += stride;
     };
     for (int m = 0; m < POWERS; ++m) add(poly_.data() + m * static_cast<size_t>(n_));
-    for (const Noise& z : noise_)
+    for (const Noise& z : step_.noise)
         if (z.active)
             for (const auto* v : {&z.b, &z.c}) add(v->data());
-    for (const Noise& z : noise_)
+    for (const Noise& z : step_.noise)
         if (z.active)
             for (const auto* v : {&z.db, &z.aab}) add(v->data());
 }
@@ -95,16 +110,16 @@ THERMID_CLONES void cubic(double* c, size_t stride, const Ends x, double h, int 
 }  // namespace
 
 // The same for sensitivities, (terms, nodes x np): the polynomials through values and derivatives at both ends of the step, as dense() does.
-void Integrator::sensitivity_terms(const int* obs, int nobs) {
+void Outputs::sensitivity_terms(const int* obs, int nobs) {
     const size_t np = np_, stride = padded(nobs * np_);
     slope_terms_.resize((POWERS + 2 * static_cast<size_t>(nk_)) * stride);
     for (int j = 0; j < nobs; ++j) {
         const size_t from = obs[j] * np;
-        const Ends e{S_.data() + from, S1_.data() + from, sd0_.data() + from, sd1_.data() + from, sdd0_.data() + from, sdd1_.data() + from};
-        if (gentle(obs[j])) quintic(slope_terms_.data() + j * np, stride, e, h_, np_);
-        else cubic(slope_terms_.data() + j * np, stride, e, h_, np_);
+        const Ends e{state_.S.data() + from, step_.S1.data() + from, step_.sd0.data() + from, step_.sd1.data() + from, step_.sdd0.data() + from, step_.sdd1.data() + from};
+        if (gentle(obs[j])) quintic(slope_terms_.data() + j * np, stride, e, step_.h, np_);
+        else cubic(slope_terms_.data() + j * np, stride, e, step_.h, np_);
         size_t row = POWERS;
-        for (const Noise& z : noise_)
+        for (const Noise& z : step_.noise)
             if (z.active)
                 for (const auto* v : {&z.sb, &z.sc})
                     std::copy(v->begin() + from, v->begin() + from + np, slope_terms_.begin() + row++ * stride + j * np);
@@ -112,17 +127,17 @@ void Integrator::sensitivity_terms(const int* obs, int nobs) {
 }
 
 // Whether all have a delay, so that the terms above are all there is to know of them.
-bool Integrator::delayed(const int* obs, int nobs) const {
-    return std::all_of(obs, obs + nobs, [&](int i) { return i < n_ && !fast_.is[i]; });
+bool Outputs::delayed(const int* obs, int nobs) const {
+    return std::all_of(obs, obs + nobs, [&](int i) { return i < n_ && !slaved_.fast.is[i]; });
 }
 
 // m rows of outputs at increasing times: T (m, nodes) and, where asked for, S (m, nodes, np).
-void Integrator::rows(const double* times, long m, const int* obs, int nobs, double* T, double* S) {
+void Outputs::rows(const double* times, long m, const int* obs, int nobs, double* T, double* S) {
     const bool plain = delayed(obs, nobs);
-    need_u_ = !plain || !p_.guards.empty();
+    need_u = !plain || !p_.guards.empty();
     if (plain) temperature_terms(obs, nobs);
     if (S && plain) sensitivity_terms(obs, nobs);
-    else if (S) sensitivity_terms(all_.data(), n_);
+    else if (S) sensitivity_terms(setup_.all.data(), n_);
     const size_t wide = static_cast<size_t>(nobs) * np_;
     for (long k = 0; k < m; k += CHUNK) {
         const int some = static_cast<int>(std::min<long>(CHUNK, m - k));
@@ -133,9 +148,9 @@ void Integrator::rows(const double* times, long m, const int* obs, int nobs, dou
             continue;
         }
         for (long r = k; r < k + some; ++r) {  // through the network: slaved nodes and boundaries are observed too
-            const double s = times[r] == end_ ? h_ : times[r] - t_;
+            const double s = times[r] == step_.end ? step_.h : times[r] - state_.t;
             nodes_at(s, times[r], true);
-            for (int j = 0; j < nobs; ++j) T[r * nobs + j] = eo_.t[obs[j]];
+            for (int j = 0; j < nobs; ++j) T[r * nobs + j] = view.t[obs[j]];
             if (!S) continue;
             weigh(times + r, 1);
             slaved_row(s, times[r], obs, nobs, S + r * wide);
@@ -143,36 +158,36 @@ void Integrator::rows(const double* times, long m, const int* obs, int nobs, dou
     }
 }
 
-// Sensitivities of any nodes and boundaries at s, where the temperatures of eo_ stand.
-void Integrator::slaved_row(double s, double time, const int* obs, int nobs, double* S) {
+// Sensitivities of any nodes and boundaries at s, where the temperatures of the view stand.
+void Outputs::slaved_row(double s, double time, const int* obs, int nobs, double* S) {
     const size_t np = np_;
-    const double x = s / h_, y = 1.0 - x;
+    const double x = s / step_.h, y = 1.0 - x;
     weighted(SO_.data(), shares_.data(), 1, slope_terms_.data(), slope_count_, n_ * np_);
     if (jumped_) {
-        eo_.t.swap(before_);
+        view.t.swap(before_);
         side(time, true);
     }
-    if (!fast_.nodes.empty()) {
-        slaved_rows(fast_, eo_);
+    if (!slaved_.fast.nodes.empty()) {
+        slaved_.rows(slaved_.fast, view);
         // d/dp of C dT/dt, by the slopes of the cubics of T and S
-        lag_s_.assign(fast_.nodes.size() * np, 0.0);
-        for (size_t f = 0; f < fast_.nodes.size(); ++f) {
-            const int i = fast_.nodes[f], c = p_.capacity[i];
-            if (cap_[i] == 0.0) continue;
+        lag_s_.assign(slaved_.fast.nodes.size() * np, 0.0);
+        for (size_t f = 0; f < slaved_.fast.nodes.size(); ++f) {
+            const int i = slaved_.fast.nodes[f], c = p_.capacity[i];
+            if (setup_.cap[i] == 0.0) continue;
             double* to = lag_s_.data() + f * np;
-            const double g = 6.0 * x * y / h_, a = 1.0 - x * (4.0 - 3.0 * x), b = x * (3.0 * x - 2.0);
+            const double g = 6.0 * x * y / step_.h, a = 1.0 - x * (4.0 - 3.0 * x), b = x * (3.0 * x - 2.0);
             for (size_t q = 0; q < np; ++q)
-                to[q] = cap_[i] * (g * (S1_[i * np + q] - S_[i * np + q]) + a * sd0_[i * np + q] + b * sd1_[i * np + q]);
+                to[q] = setup_.cap[i] * (g * (step_.S1[i * np + q] - state_.S[i * np + q]) + a * step_.sd0[i * np + q] + b * step_.sd1[i * np + q]);
             if (d_.any(c))
-                for (int e = d_.indptr[c]; e < d_.indptr[c + 1]; ++e) to[d_.indices[e]] += d_.data[e] * slope(i, x) / h_;
+                for (int e = d_.indptr[c]; e < d_.indptr[c + 1]; ++e) to[d_.indices[e]] += d_.data[e] * slope(i, x) / step_.h;
         }
-        slaved_sensitivity(fast_, eo_, SO_.data(), lag_s_.data());
+        slaved_.sensitivity(slaved_.fast, view, SO_.data(), lag_s_.data());
     }
     if (jumped_) {
-        eo_.t.swap(before_);
+        view.t.swap(before_);
         side(time, false);
-        slaved_rows(massless_, eo_);
-        slaved_sensitivity(massless_, eo_, SO_.data());
+        slaved_.rows(slaved_.massless, view);
+        slaved_.sensitivity(slaved_.massless, view, SO_.data());
     }
     for (int j = 0; j < nobs; ++j) {
         double* to = S + j * np;
@@ -183,14 +198,14 @@ void Integrator::slaved_row(double s, double time, const int* obs, int nobs, dou
         std::fill(to, to + np, 0.0);
         for (int c : {p_.gain[obs[j] - n_], p_.offset[obs[j] - n_]}) {
             if (c >= p_.nc) continue;
-            const double u = p_.coef_input[c] < 0 ? 1.0 : eo_.u[p_.coef_input[c]];
+            const double u = p_.coef_input[c] < 0 ? 1.0 : view.u[p_.coef_input[c]];
             for (int q = d_.indptr[c]; q < d_.indptr[c + 1]; ++q) to[d_.indices[q]] += u * d_.data[q];
         }
     }
 }
 
 // Readings up to output `last` against the model, reduced to as few rows as the step has terms.
-void Integrator::collect(const double* times, long last) {
+void Outputs::collect(const double* times, long last) {
     double when[CHUNK];
     for (size_t g = 0; g < squares_->groups(); ++g) {
         const ReadingGroup& group = squares_->group(g);
@@ -199,7 +214,7 @@ void Integrator::collect(const double* times, long last) {
         const long many = squares_->open(g, last, slope_count_, CHUNK);
         if (many == 0) continue;
         if (plain) {
-            need_u_ = !p_.guards.empty();
+            need_u = !p_.guards.empty();
             temperature_terms(group.nodes.data(), nodes);
             if (np_ > 0) sensitivity_terms(group.nodes.data(), nodes);
         }
@@ -225,17 +240,17 @@ void Integrator::collect(const double* times, long last) {
     }
 }
 
-void Integrator::emit(Outputs& out) {
-    const long last = std::upper_bound(out.t + out.next, out.t + out.n, end_) - out.t;
+void Outputs::emit(OutputList& out, Result& r) {
+    const long last = std::upper_bound(out.t + out.next, out.t + out.n, step_.end) - out.t;
     if (last == out.next) return;
-    const int active = static_cast<int>(std::count_if(noise_.begin(), noise_.end(), [](const Noise& z) { return z.active; }));
+    const int active = static_cast<int>(std::count_if(step_.noise.begin(), step_.noise.end(), [](const Noise& z) { return z.active; }));
     count_ = POWERS + 4 * active;
     slope_count_ = POWERS + 2 * active;
     if (squares_) {
         collect(out.t, last);
     } else {
         const size_t at = static_cast<size_t>(out.next) * out.nobs;
-        rows(out.t + out.next, last - out.next, out.obs, out.nobs, r_->traces + at, np_ > 0 ? r_->sens + at * np_ : nullptr);
+        rows(out.t + out.next, last - out.next, out.obs, out.nobs, r.traces + at, np_ > 0 ? r.sens + at * np_ : nullptr);
     }
     out.next = last;
 }

@@ -2,7 +2,7 @@
 #include <algorithm>
 #include <cmath>
 
-#include "integrator/integrator.hpp"
+#include "integrator/slaved.hpp"
 
 namespace thermid {
 
@@ -10,7 +10,27 @@ namespace {
 constexpr int SMALL = 16;  // so many nodes are eliminated as a full block
 }
 
-void Integrator::index_slaved(Slaved& s) {
+Slaved::Slaved(Setup& setup, Step& step)
+    : setup_(setup), step_(step), p_(setup.p), d_(setup.d), n_(setup.n), np_(setup.np), second_(p_), xa_(n_, 0.0), row_(p_.pattern.size(), 0.0),
+      dJ_(p_.pattern.size(), 0.0) {
+    for (auto* v : {&fp_, &G_}) v->assign(static_cast<size_t>(n_) * np_, 0.0);
+    massless.nodes = p_.massless;
+    find_neighbours();
+    index(massless);
+}
+
+void Slaved::find_neighbours() {
+    massless_begin_.assign(1, 0);
+    for (int i = 0; i < n_; ++i) {
+        for (int k = p_.pattern.begin[i]; setup_.cap[i] > 0.0 && k < p_.pattern.begin[i + 1]; ++k) {
+            const int m = p_.pattern.col[k], back = setup_.cap[m] == 0.0 ? p_.pattern.at(m, i) : p_.pattern.size();
+            if (back < p_.pattern.size()) massless_at_.insert(massless_at_.end(), {k, back, p_.pattern.diag[m]});
+        }
+        massless_begin_.push_back(static_cast<int>(massless_at_.size()));
+    }
+}
+
+void Slaved::index(SlavedGroup& s) {
     s.is.assign(p_.nodes(), 0);
     for (int i : s.nodes) s.is[i] = 1;
     s.con_rows.clear();
@@ -21,16 +41,16 @@ void Integrator::index_slaved(Slaved& s) {
         if (s.is[p_.con.a[r]] || s.is[p_.con.b[r]]) s.con_rows.push_back(r);
     for (int r = 0; r < p_.load.size(); ++r)
         if (s.is[p_.load.node[r]]) s.load_rows.push_back(r);
-    for (const Entry& e : parameters_.con)
+    for (const Entry& e : setup_.parameters.con)
         if (s.is[p_.con.a[e.row]] || s.is[p_.con.b[e.row]]) s.parameters.con.push_back(e);
-    for (const Entry& e : parameters_.load)
+    for (const Entry& e : setup_.parameters.load)
         if (s.is[p_.load.node[e.row]]) s.parameters.load.push_back(e);
     s.parameters.build(p_, d_);
     block_of(s);
 }
 
 // The pattern of their block, and the order in which it is eliminated: heat that lumps store is a block of its own as large as the network.
-void Integrator::block_of(Slaved& s) const {
+void Slaved::block_of(SlavedGroup& s) const {
     const int m = static_cast<int>(s.nodes.size());
     s.place.assign(p_.nodes(), -1);
     for (int k = 0; k < m; ++k) s.place[s.nodes[k]] = k;
@@ -50,11 +70,11 @@ void Integrator::block_of(Slaved& s) const {
 }
 
 // How fast a node follows the others for its capacity, its massless neighbours following it [W/K].
-double Integrator::own_rate(int i) const {
-    double j = J0_[p_.pattern.diag[i]];
+double Slaved::own_rate(int i) const {
+    double j = step_.J0[p_.pattern.diag[i]];
     for (int k = massless_begin_[i]; k < massless_begin_[i + 1]; k += 3) {
-        const double pivot = J0_[massless_at_[k + 2]];
-        if (pivot != 0.0) j -= J0_[massless_at_[k]] * J0_[massless_at_[k + 1]] / pivot;
+        const double pivot = step_.J0[massless_at_[k + 2]];
+        if (pivot != 0.0) j -= step_.J0[massless_at_[k]] * step_.J0[massless_at_[k + 1]] / pivot;
     }
     return j;
 }
@@ -62,41 +82,41 @@ double Integrator::own_rate(int i) const {
 // Massless nodes, and those whose time constant is below a small part of the step, as far as the others determine them: as a group, too, they
 // must settle in a small part of the step. Heavy nodes tied closely together do not, however fast each of them follows its neighbour; the
 // heaviest are taken out of the group until it does.
-void Integrator::make_slaved(Slaved& s, double small) {
+void Slaved::make(SlavedGroup& s, double small) {
     std::vector<int>& group = group_;
     group.clear();
     s.tied.clear();
     for (int i = 0; i < n_; ++i)
-        if (cap_[i] == 0.0 || cap_[i] < -small * h_ * own_rate(i)) group.push_back(i);
-    while (group.size() > massless_.nodes.size()) {
+        if (setup_.cap[i] == 0.0 || setup_.cap[i] < -small * step_.h * own_rate(i)) group.push_back(i);
+    while (group.size() > massless.nodes.size()) {
         const size_t m = group.size();
         if (trial_.nodes != group) {
             trial_.nodes = group;
             block_of(trial_);
         }
-        for (int k = 0; k < trial_.pattern.size(); ++k) trial_.lu.data()[k] = J0_[trial_.from[k]];
-        for (size_t x = 0; x < m; ++x) xa_[x] = cap_[group[x]];
+        for (int k = 0; k < trial_.pattern.size(); ++k) trial_.lu.data()[k] = step_.J0[trial_.from[k]];
+        for (size_t x = 0; x < m; ++x) xa_[x] = setup_.cap[group[x]];
         const bool determined = trial_.lu.factor() < 0;
         if (determined) trial_.lu.solve(xa_.data());
-        auto late = [&](size_t x) { return cap_[group[x]] > 0.0 && !(determined && std::fabs(xa_[x]) <= 10.0 * small * h_); };
+        auto late = [&](size_t x) { return setup_.cap[group[x]] > 0.0 && !(determined && std::fabs(xa_[x]) <= 10.0 * small * step_.h); };
         double heaviest = 0.0;
         for (size_t x = 0; x < m; ++x)
-            if (late(x)) heaviest = std::max(heaviest, cap_[group[x]]);
+            if (late(x)) heaviest = std::max(heaviest, setup_.cap[group[x]]);
         if (heaviest == 0.0) break;
         size_t kept = 0;
         for (size_t x = 0; x < m; ++x) {
             const int i = group[x];
-            if (late(x) && cap_[i] >= 0.1 * heaviest) s.tied.push_back(i);
+            if (late(x) && setup_.cap[i] >= 0.1 * heaviest) s.tied.push_back(i);
             else group[kept++] = i;
         }
         group.resize(kept);
     }
     if (s.is.size() == static_cast<size_t>(p_.nodes()) && s.nodes == group) return;
     s.nodes = group;
-    index_slaved(s);
+    index(s);
 }
 
-void Integrator::factor_slaved(Slaved& s, const double* j) {
+void Slaved::factor(SlavedGroup& s, const double* j) {
     const int m = static_cast<int>(s.nodes.size());
     if (m == 0) return;
     for (int k = 0; k < s.pattern.size(); ++k) s.lu.data()[k] = j[s.from[k]];
@@ -106,7 +126,7 @@ void Integrator::factor_slaved(Slaved& s, const double* j) {
 }
 
 // Rows that touch slaved nodes only; e.f is right for those nodes alone.
-void Integrator::slaved_rows(const Slaved& s, Evaluation& e) const {
+void Slaved::rows(const SlavedGroup& s, Evaluation& e) const {
     for (int i : s.nodes) e.f[i] = 0.0;
     if (!p_.followers.empty()) e.follow();
     const Conductors& c = p_.con;
@@ -125,7 +145,7 @@ void Integrator::slaved_rows(const Slaved& s, Evaluation& e) const {
 }
 
 // Rows of the Jacobian that belong to slaved nodes, as values of the pattern.
-void Integrator::slaved_jacobian(const Slaved& s, const Evaluation& e, double* j) const {
+void Slaved::jacobian(const SlavedGroup& s, const Evaluation& e, double* j) const {
     const Pattern& at = p_.pattern;
     if (!p_.followers.empty()) {
         std::fill(j, j + at.size(), 0.0);
@@ -142,16 +162,16 @@ void Integrator::slaved_jacobian(const Slaved& s, const Evaluation& e, double* j
 }
 
 // Newton on f = heat of the slaved nodes (none: 0), the others held. Starts with the factors at hand.
-void Integrator::solve_slaved(Slaved& s, Evaluation& e, const double* heat) {
+void Slaved::solve(SlavedGroup& s, Evaluation& e, const double* heat) {
     const int m = static_cast<int>(s.nodes.size());
     auto refresh = [&] {
-        slaved_jacobian(s, e, row_.data());
-        factor_slaved(s, row_.data());
+        jacobian(s, e, row_.data());
+        factor(s, row_.data());
     };
     double last = std::numeric_limits<double>::infinity(), most = 100.0;  // [K]
     int uncut = 0;
     for (int it = 0; it < 120; ++it) {
-        slaved_rows(s, e);
+        rows(s, e);
         if (!s.factored) refresh();
         for (int k = 0; k < m; ++k) xa_[k] = e.f[s.nodes[k]] - (heat ? heat[k] : 0.0);
         s.lu.solve(xa_.data());
@@ -177,7 +197,7 @@ void Integrator::solve_slaved(Slaved& s, Evaluation& e, const double* heat) {
 }
 
 // Completes a direction whose free components are set: the slaved ones follow so that f stays zero; g is df by inputs.
-void Integrator::respond(Slaved& s, const double* j, const double* g, double* dir) {
+void Slaved::respond(SlavedGroup& s, const double* j, const double* g, double* dir) {
     const int m = static_cast<int>(s.nodes.size());
     if (m == 0) return;
     for (int i : s.nodes) dir[i] = 0.0;
@@ -192,26 +212,18 @@ void Integrator::respond(Slaved& s, const double* j, const double* g, double* di
 }
 
 // out = d(dT/dt) along dir (its slaved components are completed); zero for slaved nodes.
-void Integrator::rate(Slaved& s, const double* j, const double* g, double* dir, double* out) {
+void Slaved::rate(SlavedGroup& s, const double* j, const double* g, double* dir, double* out) {
     respond(s, j, g, dir);
     p_.pattern.times(j, dir, out);
-    for (int i = 0; i < n_; ++i) out[i] = s.is[i] ? 0.0 : ((g ? g[i] : 0.0) + out[i]) * inv_cap_[i];
-}
-
-// y[i] += scale * v[i] * dC_i/dp
-void Integrator::capacity_term(double* y, const double* v, double scale) const {
-    for (int i : sought_) {
-        const int c = p_.capacity[i];
-        for (int k = d_.indptr[c]; k < d_.indptr[c + 1]; ++k) y[static_cast<size_t>(i) * np_ + d_.indices[k]] += scale * v[i] * d_.data[k];
-    }
+    for (int i = 0; i < n_; ++i) out[i] = s.is[i] ? 0.0 : ((g ? g[i] : 0.0) + out[i]) * setup_.inv_cap[i];
 }
 
 // d/dp of rate(): dirS holds d(dir)/dp of the free components; the slaved ones are completed.
-void Integrator::rate_sensitivity(Slaved& s, Evaluation& e, const double* j, const double* dir_t, const double* dir_u, const double* S,
+void Slaved::rate_sensitivity(SlavedGroup& s, Evaluation& e, const double* j, const double* dir_t, const double* dir_u, const double* S,
                                   double* dirS, const double* rate, double* out) {
     const size_t np = np_;
     std::fill(G_.begin(), G_.end(), 0.0);
-    const double* dj = second_.add(e, dir_t, dir_u, parameters_, dJ_.data(), G_.data()) ? dJ_.data() : nullptr;
+    const double* dj = second_.add(e, dir_t, dir_u, setup_.parameters, dJ_.data(), G_.data()) ? dJ_.data() : nullptr;
     const int m = static_cast<int>(s.nodes.size());
     for (int i : s.nodes) std::fill(dirS + i * np, dirS + (i + 1) * np, 0.0);
     if (m > 0) {
@@ -225,18 +237,18 @@ void Integrator::rate_sensitivity(Slaved& s, Evaluation& e, const double* j, con
         s.lu.solve_many(fp_.data(), np_);
         for (int k = 0; k < m; ++k) std::copy(fp_.data() + k * np, fp_.data() + (k + 1) * np, dirS + s.nodes[k] * np);
     }
-    capacity_term(G_.data(), rate, -1.0);
-    for (int i = 0; i < n_; ++i) xa_[i] = s.is[i] ? 0.0 : inv_cap_[i];
+    setup_.capacity_term(G_.data(), rate, -1.0);
+    for (int i = 0; i < n_; ++i) xa_[i] = s.is[i] ? 0.0 : setup_.inv_cap[i];
     p_.pattern.sum(xa_.data(), G_.data(), j, dirS, dj, S, out, np_);
 }
 
 // Sensitivities of the slaved nodes from those of the others and of the heat they take up (nodes, np); rows of e must be current.
-void Integrator::slaved_sensitivity(Slaved& s, Evaluation& e, double* S, const double* heat) {
+void Slaved::sensitivity(SlavedGroup& s, Evaluation& e, double* S, const double* heat) {
     const int m = static_cast<int>(s.nodes.size());
     const size_t np = np_;
     if (m == 0) return;
-    slaved_jacobian(s, e, row_.data());
-    factor_slaved(s, row_.data());
+    jacobian(s, e, row_.data());
+    factor(s, row_.data());
     for (int i : s.nodes) std::fill(G_.begin() + i * np, G_.begin() + (i + 1) * np, 0.0);
     e.add_parameters(s.parameters, G_.data(), 1.0);
     for (int k = 0; k < m; ++k) {

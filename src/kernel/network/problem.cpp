@@ -311,10 +311,10 @@ void Evaluation::add_parameters(Scatter& s, double* fp, double scale) const {
     if (!p->followers.empty() && s.derivatives->np > 0) follow_parameters(*s.derivatives, fp, scale);
 }
 
-void Evaluation::pushes_of(const Entry& e, std::vector<Push>& out) const {
-    const int n = p->n, first = p->coef_input[e.coef] * n, a = p->con.a[e.row], b = p->con.b[e.row], at = e.what == 4 ? e.row : e.row + p->con.size();
+void Problem::pushes_of(const Entry& e, const double* coef, std::vector<Push>& out) const {
+    const int first = coef_input[e.coef] * n, a = con.a[e.row], b = con.b[e.row], at = e.what == 4 ? e.row : e.row + con.size();
     if (b < n) out.push_back({first + b, at, coef[e.coef]});
-    if (!is(p->con.kind[e.row], ONE_WAY) && a < n) out.push_back({first + a, at, -coef[e.coef]});
+    if (!is(con.kind[e.row], ONE_WAY) && a < n) out.push_back({first + a, at, -coef[e.coef]});
 }
 
 void Evaluation::input_slopes(const std::vector<Push>& pushes, const std::vector<Entry>& con, const std::vector<Entry>& load, double* fu) const {

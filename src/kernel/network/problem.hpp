@@ -70,6 +70,9 @@ struct Drive {
 // A node of control that takes a factor's value at every multiple of a period, and keeps it between.
 struct Sampler { double period; int node, factor; };
 
+// An input that moves a boundary: fu[place] += factor * (qa, qb)[at].
+struct Push { int place, at; double factor; };
+
 struct Problem {
     int n = 0, nb = 0, nc = 0;  // unknowns, boundaries, coefficients
     int states = 0;             // the last so many unknowns are states of controls: no temperatures
@@ -108,6 +111,8 @@ struct Problem {
 
     // Values of the pattern from the slopes of the rows (qa, qb, room for as many again, 0).
     void sum_slopes(double* qab, const double* loads, double* v) const;
+
+    void pushes_of(const Entry& e, const double* coef, std::vector<Push>& out) const;  // what becomes of an entry of a boundary
 
     int nodes() const { return n + nb; }
     std::vector<std::pair<int, int>> holds() const;  // massless node, node that holds its heat
@@ -150,9 +155,6 @@ struct Scatter {
     struct Part { int place, from; double factor; };
     std::vector<Part> plain_, parts_;
 };
-
-// An input that moves a boundary: fu[place] += factor * (qa, qb)[at].
-struct Push { int place, at; double factor; };
 
 // State of one evaluation: effective coefficients, temperatures of all nodes, and what the rows say about them.
 struct Evaluation {
@@ -203,7 +205,6 @@ struct Evaluation {
     void add_parameters(Scatter& s, double* fp, double scale) const;
     // fu[k*n + i] = df_i/du_k, by boundaries that move and by other entries
     void input_slopes(const std::vector<Push>& pushes, const std::vector<Entry>& con, const std::vector<Entry>& load, double* fu) const;
-    void pushes_of(const Entry& e, std::vector<Push>& out) const;  // what becomes of an entry of a boundary
 };
 
 template <class X, class Temperature, class Coefficient>

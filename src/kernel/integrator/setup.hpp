@@ -1,0 +1,49 @@
+// What stays the same for a whole run: the network, its parameters, and what follows from them alone.
+//
+//   C_i dT_i/dt = f_i(T, u(t), p)     nodes with a capacity [W]
+//             0 = f_i(T, u(t), p)     massless ones
+//
+//   p          the parameters to which sensitivities S = dT/dp are wanted, np of them
+//   u          the inputs, nk of them: constant, sine, or sampled
+//   cap        C, zero for massless nodes (n) [J/K]; inv_cap: 1 / C, zero for these; cap_at: C by places of the Jacobian's pattern
+//   parameters where p enters f; sought: nodes whose C depends on p
+//   con_u, load_u      where inputs that move enter conductors and loads
+//   pushes, other_u    the conductors' once more: those by a boundary, ready to add to df/du, and the others
+//   holds      (massless node, node that holds its heat)
+//   faint      of each parameter, one over its size: its effect is let be below a part of that
+//   curved     some law is not linear in temperature
+//   constant   the Jacobian is: no law is curved, no conductance follows an input
+//   closes     what Newton leaves is taken up at the end of each step
+#pragma once
+#include <utility>
+#include <vector>
+
+#include "integrator/run.hpp"
+#include "leastsquares/leastsquares.hpp"
+
+namespace thermid {
+
+struct Setup {
+    const Problem& p;
+    const double* coef;
+    const CoefJacobian& d;
+    const Options& o;
+    LeastSquares* squares;  // outputs go there, where there is one, and nothing is stored
+    const int n, np, nk;
+    Scatter parameters;
+    std::vector<Entry> con_u, load_u, other_u;
+    std::vector<Push> pushes;
+    std::vector<int> sought, all;  // all: every node
+    std::vector<double> cap, inv_cap, cap_at, faint;
+    std::vector<std::pair<int, int>> holds;
+    bool curved = false, closes = false, constant = false;
+
+    Setup(const Problem& problem, const double* coefficients, const CoefJacobian& derivatives, const Options& options, LeastSquares* readings);
+    void take_capacities();
+    void capacity_term(double* y, const double* v, double scale) const;
+
+  private:
+    void find_entries();
+};
+
+}  // namespace thermid
