@@ -446,10 +446,30 @@ def run_stages(
             _go_on(found, [s.name for s in source.content.stages[k + 1 :]], source)
     made = Campaign(source.content.title, done, (), keys, source.content.note, None, source, requests, changed)
     made = replace(made, joint=_joint(made, notice, folder)) if source.content.joint is not None else made
-    used = {sha: user for c in done.values() for sha, user in c.seen.items()}
-    verdicts = tuple(v for k, table in enumerate(source.content.verdicts) for v in _judge(source, table, k, made, used, notice))
-    verdicts = tuple(_looked(folder, v, made) for v in verdicts)
-    return _judged(replace(made, verdicts=verdicts))
+    return judge(made, folder, notice)
+
+
+def judge(made: Campaign, folder: Path | None = None, notice: Notice | None = None) -> Campaign:
+    """Return a campaign of a file with the verdicts on its hold-out records, and what they make of its stages.
+
+    Verdicts on stages that are not there yet, or by a joint fit that is not, are left out.
+
+    Parameters
+    ----------
+    made : Campaign     Its stages as they were fitted, before any verdict; the joint fit where there is one.
+    folder : path       A results folder, which knows of earlier looks at hold-out records; this look is noted there.
+    notice : callable   Called with the name of each record before it is judged.
+
+    Raises
+    ------
+    ThermidError   From reading or judging; the message says at which verdict.
+    """
+    source = made.source
+    assert source is not None
+    used = {sha: user for c in made.stages.values() for sha, user in c.seen.items()}
+    tables = [(k, t) for k, t in enumerate(source.content.verdicts) if t.model in made and (t.values != "joint" or made.joint is not None)]
+    verdicts = tuple(v for k, table in tables for v in _judge(source, table, k, made, used, notice))
+    return _judged(replace(made, verdicts=tuple(_looked(folder, v, made) for v in verdicts)))
 
 
 @takes_objects

@@ -13,6 +13,7 @@ from thermid.campaign._running import RunningTest as RunningTest, running_test a
 from thermid.campaign._stages import (
     Campaign as Campaign,
     joint as joint,
+    judge as judge,
     keyed as keyed,
     plain_readings as plain_readings,
     request_of as request_of,

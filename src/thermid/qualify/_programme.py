@@ -62,6 +62,7 @@ class Qualification(Result):
     margins : tuple of Margin       Of every reference point on both sides, over the service cases.
     assumptions : tuple             Assumed values, those that move a reference point most first.
     accepted : tuple of str         Stages that are accepted as they are, whatever their standing.
+    cases : dict                    Test -> margin of every reference point on both sides in it, of which `margins` are the tightest.
     """
 
     plan: Plan
@@ -71,6 +72,7 @@ class Qualification(Result):
     assumptions: tuple[Assumption, ...]
     limits: tuple[Limits, ...] = field(repr=False, default=())
     accepted: tuple[str, ...] = ()
+    cases: Mapping[str, tuple[Margin, ...]] = field(repr=False, default_factory=dict)
 
     def __getitem__(self, name: str) -> Trial:
         """Return a test by its name."""
@@ -236,8 +238,9 @@ def run_plan(
     trials = _alike(_informed(trials))
     effects_by_test = {t.test.name: effects(t.known, t.test.name, t.foresight, {x.node: x.point for x in t.limits}) for t in trials}
     every = [a for several in effects_by_test.values() for a in several]
-    margin = tuple(_margins(loaded, trials, every))
-    return Qualification(loaded, lock_status(loaded), tuple(trials), margin, ranked(every), loaded.limits, tuple(accept))
+    cases = {t.test.name: _margins_of(loaded, t, every) for t in trials}
+    margin = _tightest(loaded, [cases[t.test.name] for t in service_of(trials)])
+    return Qualification(loaded, lock_status(loaded), tuple(trials), margin, ranked(every), loaded.limits, tuple(accept), cases)
 
 
 def _informed(trials: Sequence[Trial]) -> list[Trial]:
@@ -274,23 +277,24 @@ def service_of(trials: Sequence[Trial]) -> list[Trial]:
     return [t for t in trials if t.test.service] or list(trials)
 
 
-def _margins(plan: Plan, trials: Sequence[Trial], every: Sequence[Assumption]) -> list[Margin]:
+def _margins_of(plan: Plan, t: Trial, every: Sequence[Assumption]) -> tuple[Margin, ...]:
+    """Return the margin of every reference point on each side in one test."""
+    state = {t.test.name: "operating" if t.test.operating else "non-operating"}
+    policy = plan.content.margins
+    more = margins({t.test.name: t.expected}, t.limits, policy.policy, tested=policy.balance_tested, states=state)
+    mark = "read" if t.course is None or t.course.decides else "memory"
+    moved = {x.point: uncounted(every, x.point, t.test.name, _stated(t)) for x in t.limits}
+    return tuple(replace(m, course_mark=mark, assumed=moved[m.point], not_counted=_not_counted(t, m, moved[m.point])) for m in more)
+
+
+def _tightest(plan: Plan, cases: Sequence[Sequence[Margin]]) -> tuple[Margin, ...]:
     """Return the tightest margin of every reference point on each side over the service cases."""
     out: list[Margin] = []
     for one in plan.limits:
-        candidates: list[Margin] = []
-        for t in service_of(trials):
-            (here,) = (x for x in t.limits if x.point == one.point)
-            state = {t.test.name: "operating" if t.test.operating else "non-operating"}
-            more = margins(
-                {t.test.name: t.expected}, [here], plan.content.margins.policy, tested=plan.content.margins.balance_tested, states=state
-            )
-            mark = "read" if t.course is None or t.course.decides else "memory"
-            moved = uncounted(every, one.point, t.test.name, _stated(t))
-            candidates += [replace(m, course_mark=mark, assumed=moved, not_counted=_not_counted(t, m, moved)) for m in more]
         for side in ("cold", "hot"):
-            out += sorted((m for m in candidates if m.side == side), key=lambda m: m.with_assumed)[:1]
-    return out
+            candidates = [m for case in cases for m in case if (m.point, m.side) == (one.point, side)]
+            out += sorted(candidates, key=lambda m: m.with_assumed)[:1]
+    return tuple(out)
 
 
 def _stated(t: Trial) -> list[str]:

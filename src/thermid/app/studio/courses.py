@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any
 
@@ -12,12 +12,13 @@ import numpy as np
 from thermid.app.studio.curves import Window, texts_of, thinned_curve
 from thermid.app.studio.desk import Desk
 from thermid.base.errors import ScenarioError, ThermidError, look_up, refuse_unknown
+from thermid.base.sourced import weigh
 from thermid.base.toml_files import project_root, read_toml
 from thermid.campaign.verdicts import LimitCheck, Limits, Margin, check_limits, margins, read_limits, spans
 from thermid.model.parameters import UNJUDGED, Standing
 from thermid.physics.constants import ICE_POINT
 from thermid.prediction.bands import Band, Known, foresee
-from thermid.qualify.plans import load_plan, run_test
+from thermid.qualify.plans import Qualification, Trial, load_plan, lock_status, run_plan
 from thermid.qualify.profiles import ProfileRun, ThermalProfile, load_profile, profile_names, profile_of, run_profile, typed
 from thermid.simulation.network import compile_network
 from thermid.simulation.runs import Solution, simulate
@@ -54,6 +55,7 @@ class Shelf:
     def __init__(self, path: Path) -> None:
         self.folder = path.parent
         self._tables = {f: content for f in _files(self.folder) if (content := _read(f))}
+        self._qualified: dict[Path, tuple[Qualification, tuple[str, ...]]] = {}
 
     def courses(self, desk: Desk) -> dict[str, Course]:
         """Return key -> what can be run on a desk's model, or on a plan's own."""
@@ -101,6 +103,27 @@ class Shelf:
                     if isinstance(test, Mapping) and "name" in test:
                         group = f"Plan {name}, on its own model"
                         yield Course(f"test {self._at(file)} {test['name']}", str(test["name"]), group, "test", (file, str(test["name"])))
+
+    def qualified(self, file: Path, told: Told) -> tuple[Qualification, tuple[str, ...]]:
+        """Return what `thermid qualify` says of a plan, worked out once, and a remark where its logs are not read.
+
+        Reading them before the plan is locked would spoil the lock, so the tests are then as they were before their logs.
+        """
+        if file not in self._qualified:
+            plan, begun = load_plan(file), 0
+            unread = lock_status(plan).state == "open" and any(t.log is not None for t in plan.tests)
+            if unread:
+                tests = [t.model_copy(update={"log": None}) for t in plan.tests]
+                plan = replace(plan, content=plan.content.model_copy(update={"tests": tests}))
+
+            def notice(name: str) -> None:
+                nonlocal begun
+                told(begun, len(plan.tests), 0.0)
+                begun += 1
+
+            words = "The logs of the plan are not read, because the plan is not locked. Lock it by thermid plan --lock."
+            self._qualified[file] = run_plan(plan, notice=notice), (words,) if unread else ()
+        return self._qualified[file]
 
     def _at(self, file: Path) -> str:
         return file.relative_to(project_root(self.folder)).as_posix() if file.is_relative_to(project_root(self.folder)) else file.name
@@ -208,6 +231,8 @@ class Outcome:
     source : str                    Where the limits stand.
     remarks : tuple of str          What a reader must know.
     standing : Standing             Of the values that it was run with.
+    trial : Trial                   Of a plan, where it is a test of one.
+    open : tuple of str             Why it decides nothing, beside what the run itself says.
     """
 
     title: str
@@ -221,6 +246,25 @@ class Outcome:
     source: str = ""
     remarks: tuple[str, ...] = ()
     standing: Standing = UNJUDGED
+    trial: Trial | None = None
+    open: tuple[str, ...] = ()
+
+    @property
+    def passed(self) -> bool | None:
+        """Whether limits and margins are met, and what a plan asks of its test; None where that is not decided, see `undecided`."""
+        said = [c.passed for c in self.checks] if self.trial is None else [self.trial.passed]
+        return weigh([*said, *(m.passed for m in self.margins), *([None] if self.undecided else [])])
+
+    @property
+    def undecided(self) -> tuple[str, ...]:
+        """Why it is not decided, as far as it is not."""
+        out = [*self.open, *(c.undecided for c in self.checks if c.undecided)]
+        out += [f"margin of {m.point}, {m.side}: {m.undecided}" for m in self.margins if m.undecided]
+        if self.course is not None:
+            missing = self.course.profile.missing_cycles(self.course.cycles_beside)
+            out += [] if self.course.decides else ["numbers of the profile are quoted from memory"]
+            out += [f"{missing:g} of the cycles that the clause requires are missing"] if missing > 0.0 else []
+        return tuple(dict.fromkeys([*out, *(self.trial.open if self.trial is not None else ())]))
 
     @property
     def worst(self) -> LimitCheck | None:
@@ -254,7 +298,7 @@ def run_course(shelf: Shelf, desk: Desk, course: Course, values: Mapping[str, fl
     ThermidError   When it cannot be run; the message says why.
     """
     if course.kind == "test":
-        return _tested(course, told)
+        return _tested(shelf, course, told)
     state = str(asked.get("state") or "operating")
     run: ProfileRun | None = None
     if course.kind == "profile":
@@ -276,7 +320,16 @@ def run_course(shelf: Shelf, desk: Desk, course: Course, values: Mapping[str, fl
         expected = foresee(Known.of(desk.calibration), scenario, nodes=[one.node for one in limits], times=solution.times)
         rooms, bands = margins({course.title: expected}, limits, states={course.title: state}), expected.prediction.bands
     remarks = run.remarks if run is not None else tuple(solution.warnings)
-    return Outcome(f"{course.title} on {desk.title}", solution, limits, checks, run, rooms, bands, state, source, tuple(remarks))
+    title, fewer = f"{course.title} on {desk.title}", _fewer_cycles(course, run)
+    return Outcome(title, solution, limits, checks, run, rooms, bands, state, source, tuple(remarks), open=fewer)
+
+
+def _fewer_cycles(course: Course, run: ProfileRun | None) -> tuple[str, ...]:
+    """Return in words that fewer cycles were run than the profile itself has; empty where they were not."""
+    if run is None or not run.profile.has("cycles"):
+        return ()
+    whole, done = profile_for(course, {}).value("cycles"), run.profile.value("cycles")
+    return (f"{done:g} of {whole:g} cycles were run",) if done < whole else ()
 
 
 def _scenario(scenario: Scenario, gas: str) -> Scenario:
@@ -284,29 +337,26 @@ def _scenario(scenario: Scenario, gas: str) -> Scenario:
     return scenario if gas == "air" else scenario.vacuum(gas == "printed")
 
 
-def _tested(course: Course, told: Told) -> Outcome:
-    """Return a plan's test as it is predicted; no log is read."""
+def _tested(shelf: Shelf, course: Course, told: Told) -> Outcome:
+    """Return a plan's test as the whole plan has it; no log is read before the plan is locked, or its logs were looked at."""
     file, name = course.of
-    plan = load_plan(file)
-    test = next(t for t in plan.tests if t.name == name)
-    trial = run_test(plan, test.model_copy(update={"log": None}), told)
-    state, policy = "operating" if test.operating else "non-operating", plan.content.margins
-    found = margins({name: trial.foresight}, trial.limits, policy.policy, tested=policy.balance_tested, states={name: state})
-    bands = trial.foresight.prediction.bands
-    remarks = (*(trial.course.remarks if trial.course is not None else ()), *trial.outside)
+    done, unread = shelf.qualified(file, told)
+    trial = done[name]
     title = f"{name} on {trial.known.model.title}"
+    remarks = (*(trial.course.remarks if trial.course is not None else ()), *trial.outside, *unread)
     return Outcome(
         title,
         trial.foresight.solution,
         trial.limits,
         trial.checks,
         trial.course,
-        found,
-        bands,
-        state,
+        done.cases[name],
+        trial.foresight.prediction.bands,
+        "operating" if trial.test.operating else "non-operating",
         file.name,
         remarks,
         trial.foresight.standing,
+        trial,
     )
 
 
@@ -321,6 +371,8 @@ def outcome_object(found: Outcome, window: Window = None) -> dict[str, Any]:
         "decides": run is None or run.decides,
         "standing": found.standing.to_dict(),
         "verdict": _doubted(found, _verdict(found)),
+        "passed": found.passed,
+        "test": None if found.trial is None else found.trial.to_dict(),
         "worst": _check(found.worst) if found.worst is not None else None,
         "phases": [] if run is None else [_phase(p) for p in run.phases],
         "levels": [] if run is None else _levels(run),
@@ -369,12 +421,23 @@ def _verdict(found: Outcome) -> dict[str, str]:
     else:
         text = f"All limits met. Smallest margin: {what}, {worst.room:.1f} K left to its {side} limit of {limit - ICE_POINT:.4g} °C."
         word = "kept"
-    undecided = [c.undecided for c in found.checks if c.undecided]
-    if run is not None and not run.decides:
-        undecided.append("numbers of the profile are quoted from memory")
-    if undecided and all(c.passed is not False for c in found.checks):
-        word, text = "not decided", f"{text} Not decided: {'; '.join(dict.fromkeys(undecided))}."
+    bad = min((m for m in found.margins if m.passed is False), key=lambda m: m.margin, default=None)
+    if bad is not None:
+        if word == "kept":
+            word, text = "margin not met", f"No limit is passed. Smallest room: {what}, {worst.room:.1f} K."
+        text = f"{text} Margin not met: {bad.point}, {bad.side}, {bad.margin:.1f} K, with uncertainty and what the policy adds."
+    elif word == "kept" and found.passed is None:
+        word, text = "not decided", f"{text} Not decided: {'; '.join(found.undecided)}."
+    elif word == "kept" and found.passed is False:
+        word, text = "not met", f"{text} The test is not met: {_missed(found)}."
     return {"word": word, "text": text + _settling(run)}
+
+
+def _missed(found: Outcome) -> str:
+    """Return the criteria and heaters of a plan's test that are not met."""
+    trial = found.trial
+    failed = [] if trial is None or trial.correlation is None else [str(g) for g in trial.correlation.failed]
+    return "; ".join([*failed, *(f"heater {h.load}" for h in (trial.heaters if trial is not None else ()) if h.passed is False)])
 
 
 def _settling(run: ProfileRun | None) -> str:
@@ -456,6 +519,7 @@ def _margin(m: Margin) -> dict[str, Any]:
         "added": m.policy.acceptance.value + m.policy.qualification.value,
         "limit": m.limit - ICE_POINT,
         "margin": m.margin,
+        "passed": m.passed,
         "policy": m.policy.name,
     }
 

@@ -14,7 +14,7 @@ from thermid.base.errors import NameNotFoundError, refuse_unknown
 from thermid.base.linear_algebra import Array
 from thermid.base.units import from_si, in_si, unit
 from thermid.fit.calibration import Calibration
-from thermid.fit.problem import Bench, Problem, Unknown
+from thermid.fit.problem import Bench, Problem, Sums, Unknown
 from thermid.model.tree import Entry, Model, parameter_table
 from thermid.reporting.diagrams import diagram, parts_of
 from thermid.simulation.network import compile_network
@@ -269,16 +269,18 @@ class Desk:
         bench = self._bench(run, fitted)
         values_si = {**self._starts, **self.si(values), **self._inputs(run, fitted)}
         columns, _ = bench.temperatures(np.array([values_si[n] for n in bench.free]), False, problem.options)
+        # of the stage as it is, its own statistics: what every other door prints
+        known = None if values or self.calibration is None else self.calibration.statistics[bench.experiment.record.name]
         out = []
         for k, o in enumerate(bench.experiment.observations):
             predicted = columns[o.index, k] + _bias(problem, o.sensor, fitted)
             times = bench.experiment.times[o.index]
             left = o.measured - predicted
-            rmse, bias, largest = float(np.sqrt(np.mean(left**2))), float(left.mean()), float(np.abs(left).max())
+            s = Sums.of(left).statistics(0.0) if known is None else known[o.sensor]
             (at, simulated), (seen, measured), (apart, rest) = (
                 thinned_curve(times, v, window) for v in (predicted - ICE, o.measured - ICE, left)
             )
-            out.append(ThinnedCurve(o.sensor, o.seat, at, simulated, seen, measured, apart, rest, rmse, bias, largest, int(left.size)))
+            out.append(ThinnedCurve(o.sensor, o.seat, at, simulated, seen, measured, apart, rest, s.rmse, s.mean, s.largest, s.samples))
         return RunCurves(bench.experiment.record.name, tuple(out))
 
 

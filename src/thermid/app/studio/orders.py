@@ -19,7 +19,7 @@ from thermid.app.studio.project import Project
 from thermid.app.studio.work import Work
 from thermid.base.errors import DeckError, refuse_unknown
 from thermid.base.linear_algebra import Array
-from thermid.reporting.objects import clean, swap_object
+from thermid.reporting.objects import campaign_standing, clean, swap_object
 from thermid.values.store import model_standing
 
 Body = Mapping[str, Any]
@@ -104,10 +104,19 @@ def project_object(project: Project, job: Mapping[str, Any]) -> dict[str, Any]:
         "kind": "deck" if project.source is None else "campaign",
         "note": "" if project.source is None else project.source.content.note,
         "stages": [asdict(project.states[name]) for name in project.stages],
+        **standing_object(project),
         "decks": project.decks() if project.source is not None else (),
         "table": {"heads": [c.title for c in table.columns], "rows": [[[c.text, c.look] for c in row] for row in table.rows]},
         "job": job,
     }
+
+
+def standing_object(project: Project) -> dict[str, Any]:
+    """Return the standing of a campaign and whether it passed, as ``thermid calibrate --json`` does; nothing before all stages are done."""
+    made = project.campaign
+    if made is None or len(made.stages) < len(project.stages) or project.not_judged:
+        return {"standing": None, "passed": None}
+    return {"standing": campaign_standing(made), "passed": made.passed}
 
 
 def desk_object(desk: Desk) -> dict[str, Any]:

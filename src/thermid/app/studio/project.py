@@ -9,23 +9,34 @@ from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any
 
-import numpy as np
-
 from thermid.app.studio.desk import Desk
+from thermid.app.studio.saving import in_force
 from thermid.base.errors import DeckError, IdentificationError, NameNotFoundError, ThermidError, refuse_unknown
 from thermid.base.toml_files import project_root, read_toml, resolve_inside
-from thermid.base.units import in_si
-from thermid.campaign.stages import Campaign, CampaignSource, changed_since, file_name, keyed, read_campaign, recall, remember, request_of
+from thermid.campaign.stages import (
+    Campaign,
+    CampaignSource,
+    changed_since,
+    file_name,
+    joint,
+    judge,
+    keyed,
+    read_campaign,
+    recall,
+    remember,
+    request_of,
+)
 from thermid.campaign.studies import RetunePlan, plan_retune
+from thermid.campaign.verdicts import Verdict
 from thermid.fit.calibration import Calibration, fit, fit_problem
 from thermid.fit.problem import Request, build_problem
 from thermid.model.deck import load_model
-from thermid.model.tree import Model, ParameterSet, deck_text, parameter_table
+from thermid.model.tree import Model, ParameterSet
 from thermid.reporting.pages import Table, levels
 from thermid.simulation.network import compile_network
 from thermid.simulation.scenarios import Scenario, load_scenario
 from thermid.values.fitted import save_store
-from thermid.values.store import LeftOut, State, Store, ValueOrigin
+from thermid.values.store import Store
 
 Told = Callable[[int, float], None]
 
@@ -53,6 +64,8 @@ class Project:
         self.edition = 0
         self.broken = ""
         self.done: dict[str, Calibration] = {}
+        self.campaign: Campaign | None = None
+        self.not_judged = ""
         self.states: dict[str, StageState] = {name: StageState(name, "waiting", "not run yet") for name in self.stages}
         self._requests: dict[str, Request] = {}
         self._keys: dict[str, str] = {}
@@ -83,6 +96,7 @@ class Project:
             known.clear()
         names = self.stages
         self.done = {n: c for n, c in self.done.items() if n in names}
+        self.campaign = None
         self.states = {n: self.states.get(n, StageState(n, "waiting", "not run yet")) for n in names}
 
     def deck(self) -> Model | None:
@@ -130,6 +144,7 @@ class Project:
         if name in self.done and name in self._requests:
             return self.states[name]
         direct, before, found = self.below(name), self._keys.get(name), self.done.pop(name, None)
+        self.campaign = None
         missing = [n for n in direct if self.states[n].state != "done"]
         if missing:
             why = f"needs values of '{missing[0]}', which is {self.states[missing[0]].state}"
@@ -167,6 +182,44 @@ class Project:
             if name in self.below(above):
                 self._forget(above)
         return self._finish(name, calibration)
+
+    def judge(self, told: Callable[[str], None] | None = None, write: bool = False) -> None:
+        """Judge the stages that are done on the campaign's hold-out records, as `thermid calibrate` does.
+
+        A joint fit is made where `write`, or where the results folder has one; verdicts by it are open until then.
+
+        Parameters
+        ----------
+        told : callable     Called with the name of each record before it is judged.
+        write : bool        Whether to write the values files with what the verdicts make of them.
+        """
+        if self.source is None or self.broken or self.campaign is not None:
+            return
+        made, self.not_judged = self._made(), ""
+        notice = None if told is None else lambda name, count, rms: told(name)
+        whole = self.source.content.joint is not None and len(made.stages) == len(self.stages)
+        try:
+            if whole and (write or (self.results / "joint.fit.json").is_file()):
+                made = replace(made, joint=joint(made, notice=notice, cache=self.results))
+            made = judge(made, self.results, notice)
+        except ThermidError as error:
+            self.not_judged = str(error)
+        self.campaign = made
+        if write:
+            made.save(self.results)
+        self._desks.clear()
+        for name, found in made.stages.items():
+            self._set(self._state(name, found), self.states[name].edition)
+
+    def _made(self) -> Campaign:
+        """Return the stages that are done as a campaign that nobody has judged."""
+        done = {n: self.done[n] for n in self.stages if n in self.done and self.states[n].state == "done"}
+        return Campaign(self.title, done, (), dict(self._keys), "", None, self.source, dict(self._requests))
+
+    @property
+    def fits(self) -> Mapping[str, Calibration]:
+        """The stages that are done, with what verdicts made of them."""
+        return self.done if self.campaign is None else self.campaign.stages
 
     def fit(self, name: str, values: Mapping[str, float], free: tuple[str, ...], told: Told | None = None) -> Calibration:
         """Return a fit of chosen parameters that starts at values of the sliders; nothing is kept of it.
@@ -211,8 +264,8 @@ class Project:
         if self.source is None:
             model = load_model(self.path)
             return Desk(name, model, None, self.scenarios(model))
-        if name in self.done:
-            calibration = self.done[name]
+        if name in self.fits:
+            calibration = self.fits[name]
             return Desk(
                 name,
                 calibration.model,
@@ -238,32 +291,37 @@ class Project:
         return fitting or (plain,)
 
     def save(self, name: str, values: Mapping[str, float], title: str) -> Path:
-        """Write values of sliders as a values file into the results folder and return its path; an older one of that name is kept.
+        """Write all values in force as a values file into the results folder and return its path; an older one of that name is kept.
+
+        These are the stage's own and those that it inherits, constant errors of instruments among them, under what was moved since.
+
+        Parameters
+        ----------
+        name : str      The stage.
+        values : dict   As in `Desk.curves`: what was moved, or found by a fit that is not the stage's.
+        title : str     The file's name.
 
         Raises
         ------
-        DeckError   When the title is no name for a file.
+        DeckError   When the title is no name for a file, or the deck's values are all that there is.
         """
         stem = file_name(title.strip())
         if not stem.strip("_"):
             raise DeckError("give the values a name of letters and digits.", "save")
         desk = self.desk(name)
-        states: dict[str, State] = {}
-        origin, table = ValueOrigin("hand", f"{name}, by hand"), parameter_table(desk.model)
-        for s in desk.sliders:
-            if s.path in values:
-                value, start, *ends = (in_si(v, s.unit) for v in (values[s.path], s.value, s.low, s.high))
-                more = {"paths": (s.path, *s.also), "deck": deck_text(table[s.path]), "start": start, "known": False}
-                states[s.path] = State(s.path, value, s.log, s.unit, (ends[0], ends[1]), origin, **more)  # type: ignore[arg-type]
-        if not states:
+        store = in_force(desk, values, desk.calibration.store if desk.calibration is not None else self._known(name))
+        if not store.states:
             raise DeckError("no value was changed, so there is nothing to save.", "save")
         self.results.mkdir(parents=True, exist_ok=True)
         target, k = self.results / f"{stem}.values.toml", 2
         while target.exists():
             target, k = self.results / f"{stem}_{k}.values.toml", k + 1
-        left_out = tuple(LeftOut(f"'{p}' was tuned by hand without an error") for p in states)
-        save_store(Store(states, root=np.zeros((len(states), 0)), left_out=left_out), target, origin.stage)
+        save_store(store, target, f"{name}, by hand")
         return target
+
+    def _known(self, name: str) -> Store:
+        """Return what a stage that was not run inherits."""
+        return Store() if self.source is None else self._request(name).store
 
     def swap(self, part: str, deck: str) -> RetunePlan:
         """Return what replacing a part by another deck of the project costs; the stages that turn stale are marked.
@@ -278,8 +336,7 @@ class Project:
         if undone:
             raise DeckError(f"stage '{undone[0]}' has not been run. Run the stages first.", self.title)
         file = resolve_inside(self.path.parent, deck, "swap", ())
-        campaign = Campaign(self.title, dict(self.done), (), dict(self._keys), "", None, self.source, dict(self._requests))
-        return plan_retune(campaign, part, load_model(file))
+        return plan_retune(self.campaign or self._made(), part, load_model(file))
 
     def decks(self) -> tuple[str, ...]:
         """Return the decks beside the campaign."""
@@ -295,8 +352,8 @@ class Project:
 
     def table(self) -> Table:
         """Return heat transfer coefficients, parts down, stages that are done across, as reports have them."""
-        if self._levels is None or self._levels[0] != self.done:
-            self._levels = dict(self.done), levels(Campaign(self.title, dict(self.done), (), {}))[0]
+        if self._levels is None or self._levels[0] != self.fits:
+            self._levels = dict(self.fits), levels(Campaign(self.title, dict(self.fits), (), {}))[0]
         return self._levels[1]
 
     def _request(self, name: str) -> Request:
@@ -313,18 +370,33 @@ class Project:
 
     def _finish(self, name: str, found: Calibration, unchanged: bool = False) -> StageState:
         self.done[name] = found
+        self.campaign = None
         self._desks.pop(name, None)
-        sensors = {n: s.rmse for n, s in found.sensors.items()}
-        below = self.below(name)
-        told = found.standing
-        standing = "" if told.fair else told.state
-        state = StageState(name, "done", "", below, sensors, standing, told.line(name), told.usable)
-        return self._set(state, self.states[name].edition if unchanged else self.edition)
+        return self._set(self._state(name, found), self.states[name].edition if unchanged else self.edition)
+
+    def _state(self, name: str, found: Calibration) -> StageState:
+        """Return where a stage that is done stands, with the verdicts on it."""
+        told, sensors = found.standing, {n: s.rmse for n, s in found.sensors.items()}
+        state = StageState(name, "done", "", self.below(name), sensors, "" if told.fair else told.state, told.line(name), told.usable)
+        verdicts = [] if self.campaign is None else [v for v in self.campaign.verdicts if v.model == name]
+        said = tuple({k: v for k, v in v.to_dict().items() if k != "bands"} | {"text": str(v)} for v in verdicts)
+        return replace(state, told=told.to_dict(name), verdicts=said, open=self._open(name, verdicts))
+
+    def _open(self, name: str, verdicts: Sequence[Verdict]) -> str:
+        """Return why a stage is not judged though its campaign asks for it; empty where nothing is open."""
+        assert self.source is not None
+        tables = [t for t in self.source.content.verdicts if t.model == name]
+        if self.campaign is None or self.not_judged:
+            return (self.not_judged or "its hold-out records are not judged yet") if tables else ""
+        if any(t.values == "joint" for t in tables) and self.campaign.joint is None:
+            return "the joint fit, which a verdict on it needs, has not been run"
+        return "; ".join(v.head for v in verdicts if v.passed is None)
 
     def _forget(self, name: str) -> None:
         """Drop what is known of a stage whose basis changed."""
         for known in (self.done, self._requests, self._keys, self._desks):
             known.pop(name, None)
+        self.campaign = None
         self.states[name] = StageState(name, "stale", "a stage below was run again", self.below(name))
 
     def _set(self, state: StageState, edition: int | None = None) -> StageState:
@@ -347,6 +419,9 @@ class StageState:
     standing : str      How far the values of a stage that is done may be trusted, where a reader must be told; empty else.
     because : str       The reason, with the stage that is the cause.
     usable : bool       Whether an answer may rest on them.
+    told : dict         The standing of a stage that is done, as `thermid calibrate --json` prints it.
+    verdicts : tuple    The verdicts on it, likewise, without their bands; and as ``text``.
+    open : str          Why a stage that is done is not judged, though its campaign asks for it.
     edition : int       Counts how often what the stage says was changed on disk.
     """
 
@@ -358,6 +433,9 @@ class StageState:
     standing: str = ""
     because: str = ""
     usable: bool = True
+    told: Mapping[str, Any] = field(default_factory=dict)
+    verdicts: tuple[Mapping[str, Any], ...] = ()
+    open: str = ""
     edition: int = 0
 
 

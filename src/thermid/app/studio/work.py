@@ -78,6 +78,7 @@ class Work:
                 project.run(name, lambda count, rms: _tell(j, count, rms))
             for name in project.stages:
                 project.look(name)
+            project.judge(lambda record: _begin(j, record), write=True)
 
         return self._start("run", stage, job)
 
@@ -101,7 +102,7 @@ class Work:
 
             outcome = run_course(self.shelf, desk, course, values, asked, told)
             _going(j)
-            fit = self._project.done.get(stage)
+            fit = self._project.fits.get(stage)
             self.outcome = outcome if course.kind == "test" or fit is None else replace(outcome, standing=fit.standing)
 
         return self._start("scenario", stage, job)
@@ -127,6 +128,7 @@ class Work:
         for name in self._project.stages:
             job.stage = name
             self._project.look(name)
+        self._project.judge(lambda record: _begin(job, record))
 
     def _start(self, what: str, stage: str, make: Callable[[_Job], None]) -> dict[str, Any]:
         if self._thread is not None and self._thread.is_alive():
@@ -154,6 +156,11 @@ class Work:
 def _going(job: _Job) -> None:
     if job.stopped:
         raise _StoppedError
+
+
+def _begin(job: _Job, what: str) -> None:
+    _going(job)
+    job.stage = what
 
 
 def _tell(job: _Job, count: int, rms: float) -> None:

@@ -462,6 +462,27 @@ class ThermalProfile(Result):
         which = ", ".join(self.from_memory) or "the rule of stability"
         return f"quoted from memory, not checked against the standard: {which}. Check them there before any verdict uses this profile"
 
+    @property
+    def equivalence(self) -> Equivalence | None:
+        """How many cycles its clause asks for over which range; None where it asks for none."""
+        if not self.has("base_cycles"):
+            return None
+        clause = self["base_cycles"].clause
+        return Equivalence(self.value("base_cycles"), self.value("base_range"), self.value("range_exponent"), clause)
+
+    def missing_cycles(self, beside: float = 0.0) -> float:
+        """Return how many cycles it lacks of those that its clause asks for over its range; zero or less where none.
+
+        Parameters
+        ----------
+        beside : float  Cycles over the same range that other tests of the unit run.
+        """
+        law = self.equivalence
+        if law is None:
+            return 0.0
+        need = equivalent_cycles(Kelvin(self.value("cold")), Kelvin(self.value("hot")), law)
+        return need - self.value("cycles") - beside
+
     def check(self, beside: float = 0.0) -> tuple[str, ...]:
         """Check the profile: order against condensation, cycles against the range, levels in the wrong order.
 
@@ -630,16 +651,14 @@ def _condensation(profile: ThermalProfile) -> Iterator[str]:
 
 def _count(profile: ThermalProfile, beside: float) -> Iterator[str]:
     """Compare the count of cycles with the one that the range asks for, in this and in other tests together."""
-    if not profile.has("base_cycles"):
+    law = profile.equivalence
+    if law is None:
         return
-    law = Equivalence(
-        profile.value("base_cycles"), profile.value("base_range"), profile.value("range_exponent"), profile["base_cycles"].clause
-    )
     low, high = profile.value("cold"), profile.value("hot")
     need = equivalent_cycles(Kelvin(low), Kelvin(high), law)
     cycles = profile.value("cycles")
     if need != law.cycles or cycles < need:
-        missing = need - cycles - beside
+        missing = profile.missing_cycles(beside)
         yield (
             f"over {high - low:.4g} K the clause requires {need} cycles in all ({law.cycles:g} ("
             + f"{law.range:g}/{high - low:.4g})^{law.exponent:g} = "

@@ -81,8 +81,8 @@ def test_curves_show_the_residuals_of_the_fit(folder: Path) -> None:
     fitted = project.done["m_PrE"].statistics
     for run in project.desk("m_PrE").curves({}):
         for curve in run.curves:
-            assert curve.rmse == pytest.approx(fitted[run.name][curve.name].rmse, rel=1e-3)
-            assert curve.largest == pytest.approx(abs(fitted[run.name][curve.name].largest), rel=1e-3)
+            assert curve.rmse == fitted[run.name][curve.name].rmse
+            assert curve.largest == fitted[run.name][curve.name].largest  # with its sign, as every door prints it
             assert curve.measured.size > 100
 
 

@@ -75,7 +75,7 @@ async function look(w) {
   if (part && mine === asking) { found.curves = part.curves; found.moisture = part.moisture; draw(); }
 }
 
-const MARKS = { kept: "✓", "passed a limit": "✗", "not decided": "?", open: "–" };
+const MARKS = { kept: "✓", "passed a limit": "✗", "margin not met": "✗", "not met": "✗", "not decided": "?", open: "–" };
 function words() {
   at("verdict").replaceChildren(make("p", { class: "verdict", "data-word": found.verdict.word }, make("strong", { text: `${MARKS[found.verdict.word]} ${found.verdict.word}` }), make("span", { text: ` ${nice(found.verdict.text)}` })));
   const long = `${hour(found.duration)}${found.waited === null ? "" : `, of it ${hour(found.waited)} waiting for the unit`}`;
@@ -84,7 +84,7 @@ function words() {
     ...[c.lowest, c.highest].map((v) => make("td", { class: "num", text: v.toFixed(1) })), make("td", { class: "num", text: c.limits.map((v) => (v === null ? "–" : shown(v, 5))).join(" to ") }),
     make("td", { class: "num", text: c.room === null ? "–" : `${c.crossings.length ? "✗ " : ""}${c.room.toFixed(1)}` }), make("td", { class: "num", text: shown(c.time / 3600, 3) }))));
   at("checks").parentElement.hidden = !found.checks.length;
-  at("margins").tBodies[0].replaceChildren(...found.margins.map((m) => row(m.point, `${m.side}, ${m.state}`, m.predicted, m.uncertainty, m.added, shown(m.limit, 5), m.margin)));
+  at("margins").tBodies[0].replaceChildren(...found.margins.map((m) => row(m.point, `${m.side}, ${m.state}`, m.predicted, m.uncertainty, m.added, shown(m.limit, 5), `${m.passed === false ? "✗ " : m.passed === null ? "? " : ""}${m.margin.toFixed(1)}`)));
   at("margins").parentElement.hidden = !found.margins.length;
   at("margins").caption.textContent = found.margins.length ? `Margins [K] by ${found.margins[0].policy}: limit less predicted, less uncertainty (95 %), less what the policy adds` : "";
   const wet = found.moisture?.surfaces || [];
