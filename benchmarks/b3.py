@@ -22,6 +22,8 @@ SIZES = (1_000, 10_000, 100_000, 1_000_000)
 ELIMINATED = 10_000
 """Cells up to which scipy takes part; sparse elimination grows steeply on a 3-D grid."""
 LIMIT = 5e-3
+TOLERANCE = 3e-3
+"""What `td.Options.large_tolerance` is where it is left out, for a block without tables. [K]"""
 AGAINST = {"reference": "scipy", "tighter": "itself, tighter", "corrected": "Newton step by scipy"}
 """Who gives the reference: the last solves the equations written down again once more, from where thermid has ended."""
 TARGETS = {("transient", 1_000_000): 50.0, ("steady", 1_000_000): 30.0}
@@ -156,9 +158,7 @@ def _contestant(who: str, work: str, nodes: int, tol: float, folder: Path) -> tu
     import thermid as td
 
     built, scenario = block.build(nodes), block.scenario()
-    options = td.Options()
-    if who == "tighter":
-        options = td.Options(large_tolerance=options.large_tolerance / 100)
+    options = td.Options(large_tolerance=TOLERANCE / 100) if who == "tighter" else td.Options()
 
     def transient() -> tuple[Any, dict[str, Any]]:
         found = td.simulate(built, scenario, fields=FIELDS, options=options)

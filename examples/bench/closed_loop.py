@@ -64,7 +64,8 @@ def run(log_path: Path, hours: float) -> float:
     programme = replace(whole, times=tuple(t * scale for t in whole.times), end=hours * 3600.0)
     begun = time.monotonic()
     with Simulated(planted(), len(NAMES), TOOLS, step=STEP) as board:
-        log = Logger(log_path, lambda: board.port, sensors, Settings(interval=10.0, limit=90.0, silence=600.0), programme, sync=False)
+        settings = Settings(interval=10.0, limit=90.0)
+        log = Logger(log_path, lambda: board, sensors, settings, programme, sync=False, clock=board.clock)
         while not log.done:
             log.step()
         log.close()

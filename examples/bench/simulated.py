@@ -3,15 +3,15 @@
 from __future__ import annotations
 
 import subprocess
-import threading
 from pathlib import Path
 
 from thermid.base.errors import MissingDataError, SolverError
 from thermid.bench.board import World
+from thermid.bench.port import Port
 
 
 class Simulated:
-    """A board in simavr that a logger can open as a port; time passes as fast as the machine allows.
+    """A board in simavr that a logger reads as a port; its time passes only while somebody waits for a line, so no host is too slow for it.
 
     Parameters
     ----------
@@ -37,23 +37,20 @@ class Simulated:
         self.duties = (0.0, 0.0)
         self.history: list[tuple[float, float, float]] = []
         """Time [s] and mean duties of each step."""
-        self._wanted: list[str] = []
-        self._lock = threading.Lock()
-        self._sensors = sensors
+        self._orders: list[str] = []
         command = [str(program), "--sensors", str(sensors), "--step", str(round(step * 1000)), *options, str(firmware)]
         self._process = subprocess.Popen(command, stdin=subprocess.PIPE, stdout=subprocess.PIPE, text=True, bufsize=1)
-        self.port = self._line().split()[1]
-        self._thread = threading.Thread(target=self._run, daemon=True)
+        self._port = Port(self._line().split()[1])
 
     def __enter__(self) -> Simulated:
-        """Let time pass."""
-        self._thread.start()
+        """Wait for the end of the first step, where the board stands until somebody waits for a line."""
+        self._stand()
         return self
 
     def __exit__(self, *_: object) -> None:
         """End the simulator."""
+        self._port.close()
         self._process.kill()
-        self._thread.join()
         self._process.wait()
         for pipe in (self._process.stdin, self._process.stdout):
             if pipe is not None:
@@ -61,8 +58,46 @@ class Simulated:
 
     def tell(self, command: str) -> None:
         """Order a fault with the next step: ``fault 1 crc`` (lost, power, good), ``short 1``, ``supply 12000 5000``, ``reset``."""
-        with self._lock:
-            self._wanted.append(command)
+        self._orders.append(command)
+
+    def clock(self) -> float:
+        """Return the time of the board, which a reset does not stop. [s]"""
+        return self.seconds
+
+    def read_line(self, timeout: float) -> bytes:
+        """Return the next line with its line feed, empty where the board says none in a time of its own. [s]"""
+        until = self.seconds + timeout
+        while not (line := self._port.read_line(0.0)) and self.seconds < until:
+            self._pass()
+        return line
+
+    def write(self, text: str) -> None:
+        """Tell the board one line."""
+        self._port.write(text)
+
+    @property
+    def begun(self) -> bytes:
+        """A line that was not finished."""
+        return self._port.begun
+
+    def close(self) -> None:
+        """Leave the board as it is."""
+
+    def _pass(self) -> None:
+        """Let one step pass."""
+        assert self._process.stdin is not None
+        told = [f"t {k} {round(t * 16)}" for k, t in enumerate(self.world(self.seconds, self.duties))]
+        self._process.stdin.write("\n".join([*told, *self._orders, "go\n"]))
+        self._process.stdin.flush()
+        self._orders.clear()
+        self._stand()
+
+    def _stand(self) -> None:
+        """Wait until the board stands at the end of a step."""
+        _, ms, first, second = self._line().split()
+        self.seconds = int(ms) / 1000.0
+        self.duties = (float(first), float(second))
+        self.history.append((self.seconds, *self.duties))
 
     def _line(self) -> str:
         """Return a line of the simulator."""
@@ -71,21 +106,3 @@ class Simulated:
         if not line:
             raise SolverError("the simulator ended.", "simulated bench")
         return line
-
-    def _run(self) -> None:
-        """Close the loop, step by step."""
-        assert self._process.stdin is not None
-        try:
-            while True:
-                _, ms, first, second = self._line().split()
-                self.seconds = int(ms) / 1000.0
-                self.duties = (float(first), float(second))
-                self.history.append((self.seconds, *self.duties))
-                told = [f"t {k} {round(t * 16)}" for k, t in enumerate(self.world(self.seconds, self.duties))]
-                with self._lock:
-                    told += self._wanted
-                    self._wanted.clear()
-                self._process.stdin.write("\n".join([*told, "go\n"]))
-                self._process.stdin.flush()
-        except (SolverError, OSError, ValueError):
-            return  # it was ended

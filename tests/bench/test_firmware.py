@@ -5,7 +5,6 @@ from __future__ import annotations
 import re
 import shutil
 import subprocess
-import time
 from collections.abc import Callable, Iterator
 from pathlib import Path
 
@@ -38,25 +37,16 @@ class Run:
         seconds: float,
         programme: Programme | None = None,
         options: tuple[str, ...] = (),
-        silence: float = 600.0,
         **settings: float,
     ) -> Simulated:
-        """Log for some time of the board, with orders to the simulator at theirs; an order that is late puts off what follows it.
-
-        The board runs many times faster than the clock: on a busy machine one pause of this process is longer than an order is to last.
-        """
+        """Log for some time of the board, with orders to the simulator at theirs."""
         left = sorted(script.items())
         with Simulated(world, 3, self.tools, options=options, step=0.25) as board:
-            log = Logger(self.path, lambda: board.port, NAMES, Settings(silence=silence, **settings), programme, sync=False)
-            begun = time.monotonic()
-            late = 0.0
-            while log.state.seconds < seconds + late:
-                assert time.monotonic() - begun < 120.0
-                log.step(0.05)
-                if left and board.seconds >= left[0][0] + late:  # not the logger's time, which may lie behind by what waits to be read
-                    at, order = left.pop(0)
-                    late = board.seconds - at
-                    board.tell(order)
+            log = Logger(self.path, lambda: board, NAMES, Settings(**settings), programme, sync=False, clock=board.clock)
+            while log.state.seconds < seconds:
+                log.step(0.25)
+                while left and board.seconds >= left[0][0]:
+                    board.tell(left.pop(0)[1])
             log.close()
         return board
 
@@ -162,16 +152,16 @@ def test_the_heater_is_off_two_seconds_after_the_limit(run: Run) -> None:
 
 def test_the_heater_is_off_when_the_host_falls_silent(tools: Path, tmp_path: Path) -> None:
     with Simulated(lambda t, d: [20.0] * 3, 3, tools, step=0.25) as board:
-        log = Logger(tmp_path / "b.log", lambda: board.port, NAMES, Settings(silence=10.0), Programme((0.0,), ((500, 0),)), sync=False)
-        until = time.monotonic() + 60.0
+        programme = Programme((0.0,), ((500, 0),))
+        log = Logger(tmp_path / "b.log", lambda: board, NAMES, Settings(silence=10.0), programme, sync=False, clock=board.clock)
         while not any(first for _, first, _ in board.history):
-            assert time.monotonic() < until
-            log.step(0.05)
+            assert board.seconds < 60.0
+            log.step(0.25)
         log._link._settings = Settings(silence=3600.0)  # says nothing any more, and goes on to listen
         log._link.add("silence,2000")
         heard = board.seconds
         while board.seconds < heard + 8.0:
-            log.step(0.05)
+            log.step(0.25)
         log.store.close()
     told = [line for line in (tmp_path / "b.log").read_text().splitlines() if ",silent*" in line]
     assert len(told) == 1

@@ -6,9 +6,10 @@ import numpy as np
 import pytest
 from scipy.stats import beta
 
-from recovery.watch_cases import Outcome, drawn, hiding, named, quiet, watched
+from recovery.watch_cases import Outcome, alarmed, drawn, hiding, named, off_by_a_tenth, quiet, stop_of, watched
 
-CASES, HIDDEN, FAULTS, QUIET = 1000, 200, 40, 40
+CASES, HIDDEN, FAULTS, QUIET, OFF = 1000, 200, 40, 40, 20
+LOOKS = (300.0, 600.0, 1200.0)
 
 
 @pytest.mark.parametrize("seed", [0, 1, 7])
@@ -28,6 +29,29 @@ def test_a_hidden_slow_mass_is_declined() -> None:
 @pytest.mark.parametrize("seed", [1, 3])
 def test_a_planted_fault_is_named(seed: int) -> None:
     assert named(seed)
+
+
+def test_what_is_named_does_not_depend_on_how_often_one_looks() -> None:
+    """Looks ten minutes apart named none of three faults that looks a minute apart name."""
+    _same_at_all_looks(2, LOOKS[1:])
+
+
+def _same_at_all_looks(seed: int, looks: tuple[float, ...]) -> None:
+    at_once = alarmed(seed, 60.0)
+    for every in looks:
+        found = alarmed(seed, every)
+        assert (found is None) == (at_once is None)
+        if found is not None and at_once is not None:
+            assert found[0] == at_once[0]
+            assert at_once[1] <= found[1] < at_once[1] + every  # at the next look
+
+
+@pytest.mark.parametrize("seed", [3])
+def test_a_stop_is_advised_when_the_rule_is_met_though_the_deck_is_off(seed: int) -> None:
+    found = stop_of(off_by_a_tenth(seed))
+    assert found.at is not None
+    assert found.at <= found.rule + 60.0
+    assert not found.wrong
 
 
 @pytest.fixture(scope="module")
@@ -58,5 +82,19 @@ def test_forty_planted_faults() -> None:
 
 
 @pytest.mark.campaign
-def test_false_alarms_of_240_hours() -> None:
-    assert sum(any(look.alarms for look in quiet(seed, 6.0)) for seed in range(QUIET)) <= 1
+def test_forty_planted_faults_at_all_looks() -> None:
+    for seed in range(FAULTS):
+        _same_at_all_looks(seed, LOOKS)
+
+
+@pytest.mark.campaign
+@pytest.mark.parametrize("every", [60.0, *LOOKS])
+def test_false_alarms_of_240_hours(every: float) -> None:
+    assert sum(any(look.alarms for look in quiet(seed, 6.0, every)) for seed in range(QUIET)) <= 1
+
+
+@pytest.mark.campaign
+def test_twenty_decks_off_by_a_tenth() -> None:
+    found = [stop_of(off_by_a_tenth(seed)) for seed in range(OFF)]
+    assert all(stop.at is not None and stop.at <= stop.rule + 60.0 for stop in found)
+    assert sum(stop.wrong for stop in found) == 0

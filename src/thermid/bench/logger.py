@@ -20,8 +20,7 @@ from thermid.base.errors import RecordError
 from thermid.bench._wire import BoardLine, parse_line, sealed
 from thermid.bench.bench_files import MappedSensor, Programme
 from thermid.bench.benchlog import MOST_CURRENT, RANGE, LogFile
-from thermid.bench.board import BoardPort
-from thermid.bench.port import Port
+from thermid.bench.port import LinePort, Port
 from thermid.measure.records import FloatArray
 
 _JUMP = 1.0
@@ -318,7 +317,7 @@ class Logger:
     def __init__(
         self,
         path: str | Path,
-        port: Callable[[], str | BoardPort],
+        port: Callable[[], str | LinePort],
         sensors: Mapping[str, MappedSensor] | None = None,
         settings: Settings | None = None,
         programme: Programme | None = None,
@@ -338,7 +337,7 @@ class Logger:
             raise _cut_off(trip, str(path))
         self._clock, self._wall, self._find = clock, wall, port
         self._begun, self._offset, self._walled = clock(), wall() - clock(), 0.0
-        self._port: Port | BoardPort | None = None
+        self._port: LinePort | None = None
         self._tried = self._gone = -1e9
         self._quiet = self._full = self._fresh = False
         self._link = Link(self.settings, clear_latch)

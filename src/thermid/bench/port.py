@@ -7,7 +7,7 @@ import os
 import select
 import time
 from pathlib import Path
-from typing import Any
+from typing import Any, Protocol
 
 from thermid.base.errors import RecordError, ThermidError
 
@@ -15,6 +15,23 @@ LONGEST = 400
 """Bytes without a line feed that are taken for one piece of garbage."""
 
 _MAKERS = {0x2341: "Arduino", 0x2A03: "Arduino", 0x1A86: "CH340", 0x0403: "FTDI", 0x10C4: "CP210x"}
+
+
+class LinePort(Protocol):
+    """What a logger reads a board by: a serial port, or a board within this program."""
+
+    def read_line(self, timeout: float) -> bytes:
+        """Return the next line with its line feed, empty when the time is over before it ends. [s]"""
+
+    def write(self, text: str) -> None:
+        """Send one line."""
+
+    @property
+    def begun(self) -> bytes:
+        """A line that was not finished."""
+
+    def close(self) -> None:
+        """Give the port back."""
 
 
 def _serial() -> Any:

@@ -3,11 +3,11 @@
 from __future__ import annotations
 
 import json
+import math
 import re
 import time as clock
 from collections.abc import Iterator
 from contextlib import ExitStack
-from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any, Final
 
@@ -41,7 +41,7 @@ from thermid.measure.records import Record
 from thermid.measure.steadiness import rule_of
 from thermid.model.laws import literal
 from thermid.model.parameters import UNJUDGED, Standing
-from thermid.qualify.watch import BoundColumns, GrowingLog, Stopping, TemperatureLimit, Watcher, WatchLook, played
+from thermid.qualify.watch import BoundColumns, GrowingLog, TemperatureLimit, Watcher, WatchLook, WatchRequest, played
 from thermid.reporting.objects import clean
 from thermid.simulation.scenarios import Scenario
 from thermid.values.store import model_standing
@@ -127,15 +127,25 @@ def watch(
     else:
         columns = _columns_of(test, stated, read)
     standing = UNJUDGED if columns.model is None else model_standing(columns.model).accept(accept or ())
-    made = _Made(rule, within, limit, slowest, said, required, columns, test)
+    request = WatchRequest(
+        columns,
+        rule_of(rule),
+        amount(with_unit(within, "K"), "K", "--within"),
+        _limits(limit),
+        required,
+        None if slowest is None else with_unit(slowest, "s"),
+        with_unit(since, "s"),
+        said,
+        None if test is None else test.conditions,
+    )
     with ExitStack() as open_:
         line = open_.enter_context(extension("serial_port", PORT, str(log))(log, capture)) if _is_port(log) else None
         path = log if line is None else line.path
         if replay or once:
-            records = _replayed(columns.read(path, path.stem).trim(with_unit(since, "s"), "end"), step, once)
+            records = played(request.read(path), math.inf if once else step)
         else:
             records = _growing(GrowingLog(path, lambda piece: columns.read(piece, path.stem)), step, since, line)
-        look = _looks(records, made, standing, as_json)
+        look = _looks(records, request, standing, as_json)
     leave(standing, 4 if look is None else 1 if look.alarms else {"stop": 0}.get(look.advice.word, 4))
 
 
@@ -152,13 +162,13 @@ def _told(channel: list[str]) -> dict[str, str]:
     return {n.strip(): path.strip() or n.strip() for n, _, path in (text.partition("=") for text in channel)}
 
 
-def _looks(records: Iterator[Record], made: _Made, standing: Standing, as_json: bool) -> WatchLook | None:
+def _looks(records: Iterator[Record], request: WatchRequest, standing: Standing, as_json: bool) -> WatchLook | None:
     """Look at every record up to a stop and say what is seen, below what must be known of the values; return the last look."""
     watcher: Watcher | None = None
     look: WatchLook | None = None
     for record in records:
         first = watcher is None
-        watcher = watcher or made.watcher(record)
+        watcher = watcher or request.watcher(record)
         look = watcher.look(record)
         text = str(look) if first or look.advice.word == "stop" else look.seen()
         said = {"schema": 1, **look.as_object(), "standing": standing.to_dict()}
@@ -168,13 +178,10 @@ def _looks(records: Iterator[Record], made: _Made, standing: Standing, as_json: 
     return look
 
 
-def _replayed(record: Record, step: float, once: bool) -> Iterator[Record]:
-    """Yield a log that ended as if it grew, or all of it once. [s]"""
-    least = 10.0 * record.step
-    if once or record.duration < least:
-        yield record
-        return
-    yield from (r for r in played(record, step) if r.duration >= least)
+def _limits(texts: list[str]) -> tuple[TemperatureLimit, ...]:
+    """Return what must be decided, of ``CHANNEL=TEMPERATURE``."""
+    told = pairs(texts, "--limit").items()
+    return tuple(TemperatureLimit(n, False, literal(with_unit(t, "degC"), TEMPERATURE, "--limit")) for n, t in told)
 
 
 def _growing(log: GrowingLog, step: float, since: str, line: PortCapture | None) -> Iterator[Record]:
@@ -200,37 +207,3 @@ def _growing(log: GrowingLog, step: float, since: str, line: PortCapture | None)
 def _is_port(path: Path) -> bool:
     """Whether a path is a serial port and no file."""
     return path.is_char_device() or re.fullmatch(r"COM\d+", path.name) is not None
-
-
-@dataclass(frozen=True)
-class _Made:
-    """What a watcher is made of, once the first lines of the log say which channels there are."""
-
-    rule: str
-    within: str
-    limit: list[str]
-    slowest: str | None
-    said: Scenario | None
-    required: bool
-    columns: BoundColumns
-    test: RunningTest | None
-
-    def watcher(self, record: Record) -> Watcher:
-        """Return what watches."""
-        names = tuple(n for n in record.channels if record.channel(n).role == "node" and record.channel(n).quantity == "temperature")
-        limits = tuple(
-            TemperatureLimit(n, False, literal(with_unit(t, "degC"), TEMPERATURE, "--limit"))
-            for n, t in pairs(self.limit, "--limit").items()
-        )
-        for m in limits:
-            record.channel(m.channel)
-        width = amount(with_unit(self.within, "K"), "K", "--within")
-        more: dict[str, Any] = {} if self.slowest is None else {"slowest": with_unit(self.slowest, "s")}
-        deck = self.columns.model
-        if deck is None:
-            return Watcher(Stopping(rule_of(self.rule), width, limits, required=self.required, **more), names)
-        said = self.said if self.test is None else self.test.conditions(record, self.said)
-        more |= {"model": deck, "scenario": said or Scenario(record.name)}
-        made = Watcher(Stopping(rule_of(self.rule), width, limits, required=self.required, **more), names, deck, said)
-        made.remarks = self.columns.remarks
-        return made

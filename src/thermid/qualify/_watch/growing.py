@@ -18,6 +18,7 @@ from numpy.typing import NDArray
 from thermid.base.errors import MissingDataError, NameNotFoundError, RecordError
 from thermid.base.files import COPY, scratch, write_bytes
 from thermid.base.linear_algebra import Array, Bools
+from thermid.measure.readers import UNFINISHED, is_bench_log
 from thermid.measure.records import Channel, Record, found_noise, step_of, usual_step
 from thermid.model.laws import TableSignal
 from thermid.simulation.scenarios import Scenario
@@ -349,6 +350,33 @@ def _extended(record: Record, other: Record, begin: int, end: int) -> Record:
         values, valid = np.concatenate([c.values, more.values[begin:end]]), np.concatenate([c.valid, more.valid[begin:end]])
         channels[name] = replace(c, values=values, valid=valid, masks={})
     return replace(record, times=np.concatenate([record.times, other.times[begin:end]]), channels=channels)
+
+
+def read_whole_lines(path: Path, read: Callable[[Path], Record]) -> Record:
+    """Return a log without a last line that is still being written: half of a number is a number, and would be a spike.
+
+    Raises
+    ------
+    RecordError   When it cannot be read.
+    """
+    before = _ended(path)
+    record = read(path)
+    dropped = any(UNFINISHED in note for note in record.steps)
+    if (before and _ended(path)) or dropped or record.times.size < 3:
+        return record
+    return replace(record.trim(float(record.times[0]), float(record.times[-2])), steps=(*record.steps, f"the last line {UNFINISHED}"))
+
+
+def _ended(path: Path) -> bool:
+    """Whether a file ends with a whole line; a log of the bench has checksums, and one that is packed or not there is whole by itself."""
+    if not path.is_file():
+        return True
+    with path.open("rb") as file:
+        head = file.read(4096)
+        if is_bench_log(head) or head[:2] == b"\x1f\x8b" or b"\0" in head or not head:
+            return True
+        file.seek(-1, 2)
+        return file.read(1) in b"\r\n"
 
 
 class GrowingLog:

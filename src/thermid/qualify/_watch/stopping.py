@@ -10,13 +10,13 @@ part alike. Within a decision the forecast is that of the model fitted to the re
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from typing import Any, Final
 
 from thermid.base.errors import RecordError, SolverError
 from thermid.measure.amounts import duration_text, short
 from thermid.measure.records import Record
-from thermid.measure.steadiness import StabilityRule
+from thermid.measure.steadiness import StabilityRule, channel_stability
 from thermid.model.tree import Model
 from thermid.physics.constants import ICE_POINT
 from thermid.qualify._steadiness.forecast import FEWEST, Forecast, forecast
@@ -129,8 +129,13 @@ class Stopping:
         settles : dict      Channel -> where a model settles; a forecast that ends elsewhere is declined. [K]
         doubt : str         What is wrong with the test or its model; nothing is then stopped.
         """
-        if self.last is not None and not self.due(record):
-            return self.last
+        if self.last is None or self.due(record):
+            self._forecast(record, names, settles or {}, doubt)
+        assert self.last is not None
+        return self._advised(record, names, self.last, doubt)
+
+    def _forecast(self, record: Record, names: tuple[str, ...], settles: Mapping[str, float], doubt: str) -> None:
+        """Take the next decision."""
         anew = self.last is not None and self.changed >= self.last.at
         self.count = 1 if anew else self.count + 1
         self._watched = self._since(record)
@@ -138,8 +143,29 @@ class Stopping:
         ends, why = ({}, "") if doubt else self._ends(record, names, level)
         holds = [f.holds for f in ends.values()]
         late = None if not ends or any(h is None for h in holds) else max(h for h in holds if h is not None)
-        self.last = self._advice(record, ends, why or self._apart(ends, settles or {}), late, level, doubt)
-        return self.last
+        self.last = self._advice(record, ends, why or self._apart(ends, settles), late, level, doubt)
+
+    def _advised(self, record: Record, names: tuple[str, ...], last: StopAdvice, doubt: str) -> StopAdvice:
+        """Return the last decision as it stands now: withdrawn by a doubt, or a stop because the plan's rule is met as it expects."""
+        now = float(record.times[-1])
+        if doubt:
+            return replace(last, word=DECLINED, because=doubt)
+        expected = last.holds is not None and last.holds <= now
+        if last.word == STOP or not expected or self._undecided(last.ends) or not self._steady(record, names):
+            return last
+        open_ = "" if last.word == WAIT else f" Where the channels end is not known: {last.because}"
+        return replace(last, word=STOP, because=f"the readings meet the plan's rule '{self.rule.name}'.{open_}", at=now)
+
+    def _steady(self, record: Record, names: tuple[str, ...]) -> bool:
+        """Whether the readings of every channel meet the plan's rule beyond doubt."""
+        try:
+            return all(channel_stability(record, n, self.rule, since=self.changed).verdict == "stable" for n in names)
+        except RecordError:
+            return False
+
+    def _undecided(self, ends: Mapping[str, AnyForecast]) -> list[TemperatureLimit]:
+        """Return the limits on either side of which a channel may end."""
+        return [m for m in self.limits if m.channel in ends and m.undecided(ends[m.channel].final.low, ends[m.channel].final.high)]
 
     def _ends(self, record: Record, names: tuple[str, ...], level: float) -> tuple[dict[str, AnyForecast], str]:
         """Return where channels end, and why not where one has no forecast."""
@@ -185,7 +211,7 @@ class Stopping:
         if open_:
             worst = max(open_, key=lambda f: f.final.error)
             return said(DECLINED, f"{worst.channel}: {worst.declined}")
-        undecided = [m for m in self.limits if m.channel in ends and m.undecided(ends[m.channel].final.low, ends[m.channel].final.high)]
+        undecided = self._undecided(ends)
         if undecided:
             m = undecided[0]
             f = ends[m.channel].final

@@ -326,6 +326,7 @@ class Watcher:
     _nodes: tuple[NodeBand, ...] = field(default=(), init=False, repr=False)
     _since: float | None = field(default=None, init=False, repr=False)
     _wander: Mapping[str, float] = field(default_factory=dict, init=False, repr=False)
+    _wander_next: Mapping[str, float] = field(default_factory=dict, init=False, repr=False)
     _cleared: float = field(default=0.0, init=False, repr=False)
     _clock: LogClock = field(default_factory=LogClock, init=False, repr=False)
     _last: WatchLook | None = field(default=None, init=False, repr=False)
@@ -419,8 +420,8 @@ class Watcher:
             settling.fit(record, names)
         except (RecordError, SolverError):
             return False  # the decision states why
-        if due:
-            self._wander = settling.wander
+        if due:  # a fault of the last minutes leaves residuals that wander: it must not count as noise of the readings that show it
+            self._wander, self._wander_next = self._wander_next, settling.wander
         if settling.values is not before and self._filter is not None:
             self._filter = _Filter(*self._filter.stands[0])
         return settling.values is not before

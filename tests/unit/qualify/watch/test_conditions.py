@@ -20,8 +20,8 @@ from thermid.qualify._watch.suspects import ambients_of
 from thermid.qualify._watch.watcher import Watcher, WatchLook
 from unit.fit.estimation.rig import NOISE, deck_of, rig, scenario
 
-ICE, HOURS, EVERY = 273.15, 5.0, 10.0
-PLAN = {"times": ["0 [s]", "7200 [s]", "12600 [s]"], "values": ["12 [W]", "8 [W]", "0 [W]"], "hold": True, "after": "hold"}
+ICE, HOURS, EVERY = 273.15, 3.0, 10.0
+PLAN = {"times": ["0 [s]", "4800 [s]", "8400 [s]"], "values": ["12 [W]", "8 [W]", "0 [W]"], "hold": True, "after": "hold"}
 
 
 def log_of(kind: str) -> tuple[td.Model, td.Scenario, Record]:
@@ -32,7 +32,7 @@ def log_of(kind: str) -> tuple[td.Model, td.Scenario, Record]:
     if kind == "fast":
         deck["nodes"]["chip"]["capacitance"], deck["parameters"]["joint"] = "2 [J/K]", "0.3 [W/K]"
     air = 22.0 + (2.0 * np.sin(2.0 * np.pi * t / 86400.0) + 0.5 * np.sin(2.0 * np.pi * t / 3600.0)) * kind.startswith("ambient")
-    switched = np.select([t < 7200.0, t < 12600.0], [12.0, 8.0], 0.0)
+    switched = np.select([t < 4800.0, t < 8400.0], [12.0, 8.0], 0.0)
     watts = switched if kind in ("power", "plan", "fast") else np.full(t.size, 12.0)
     model = model_from_dict(deck)
     given: dict[str, Any] = {"boundaries": {"air": TableSignal(t, air + ICE)}, "loads": {"heater": TableSignal(t, watts, hold=True)}}
@@ -52,7 +52,7 @@ def log_of(kind: str) -> tuple[td.Model, td.Scenario, Record]:
         channels["heater"] = Channel.of("heater", watts + r.normal(0.0, 0.02, t.size), role="load", quantity="power", column="P")
     record = Record.from_arrays("rig", t, channels)
     if kind.endswith("gap"):
-        kept = (t < 7200.0) | (t > 10800.0)
+        kept = (t < 4800.0) | (t > 7200.0)
         record = replace(record, times=t[kept], channels={n: c.taken(kept) for n, c in record.channels.items()})
     loads = {"heater": PLAN} if kind == "plan" else {}
     return model, td.Scenario("rig", boundaries=said, start="22 [degC]", loads=loads), record
@@ -74,10 +74,11 @@ def test_nothing_fails_and_nothing_is_said_to(kind: str) -> None:
 
 
 def test_a_switch_withdraws_the_advice_at_once() -> None:
-    said = {round(look.at): look.advice for look in looks("plan")}
-    before, after = (next(a for at, a in sorted(said.items()) if at >= second) for second in (7000, 12600))
+    model, said, record = log_of("plan")
+    twin = Watcher(Stopping(rule_of("3 C/h"), 1.0, model=model, scenario=said), ("chip", "case"), model, said)
+    before, at_once, after = (twin.look(record.trim(0.0, at)).advice for at in (8400.0, 8460.0, 9000.0))
     assert before.word == "stop"
-    assert after.decisions == 1
+    assert (at_once.word, at_once.decisions) == ("declined", 1)
     assert after.ends["case"].final.value == pytest.approx(ICE + 22.0, abs=3.0)
 
 
@@ -148,5 +149,6 @@ class TestRows:
 
 def test_a_rig_without_noise_stated_takes_that_of_the_readings() -> None:
     model, said, record = rig(), scenario(), log_of("spikes")[2]
-    look = Watcher(Stopping(rule_of("3 C/h"), 1.0, model=model, scenario=said), ("chip", "case"), model, said).look(record)
+    twin = Watcher(Stopping(rule_of("3 C/h"), 1.0, model=model, scenario=said), ("chip", "case"), model, said)
+    look = twin.look(record.trim(0.0, 1800.0))
     assert any("noise as the latest readings show it" in a and "chip 0.05 K" in a for a in look.assumed)

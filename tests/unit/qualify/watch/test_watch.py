@@ -99,18 +99,44 @@ class TestStopping:
             assert s.decide(rising(size), ("T",)) is first
         assert s.decide(rising(120), ("T",)).decisions == 2
 
-    def test_spent_risk_stops_nothing(self) -> None:
+    def test_the_time_watched_doubles_between_early_decisions(self) -> None:
+        """A log of a reading a second has decisions left after four hours, though it is judged from its tenth reading on."""
         s = Stopping(RULE, 1.0, slowest="30 [min]")
+        at = [9.0, 15.0, 30.0, *np.arange(60.0, 4.0 * 3600.0, 60.0)]
+        watched = []
+        for t in at:
+            short = Record.from_arrays("t", np.array([0.0, t]), {"T": np.array([ICE, ICE])}, unit="K")
+            if s.due(short):
+                s._watched = t
+                watched.append(t)
+        assert watched[:8] == [9.0, 30.0, 60.0, 120.0, 240.0, 480.0, 600.0, 720.0]
+        assert len(watched) <= DECISIONS
+
+    def test_spent_risk_stops_nothing(self) -> None:
+        s = Stopping(RULE, 2.5, slowest="30 [min]")
         s.count = DECISIONS
-        advice = s.decide(rising(400), ("T",))
+        advice = s.decide(rising(200), ("T",))
         assert advice.word == "declined"
         assert "decisions were made, which" in advice.because
 
-    def test_a_model_that_settles_elsewhere_declines(self) -> None:
+    def test_a_model_that_settles_elsewhere_declines_until_the_readings_meet_the_rule(self) -> None:
         s = Stopping(RULE, 1.0, slowest="30 [min]")
         advice = s.decide(rising(300), ("T",), {"T": ICE + 45.0})
         assert advice.word == "declined"
         assert "K above that. The model lacks a slow mass, or one of its" in advice.because
+        advice = s.decide(rising(600), ("T",), {"T": ICE + 45.0})
+        assert advice.word == "stop"
+        assert advice.because.startswith("the readings meet the plan's rule '3 C/h'. Where the channels end is not known: T: the readings")
+
+    def test_a_limit_that_is_not_decided_is_no_stop_where_the_rule_is_met(self) -> None:
+        s = Stopping(RULE, 1.0, (TemperatureLimit("T", False, ICE + 42.0),), slowest="30 [min]")
+        assert s.decide(rising(600), ("T",), {"T": ICE + 45.0}).word == "declined"
+
+    def test_a_doubt_withdraws_a_stop_before_the_next_decision(self) -> None:
+        s = Stopping(RULE, 2.5, slowest="30 [min]")
+        assert s.decide(rising(200), ("T",)).word == "stop"
+        advice = s.decide(rising(201), ("T",), doubt="there is an alarm")
+        assert (advice.word, advice.because, advice.decisions) == ("declined", "there is an alarm", 1)
 
 
 class TestModel:
