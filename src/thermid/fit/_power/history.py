@@ -733,8 +733,7 @@ def solved(problem: Problem, knots: Array, pins: Pins, base: float, priors: Sequ
     ------
     IdentificationError   When the readings say nothing of an unknown.
     """
-    start = np.array([u.to_fitted(u.start) for u in problem.unknowns])
-    found = _in_rounds(problem, start, knots, pins, base, priors, None)
+    found = _in_rounds(problem, _with_heat(problem, knots, pins, base, priors[0]), knots, pins, base, priors, None)
     if not all(o.noise is not None for o in problem.observations()):
         problem = replace(problem, noise=_left(problem, found))
     pieces = binned(problem, found.x, bins=FINE)
@@ -744,6 +743,19 @@ def solved(problem: Problem, knots: Array, pins: Pins, base: float, priors: Sequ
         return replace(found, noise=problem.noise)
     again = _in_rounds(problem, found.x, knots, pins, base, priors, best)
     return replace(again, remarks=remarks, noise=problem.noise)
+
+
+def _with_heat(problem: Problem, knots: Array, pins: Pins, base: float, prior: str) -> Array:
+    """Return the start of the unknowns: their own values, beside parameters with the history that fits these.
+
+    Without heat a conductance between two equal temperatures and a mass that stays at one change nothing.
+    """
+    x = np.array([u.to_fitted(u.start) for u in problem.unknowns])
+    if not any(u.kind == "parameter" for u in problem.unknowns):
+        return x
+    first = x.size - knots.size
+    sides = [(a[:, first:], g - a[:, :first] @ x[:first]) for a, g in _sides(problem, x, pins, *_rows(problem, x, None))]
+    return np.append(x[:first], _likeliest(sides, np.zeros(knots.size), knots, pins, base, prior)[2])
 
 
 def _left(problem: Problem, found: Solved) -> dict[str, float]:
