@@ -684,7 +684,7 @@ def calibrate(
     *,
     scenario: Scenario | Mapping[str, Scenario] | None = None,
     local: Mapping[str, Any] | None = None,
-    priors: Mapping[str, tuple[str, str] | str] | None = None,
+    priors: Mapping[str, Any] | None = None,
     loss: str = "linear",
     search: str = "auto",
     weights: Mapping[str, float] | str | None = None,

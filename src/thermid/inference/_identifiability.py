@@ -24,6 +24,7 @@ from thermid.fit.problem import (
     build_problem,
     input_lines,
     inputs_of,
+    priors_of,
     starting_point,
 )
 from thermid.fit.uncertainty import Group, Information, elsewhere, listed, percent, practical_groups, structural_groups
@@ -322,7 +323,7 @@ def identifiability(
     sensors: Mapping[str, Any] | None = None,
     every: str | float | None = None,
     local: Mapping[str, Any] | None = None,
-    priors: Mapping[str, tuple[str, str]] | None = None,
+    priors: Mapping[str, Any] | None = None,
     tell: float = TELL,
 ) -> Identifiability:
     """Return what readings tell of parameters: of a fit that was made, of logs before a fit, or of a test before any log exists.
@@ -354,7 +355,7 @@ def identifiability(
         many = (planned_record(model, scenario, sensors_of(model, scenario, sensors), every, scenario.title),)
     scenarios = dict(scenario) if isinstance(scenario, Mapping) else {"*": scenario} if scenario else {}
     specs = {k: LocalSpec.read(v, f"local.{k}") for k, v in (local or {}).items()}
-    request = Request(model, many, tuple(free), scenarios, specs, priors=dict(priors or {}))
+    request = Request(model, many, tuple(free), scenarios, specs, priors=priors_of(model, priors or {}, model.title))
     return identifiability_of(request, "planned" if planned else "before", tell)
 
 

@@ -32,6 +32,7 @@ from thermid.simulation.network import Network, compile_network
 from thermid.simulation.runs import steady
 from thermid.simulation.scenarios import Scenario
 from thermid.values.fitted import FittedValue, FittedValues
+from thermid.values.spreads import read_spread
 from thermid.values.store import model_standing
 
 SMALLEST_RISE = 0.2
@@ -208,7 +209,7 @@ def parts_of(
     values: FittedValues,
     wanted: Sequence[str],
     conditions: Scenario | Mapping[str, tuple[float, float]],
-    priors: Mapping[str, tuple[float, float]],
+    priors: Mapping[str, Any],
 ) -> list[Part]:
     """Return what is known of each surface; arguments as in `split_values`.
 
@@ -240,9 +241,7 @@ def parts_of(
     return [_part(network, known[p], at.get(p, (math.nan, math.nan)), values, priors) for p in chosen]
 
 
-def _part(
-    network: Network, c: FlatConductor, at: tuple[float, float], fitted: FittedValues, priors: Mapping[str, tuple[float, float]]
-) -> Part:
+def _part(network: Network, c: FlatConductor, at: tuple[float, float], fitted: FittedValues, priors: Mapping[str, Any]) -> Part:
     """Return what is known of one surface."""
     values = network.numbers().values
     hot, cold = at
@@ -286,7 +285,7 @@ def _root(network: Network, c: FlatConductor, fitted: FittedValues) -> str:
     return entry.path if entry else root
 
 
-def _prior(network: Network, c: FlatConductor, priors: Mapping[str, tuple[float, float]]) -> EmissivityPrior:
+def _prior(network: Network, c: FlatConductor, priors: Mapping[str, Any]) -> EmissivityPrior:
     """Return what is known of an emissivity: what the caller says, else the finish, else the bounds in the deck."""
     parameters = network.flat.parameters
     root = parameters.literal_behind(c.emissivity)
@@ -294,7 +293,7 @@ def _prior(network: Network, c: FlatConductor, priors: Mapping[str, tuple[float,
     value = float(value_of(network.numbers().values[root]))
     chosen = next((v for k, v in priors.items() if network.flat.names.model.canonical(k) in (root, c.emissivity)), None)
     if chosen is not None:
-        mean, sd = chosen
+        mean, sd = _mean_and_sd(chosen, value, c.path)
         if not (0.0 < mean <= 1.0 and sd >= 0.0):
             raise IdentificationError(f"an emissivity of {mean:g} +- {sd:g} is not a valid prior. Give a mean from 0 to 1.", c.path)
         return EmissivityPrior(mean, sd / mean, f"an emissivity of {mean:.3g} +- {sd:.2g}")
@@ -309,13 +308,21 @@ def _prior(network: Network, c: FlatConductor, priors: Mapping[str, tuple[float,
     return EmissivityPrior(value, 0.0, f"an emissivity of {value:.3g}, taken as exact")
 
 
+def _mean_and_sd(prior: Any, value: float, where: str) -> tuple[float, float]:
+    """Return mean and standard deviation of an emissivity [-] from a pair, or from what `read_spread` takes."""
+    if not isinstance(prior, Mapping) and not (isinstance(prior, list | tuple) and len(prior) == 2):
+        raise IdentificationError(f"a prior of an emissivity is a pair such as (0.06, 0.005), not {prior!r}.", where)
+    law = read_spread(prior if isinstance(prior, Mapping) else dict(zip(("mean", "sd"), prior, strict=True)), "1", value, where)
+    return law.mean, math.sqrt(law.variance)
+
+
 @takes_objects
 def split(
     of: Model | Calibration,
     paths: str | Sequence[str] = (),
     conditions: Scenario | None = None,
     *,
-    priors: Mapping[str, tuple[float, float]] | None = None,
+    priors: Mapping[str, Any] | None = None,
 ) -> Split:
     """Separation of effective coefficients into radiation and convection, with what is known of each.
 
@@ -324,7 +331,8 @@ def split(
     of : Calibration or Model   A fit, whose records say at which temperatures the coefficients hold; or a model with `conditions`.
     paths : str or sequence     Surfaces; every one with an effective coefficient by default.
     conditions : Scenario       What was done when the coefficients were fitted, settled; for a model.
-    priors : dict               Path of an emissivity -> (mean, standard deviation), instead of the finish. [-]
+    priors : dict               Path of an emissivity -> (mean, standard deviation), such as ``(0.06, 0.003)`` or ``("0.06", "5 [%]")``,
+                                instead of the finish. [-]
 
     Raises
     ------
@@ -349,7 +357,7 @@ def split_values(
     base: FittedValues,
     wanted: Sequence[str],
     at: Scenario | Mapping[str, tuple[float, float]],
-    priors: Mapping[str, tuple[float, float]] | None = None,
+    priors: Mapping[str, Any] | None = None,
 ) -> Split:
     """Return effective coefficients taken apart, from fitted values and where these were found.
 

@@ -26,6 +26,7 @@ from thermid.fit.problem import (
     build_problem,
     parameter_unknown,
     prior_of,
+    priors_of,
     role_and_target,
 )
 from thermid.fit.uncertainty import TraceNoise, answers_to_inputs, binned, listed, percent, score_excess
@@ -359,7 +360,7 @@ def _seen(fit: Calibration) -> dict[str, list[tuple[Array, Array]]]:
     return out
 
 
-def before_model(model: Model, priors: Mapping[str, tuple[str, str]], scenario: Scenario | None = None) -> Before:
+def before_model(model: Model, priors: Mapping[str, Any], scenario: Scenario | None = None) -> Before:
     """Return what priors say of a model.
 
     Raises
@@ -369,7 +370,7 @@ def before_model(model: Model, priors: Mapping[str, tuple[str, str]], scenario: 
     if not priors:
         raise IdentificationError("a model alone has no uncertainties. Give priors, or a fit.", model.title)
     parameters = compile_network(model).flat.parameters
-    texts = {parameters.freeable(raw, model.canonical): given for raw, given in priors.items()}
+    texts = {parameters.freeable(raw, model.canonical): given for raw, given in priors_of(model, priors, model.title).items()}
     unknowns = [unknown_of(model, p) for p in texts]
     spreads = np.array([prior_of(u, texts[u.name]).sd for u in unknowns])
     sources = tuple(Source(u.name, "stated", Normal(), f"the prior of {u.name}") for u in unknowns)
@@ -443,7 +444,7 @@ def next_test(
     *,
     scenario: Scenario | None = None,
     sensors: Mapping[str, Any] | None = None,
-    priors: Mapping[str, tuple[str, str]] | None = None,
+    priors: Mapping[str, Any] | None = None,
     every: str | float = "1 [min]",
     goal: str = "",
 ) -> Advice:
@@ -456,7 +457,7 @@ def next_test(
     actions : sequence of Action    What could be done; the usual ones about `scenario` when none are given.
     scenario : Scenario             A test as it was made, for the usual actions and their duration.
     sensors : dict                  As in `identifiability`; those of the fit's records when not given.
-    priors : dict                   Of a model: path -> (mean, standard deviation) as texts.
+    priors : dict                   Of a model, as in `calibrate`.
     every : str or float            Interval of the readings. [s]
     goal : str                      Error to be reached, with its unit, such as ``5 [%]`` of a value or ``0.1 [K]``.
 

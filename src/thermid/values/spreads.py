@@ -30,7 +30,7 @@ def read_spread(given: Any, slot: str, nominal: float, where: str, *, bounds: tu
 
     Parameters
     ----------
-    given : str, dict       ``"0.5 [W]"`` or ``{"sd": "0.5 [W]"}``: normal, a standard deviation; ``"10 [%]"``: of the value;
+    given : str, Quantity, dict    ``"0.5 [W]"`` or ``{"sd": "0.5 [W]"}``: normal, a standard deviation; ``"10 [%]"``: of the value;
                             ``{"log_sd": 0.2}``: the logarithm normal; ``{"low": ..., "high": ...}``: uniform between, nothing beyond;
                             ``"range"``: uniform between the bounds of the deck. ``mean`` may stand beside ``sd`` and ``log_sd`` (there: the
                             median). Of a temperature K means a shift of what deck or scenario have, degC and degF the temperature itself.
@@ -48,7 +48,7 @@ def read_spread(given: Any, slot: str, nominal: float, where: str, *, bounds: tu
         if not np.isfinite(bounds).all():
             raise ScenarioError("'range' needs min and max of the value in its deck. Give them, or another spread.", where)
         return Uniform(*bounds)
-    table: Mapping[str, Any] = {"sd": given} if isinstance(given, str) else given
+    table: Mapping[str, Any] = {"sd": given} if isinstance(given, str) or stated(given) is not None else given
     form = _form(table, where)
     if form == "low":
         return _uniform(table, slot, nominal, where, bounds)
@@ -60,7 +60,7 @@ def read_spread(given: Any, slot: str, nominal: float, where: str, *, bounds: tu
         law = LogNormal(mean, _from_zero(literal(table["log_sd"], "1", where), where))
         size = law.log_sd
     else:
-        law = Normal(mean, _from_zero(_deviation(table["sd"], slot, mean, where), where))
+        law = Normal(mean, _from_zero(deviation(table["sd"], slot, mean, where), where))
         size = law.sd
     return law if size == 0.0 else cut(law, bounds, where)
 
@@ -114,14 +114,20 @@ def _value(text: Any, slot: str, nominal: float, where: str) -> float:
     return nominal + shift if slot == TEMPERATURE else shift
 
 
-def _deviation(text: Any, slot: str, mean: float, where: str) -> float:
-    """Return a standard deviation: a number in the unit of what it spreads, or a share of the mean. [SI]"""
-    own = parse(text).literal if isinstance(text, str) else None
+def deviation(text: Any, slot: str, mean: float, where: str) -> float:
+    """Return a standard deviation: a number in the unit of what it spreads, or per cent of the mean. [SI]
+
+    Raises
+    ------
+    ScenarioError   When per cent are of a temperature.
+    UnitError       When it has another dimension.
+    """
+    own = parse(text).literal if isinstance(text, str) else stated(text)
     if own is None or own.unit.text != "%":
         return literal(text, "K" if slot == TEMPERATURE else slot, where)
     if slot in (TEMPERATURE, "K"):
         raise ScenarioError("per cent do not apply to a temperature. Give kelvin.", where)
-    return own.value * abs(mean)
+    return literal(text, "1", where) * abs(mean)
 
 
 def _from_zero(sd: float, where: str) -> float:

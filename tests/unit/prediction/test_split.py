@@ -118,11 +118,16 @@ def test_nothing_is_split_without_knowing_the_surface_or_the_conditions() -> Non
 
 
 def test_a_callers_prior_stands_in_place_of_the_finish() -> None:
-    found = td.inference.split(elegfo(MACHINED), conditions=BENCH, priors={"skin.emissivity": (0.06, 0.003)})["skin"]
+    forms: tuple[Any, ...] = (("0.06", "5 [%]"), ("6 [%]", "0.003"), {"mean": 0.06, "sd": td.quantity(5, unit="%")}, (0.06, 0.003))
+    for prior in forms:
+        found = td.inference.split(elegfo(MACHINED), conditions=BENCH, priors={"skin.emissivity": prior})["skin"]
+        assert found.emissivity_error == pytest.approx(0.003, rel=0.05), prior
     assert found.emissivity == pytest.approx(0.06, rel=0.01)
     assert found.emissivity_error == pytest.approx(0.003, rel=0.05)
     with pytest.raises(IdentificationError, match=r"1\.2 \+- 0\.1 is not a valid prior\. Give"):
         td.inference.split(elegfo(MACHINED), conditions=BENCH, priors={"skin.emissivity": (1.2, 0.1)})
+    with pytest.raises(IdentificationError, match=r"a prior of an emissivity is a pair such as"):
+        td.inference.split(elegfo(MACHINED), conditions=BENCH, priors={"skin.emissivity": "0.06"})
 
 
 HIDDEN = part("0.03 [m^2]", {"htc": {"coefficient": "2.4 [W/(m^2 K)]", "exponent": 0.25}, "emissivity": 0.86}, "2.5 [W]", "")

@@ -49,7 +49,7 @@ def estimate(
     process_noise: Mapping[str, Any],
     scenario: Scenario | Mapping[str, Scenario] | None = None,
     local: Mapping[str, Any] | None = None,
-    priors: Mapping[str, tuple[str, str] | str] | None = None,
+    priors: Mapping[str, Any] | None = None,
     start_sd: Mapping[str, str] | None = None,
     horizon: str = "",
     name: str = "",

@@ -30,6 +30,7 @@ from thermid.physics.constants import ICE_POINT
 from thermid.simulation.network import compile_network
 from thermid.simulation.runs import simulate
 from thermid.simulation.scenarios import Scenario
+from thermid.values.spreads import deviation
 
 STARTS = 12
 TURN = 0.05
@@ -404,10 +405,10 @@ def power_history(
     load: str,
     *,
     scenario: Scenario | None = None,
-    known: Sequence[tuple[str, str, str]] = (),
-    accuracy: str = "0.1 [%]",
+    known: Sequence[tuple[Any, Any, Any]] = (),
+    accuracy: Any = "0.1 [%]",
     free: Sequence[str] = (),
-    priors: Mapping[str, tuple[str, str] | str] | None = None,
+    priors: Mapping[str, Any] | None = None,
     every: str = "",
     prior: str = "auto",
 ) -> PowerHistory:
@@ -423,8 +424,8 @@ def power_history(
     record : Record         Temperatures, and boundaries and powers of other loads.
     load : str              The load whose power is unknown; what its deck says of it is not used.
     scenario : Scenario     What the log does not say.
-    known : sequence        (from, to, power) of stretches in which the power was known, texts with units, times from the first sample.
-    accuracy : str          Standard deviation of these powers: a text in W, or relative in %.
+    known : sequence        (from, to, power) of stretches in which the power was known, with units, times from the first sample.
+    accuracy : str          Standard deviation of these powers, in W, or relative in %.
     free : sequence of str  Parameters fitted with the history; stretches of known power are what they are known by.
     priors : dict           Path -> (mean, standard deviation), as in `calibrate`.
     every : str             Spacing of the knots; a 120th of the log, or its sampling where that is coarser, by default. Where wider knots
@@ -536,7 +537,7 @@ def _plain(model: Model, load: str) -> tuple[str, Model]:
     return path, with_load(model, path, plain)
 
 
-def _knots(record: Record, step: float, known: Sequence[tuple[str, str, str]], accuracy: str, where: str) -> tuple[Array, Pins]:
+def _knots(record: Record, step: float, known: Sequence[tuple[Any, Any, Any]], accuracy: Any, where: str) -> tuple[Array, Pins]:
     """Return the times of the knots from the first sample [s], two close together where a stretch of known power begins or ends."""
     end = float(record.times[-1] - record.times[0])
     if not 0 < step <= end / 4:
@@ -557,9 +558,7 @@ def _knots(record: Record, step: float, known: Sequence[tuple[str, str, str]], a
             at += range(sum(map(len, parts)), sum(map(len, parts)) + part.size)
             power += [said[-1]] * part.size
         parts.append(part)
-    relative = accuracy.rstrip(" ]").endswith(("%", "[%"))
-    sizes = np.abs(power) if relative else np.ones(len(power))
-    sd = literal(accuracy, "1" if relative else "W", where) * np.maximum(sizes, 1e-3 * max([1.0, *np.abs(power)]))
+    sd = np.array([deviation(accuracy, "W", size, where) for size in np.maximum(np.abs(power), 1e-3 * max([1.0, *np.abs(power)])).tolist()])
     return np.concatenate(parts), Pins(np.array(at, dtype=np.int64), np.array(power), sd, np.cumsum([0, *map(len, parts)]))
 
 
@@ -569,7 +568,7 @@ def _asked(
     path: str,
     scenario: Scenario | None,
     free: Sequence[str],
-    priors: Mapping[str, tuple[str, str] | str] | None,
+    priors: Mapping[str, Any] | None,
     knots: Array,
 ) -> tuple[Request, list[str]]:
     """Return the request in which each knot is a load of its own, and the names of these."""
@@ -733,8 +732,7 @@ def solved(problem: Problem, knots: Array, pins: Pins, base: float, priors: Sequ
     ------
     IdentificationError   When the readings say nothing of an unknown.
     """
-    start = np.array([u.to_fitted(u.start) for u in problem.unknowns])
-    found = _in_rounds(problem, start, knots, pins, base, priors, None)
+    found = _in_rounds(problem, _with_heat(problem, knots, pins, base, priors[0]), knots, pins, base, priors, None)
     if not all(o.noise is not None for o in problem.observations()):
         problem = replace(problem, noise=_left(problem, found))
     pieces = binned(problem, found.x, bins=FINE)
@@ -744,6 +742,19 @@ def solved(problem: Problem, knots: Array, pins: Pins, base: float, priors: Sequ
         return replace(found, noise=problem.noise)
     again = _in_rounds(problem, found.x, knots, pins, base, priors, best)
     return replace(again, remarks=remarks, noise=problem.noise)
+
+
+def _with_heat(problem: Problem, knots: Array, pins: Pins, base: float, prior: str) -> Array:
+    """Return the start of the unknowns: their own values, beside parameters with the history that fits these.
+
+    Without heat a conductance between two equal temperatures and a mass that stays at one change nothing.
+    """
+    x = np.array([u.to_fitted(u.start) for u in problem.unknowns])
+    if not any(u.kind == "parameter" for u in problem.unknowns):
+        return x
+    first = x.size - knots.size
+    sides = [(a[:, first:], g - a[:, :first] @ x[:first]) for a, g in _sides(problem, x, pins, *_rows(problem, x, None))]
+    return np.append(x[:first], _likeliest(sides, np.zeros(knots.size), knots, pins, base, prior)[2])
 
 
 def _left(problem: Problem, found: Solved) -> dict[str, float]:

@@ -5,12 +5,13 @@ from __future__ import annotations
 import math
 from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass, replace
+from typing import Any
 
 from thermid.base.errors import IdentificationError, RecordError, nearest, refuse_unknown
 from thermid.base.expression import Kelvin
 from thermid.base.units import TEMPERATURE, require
 from thermid.fit._problem.experiment import OFFSET, RATE, SCALE, Experiment, bind, first_reading, gain_of, lag_of
-from thermid.fit._problem.request import Request, known_before
+from thermid.fit._problem.request import Request, known_before, mean_of
 from thermid.fit._problem.residuals import Influence, Prior, Problem, Unknown, parameter_unknown
 from thermid.measure.sensors import SensorPart
 from thermid.model.laws import Constant, TableSignal
@@ -112,11 +113,11 @@ def _parameter(group: Sequence[str], experiments: Sequence[Experiment]) -> Unkno
     return replace(unknown, also=tuple(also))
 
 
-def prior_of(unknown: Unknown, texts: tuple[str, str] | Mapping[str, str]) -> Prior:
-    """Return a prior in the fitted form of an unknown: mean (empty: the start) and deviation as texts, or what `read_spread` takes."""
+def prior_of(unknown: Unknown, prior: tuple[Any, Any] | Mapping[str, Any]) -> Prior:
+    """Return a prior in the fitted form of an unknown: mean (none: the start) and deviation with units, or what `read_spread` takes."""
     where = f"priors.{unknown.name}"
     slot = TEMPERATURE if unknown.unit in ("degC", "degF") else unknown.unit
-    given = texts if isinstance(texts, Mapping) else ({"mean": texts[0]} if texts[0] else {}) | {"sd": texts[1]}
+    given = prior if isinstance(prior, Mapping) else ({"mean": prior[0]} if mean_of(prior) else {}) | {"sd": prior[1]}
     law = read_spread(given, slot, unknown.start, where)
     if law.variance <= 0 or (unknown.log and law.mean <= 0):
         raise IdentificationError("a prior needs a standard deviation above zero, and a mean above zero for a positive quantity.", where)

@@ -295,13 +295,12 @@ def _path(model: Model, values: ParameterSet, name: str) -> str:
 
 def mean_of(prior: Any) -> str:
     """Return what a prior says of its mean as it is written, or an empty text where the start stands for it."""
-    if not isinstance(prior, Mapping):
-        return str(prior[0])
-    return str(prior.get("mean", prior.get("low", "")))
+    mean = prior.get("mean", prior.get("low", "")) if isinstance(prior, Mapping) else prior[0]
+    return "" if mean is None else str(mean)
 
 
-def priors_of(model: Model, given: Mapping[str, tuple[str, str] | str], where: str) -> dict[str, tuple[str, str]]:
-    """Return path -> (mean, standard deviation) as texts, globs read and ranges turned into numbers.
+def priors_of(model: Model, given: Mapping[str, Any], where: str) -> dict[str, tuple[Any, Any]]:
+    """Return path -> (mean, standard deviation) with their units, globs read and ranges turned into numbers.
 
     A range min..max of a data sheet is a rectangular distribution: its standard deviation is its half width over the square root of 3
     (JCGM 100:2008, 4.3.7). Quantities that are fitted by their logarithm have mean and standard deviation of its logarithm.
@@ -312,24 +311,29 @@ def priors_of(model: Model, given: Mapping[str, tuple[str, str] | str], where: s
     IdentificationError     When a parameter has no range, or its range is not one of a data sheet.
     """
     for name, one in given.items():
-        if not isinstance(one, Mapping) and one != RANGE and not (isinstance(one, list | tuple) and len(one) == 2):
+        if not isinstance(one, Mapping) and not _is_range(one) and not (isinstance(one, list | tuple) and len(one) == 2):
             raise IdentificationError(
                 f"a prior is a pair (mean, standard deviation), a table such as {{'sd': '1 [K]'}}, or 'range', not {one!r}.",
                 f"{where}.priors.{name}",
             )
-    if not any(is_glob(name) or one == RANGE for name, one in given.items()):
-        return {name: one for name, one in given.items() if not isinstance(one, str)}
+    if not any(is_glob(name) or _is_range(one) for name, one in given.items()):
+        return dict(given)
     values = ParameterSet(model)
     literals = [p for p, entry in values.table.items() if entry.parameter.is_literal]
-    out: dict[str, tuple[str, str]] = {}
+    out: dict[str, tuple[Any, Any]] = {}
     for name, one in given.items():
         if not is_glob(name):
             paths = [values.freeable(name, model.canonical)]
         else:
             paths = matching(model.canonical(name), literals, where)
         for path in paths:
-            out[path] = one if not isinstance(one, str) else _range(values, path, f"{where}.priors.{name}")
+            out[path] = _range(values, path, f"{where}.priors.{name}") if _is_range(one) else one
     return out
+
+
+def _is_range(prior: Any) -> bool:
+    """Return whether a prior is what the range of a data sheet says."""
+    return isinstance(prior, str) and prior == RANGE
 
 
 def _range(values: ParameterSet, path: str, where: str) -> tuple[str, str]:

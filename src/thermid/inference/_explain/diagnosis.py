@@ -2,9 +2,11 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property
+from numbers import Real
 from typing import Any
 
 import numpy as np
@@ -223,7 +225,7 @@ class Diagnosis(Result):
 def diagnose(
     told: Calibration | Sequence[Calibration],
     *,
-    spread: Mapping[str, float] | None = None,
+    spread: Mapping[str, Any] | None = None,
     accuracy: float = 0.3,
     floor: float = 0.1,
 ) -> Diagnosis:
@@ -237,7 +239,7 @@ def diagnose(
     Parameters
     ----------
     told : Calibration(s)   Results of `compare`, a record each or several.
-    spread : dict           Fitted paths -> standard deviation in SI: what the model's values leave open counts as expected.
+    spread : dict           Fitted paths -> standard deviation, with a unit or SI: what the model's values leave open counts as expected.
     accuracy : float        Standard deviation of a sensor's constant error, where its channel states none. [K]
     floor : float           Standard deviation of what every model leaves, wandering over a fifth of a log. [K]
 
@@ -260,12 +262,17 @@ def diagnose(
     if extra:
         columns = [
             np.concatenate(
-                [(run[1][c.ready.canonical(n)] * (spread or {})[n]).ravel() for c, run in zip(cases, bench.nominal, strict=True)]
+                [(run[1][c.ready.canonical(n)] * _sd(c.ready, n, given)).ravel() for c, run in zip(cases, bench.nominal, strict=True)]
             )
-            for n in extra
+            for n, given in (spread or {}).items()
         ]
         bench.spread_over(np.column_stack(columns))
     return _weighed(bench)
+
+
+def _sd(ready: Simulator, path: str, given: Any) -> float:
+    """Return the standard deviation of a value, from a number or from what `read_spread` takes. [SI]"""
+    return float(given) if isinstance(given, Real) else math.sqrt(ready.law(path, given).variance)
 
 
 def _weighed(bench: FaultBench) -> Diagnosis:

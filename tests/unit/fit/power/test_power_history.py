@@ -63,6 +63,23 @@ def test_unknowns_that_nothing_determines_are_refused_in_words(monkeypatch: pyte
         td.inference.power_history(box(), data, "heat", free=[MASS], known=[("0 [s]", "1 [h]", "4 [W]")])
 
 
+@pytest.mark.parametrize("at", ["24 [degC]", "30 [degC]"])
+def test_a_period_of_six_time_constants_tells_the_values_of_the_box(at: str) -> None:
+    """At the start nothing is heated, and a conductance between two equal temperatures changes nothing: no reason to refuse the period."""
+    steady = {"loads/heat/power": "1 [W]"}
+    air = td.Scenario("bench", boundaries={"air": at}, start=at, duration="9 [h]")
+    times = np.linspace(0.0, 32400.0, 181)
+    truth = TableSignal(times, np.where(times < 24300.0, 4.0, 5.0), hold=True)
+    run = td.simulate(box().with_values({MASS: "1.35 [kg]", HTC: "5 [W/(m^2 K)]"}), air.with_(loads={"heat": truth}), times=times)
+    seen = run["case"].kelvin + 0.03 * np.random.default_rng(6).standard_normal(times.size)
+    record = td.Record.from_arrays("bench", times, {"T": td.Channel.of("T", seen, unit="K", role="node", target="case", noise=0.03)})
+    known = [("0 [s]", "24300 [s]", "4 [W]")]
+    found = td.inference.power_history(box(steady), record, "heat", scenario=air, known=known, free=[MASS, HTC], every="15 [min]")
+    for path, truth_of in ((MASS, 1.35), (HTC, 5.0)):
+        value, error, _ = found.values[path]
+        assert abs(value - truth_of) < 3.0 * error < 0.1 * truth_of, path
+
+
 def _exact(matrix: Any, right: Any) -> tuple[float, list[Fraction]]:
     """Return ln of the determinant and the solution of a positive definite system, by elimination in fractions."""
     rows, logs = [[*row, r] for row, r in zip(matrix, right, strict=True)], 0.0

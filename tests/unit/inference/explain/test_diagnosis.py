@@ -82,7 +82,10 @@ def test_the_fault_is_named_with_its_size() -> None:
 
 
 def test_what_sensors_and_model_are_said_to_err_by_needs_no_fault() -> None:
-    found = diagnose(seen(unit(), {"T_PROC": 0.3, "T_ELE": -0.2}))
+    told = seen(unit(), {"T_PROC": 0.3, "T_ELE": -0.2})
+    found = diagnose(told, spread={"cpu.power": "0.05 [W]"})
+    assert found.groups == diagnose(told, spread={"cpu.power": 0.05}).groups != diagnose(told).groups
+    found = diagnose(told)
     assert found.group == "nothing"
     assert found.best is None
     assert "model; no fault is needed" in str(found)
