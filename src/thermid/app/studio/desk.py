@@ -280,7 +280,9 @@ class Desk:
             (at, simulated), (seen, measured), (apart, rest) = (
                 thinned_curve(times, v, window) for v in (predicted - ICE, o.measured - ICE, left)
             )
-            out.append(ThinnedCurve(o.sensor, o.seat, at, simulated, seen, measured, apart, rest, s.rmse, s.mean, s.largest, s.samples))
+            out.append(
+                ThinnedCurve(o.sensor, o.seat, at, simulated, seen, measured, apart, rest, s.rmse, s.mean, abs(s.largest), s.samples)
+            )
         return RunCurves(bench.experiment.record.name, tuple(out))
 
 

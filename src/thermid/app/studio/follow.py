@@ -5,18 +5,18 @@ from __future__ import annotations
 import math
 import time
 from collections.abc import Mapping
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
 from thermid.app.studio.curves import Window, thinned_curve, window_of
-from thermid.app.studio.live import LiveWatch
+from thermid.app.studio.live import LiveWatch, whole_lines
 from thermid.base.errors import DeckError, MissingDataError, RecordError, ThermidError, refuse_unknown
 from thermid.base.linear_algebra import Array, Bools
 from thermid.base.toml_files import project_root, resolve_inside
-from thermid.measure.readers import UNFINISHED, is_bench_log, read_record, temperature_columns
+from thermid.measure.readers import read_record, temperature_columns
 from thermid.measure.records import Channel, Record
 from thermid.measure.steadiness import RULES, ChannelStability, StabilityRule, channel_stability, rule_of, since_when
 from thermid.physics.constants import ICE_POINT
@@ -101,12 +101,12 @@ class Follower:
                     "known": known,
                     "age": age,
                 }
-            record = _whole_lines(path, columns)
+            record = whole_lines(path, lambda: read_record(path, {n: {"node": n} for n in columns}))
         except (MissingDataError, RecordError) as error:
             return {"waiting": f"Nothing to show yet: {error.message}", "known": known, "age": age}
         out = self._told(record, rule, asked)
         slowest, since = _hours(asked.get("slowest"), "slowest"), _hours(asked.get("since"), "since")
-        out["watch"] = self._live.look(record, rule, asked, slowest, since)
+        out["watch"] = self._live.look(path, rule, asked, slowest, since)
         spent = self._kept.took if self._kept is not None and self._kept is not before else 0.0
         return out | {"file": path.name, "known": known, "age": age, "seconds": time.monotonic() - begun - spent}
 
@@ -164,26 +164,6 @@ class Follower:
         forecasts = {n: _forecast(record, n, rule, asked, begun) for n in order}
         self._kept = _Kept(of, forecasts, end, time.monotonic(), time.monotonic() - begun)
         return self._kept
-
-
-def _whole_lines(path: Path, columns: list[str]) -> Record:
-    """Return a log without a last line that is still being written: half of a number is a number, and would be a spike."""
-    before = _ended(path)
-    record = read_record(path, {n: {"node": n} for n in columns})
-    dropped = any(UNFINISHED in note for note in record.steps)
-    if (before and _ended(path)) or dropped or record.times.size < 3:
-        return record
-    return replace(record.trim(float(record.times[0]), float(record.times[-2])), steps=(*record.steps, f"the last line {UNFINISHED}"))
-
-
-def _ended(path: Path) -> bool:
-    """Whether a file ends with a whole line; a log of the bench has checksums and is packed or whole by itself."""
-    with path.open("rb") as file:
-        head = file.read(4096)
-        if is_bench_log(head) or head[:2] == b"\x1f\x8b" or not head:
-            return True
-        file.seek(-1, 2)
-        return file.read(1) in b"\r\n"
 
 
 def _hours(given: Any, name: str) -> float | None:
