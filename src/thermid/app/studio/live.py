@@ -136,40 +136,35 @@ def _bound(path: Path, known: Model | Campaign | None, asked: Mapping[str, Any])
     try:
         return _like_a_record(path, known, said) if isinstance(known, Campaign) else _by_names(path, known, said)
     except ThermidError as error:
-        return _Bound(BoundColumns(), unused=f"the model is not used: {error.message}")
+        return _unused(error.message)
+
+
+def _unused(why: str) -> _Bound:
+    """Return what a log is watched with where its readings are all that is known."""
+    return _Bound(BoundColumns(), unused=f"the model is not used: {why}")
 
 
 def _by_names(path: Path, model: Model, said: Scenario | None) -> _Bound:
-    """Return what a log is watched with where it has names of a deck.
-
-    Raises
-    ------
-    ThermidError   Why the deck cannot be used.
-    """
+    """Return what a log is watched with where it has names of a deck."""
     network = compile_network(model)
     find = network.flat.names.model.canonical
     known = {find(name_and_unit(cell)[0]) for cell in log_cells(path).header}
     if not known & set(network.nodes):
-        raise RecordError("no channel of the log has the name of one of its nodes", path.name)
+        return _unused("no channel of the log has the name of one of its nodes")
     known |= {find(b) for b in said.boundaries} if said is not None else set()
     missing = [b for b in network.boundaries if b not in known]
     if missing:
-        raise RecordError(f"the temperature of '{missing[0]}' is not known. Give it as {missing[0]}=22", path.name)
+        return _unused(f"the temperature of '{missing[0]}' is not known. Give it as {missing[0]}=22")
     return _Bound(BoundColumns(model=model), said)
 
 
 def _like_a_record(path: Path, campaign: Campaign, said: Scenario | None) -> _Bound:
-    """Return what a log is watched with where it has the columns of a record of a campaign: their meaning, and the last stage's model.
-
-    Raises
-    ------
-    ThermidError   Why the campaign cannot be used.
-    """
+    """Return what a log is watched with where it has the columns of a record of a campaign: their meaning, and the last stage's model."""
     header = {name_and_unit(cell)[0] for cell in log_cells(path).header}
     records = campaign.source.content.records if campaign.source is not None else {}
     alike = [name for name, table in records.items() if table.channels and set(table.channels) <= header]
     if not alike:
-        raise RecordError("the log has not the columns of one of the campaign's records", path.name)
+        return _unused("the log has not the columns of one of the campaign's records")
     test = running_test(campaign, alike[0])
     columns = BoundColumns(model=test.model, options=test.options, tables=dict(test.table.channels), bound=test.bound)
     columns.remarks = test.remarks

@@ -9,8 +9,7 @@ from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any
 
-from thermid.app.studio.desk import Desk
-from thermid.app.studio.saving import in_force
+from thermid.app.studio.desk import Desk, in_force
 from thermid.base.errors import DeckError, IdentificationError, NameNotFoundError, ThermidError, refuse_unknown
 from thermid.base.toml_files import project_root, read_toml, resolve_inside
 from thermid.campaign.stages import (
