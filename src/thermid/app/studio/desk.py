@@ -13,13 +13,14 @@ from thermid.app.studio.curves import POINTS, RunCurves, ThinnedCurve, Window, t
 from thermid.base.errors import NameNotFoundError, refuse_unknown
 from thermid.base.linear_algebra import Array
 from thermid.base.units import from_si, in_si, unit
-from thermid.fit.calibration import Calibration
+from thermid.fit.calibration import Calibration, in_place
 from thermid.fit.problem import Bench, Problem, Sums, Unknown
-from thermid.model.tree import Entry, Model, parameter_table
+from thermid.model.tree import Entry, Model, deck_text, parameter_table
 from thermid.reporting.diagrams import diagram, parts_of
 from thermid.simulation.network import compile_network
 from thermid.simulation.runs import Simulator, Solution, prepare
 from thermid.simulation.scenarios import Scenario
+from thermid.values.store import LeftOut, State, Store, ValueOrigin
 
 ICE = 273.15
 
@@ -280,7 +281,9 @@ class Desk:
             (at, simulated), (seen, measured), (apart, rest) = (
                 thinned_curve(times, v, window) for v in (predicted - ICE, o.measured - ICE, left)
             )
-            out.append(ThinnedCurve(o.sensor, o.seat, at, simulated, seen, measured, apart, rest, s.rmse, s.mean, s.largest, s.samples))
+            out.append(
+                ThinnedCurve(o.sensor, o.seat, at, simulated, seen, measured, apart, rest, s.rmse, s.mean, abs(s.largest), s.samples)
+            )
         return RunCurves(bench.experiment.record.name, tuple(out))
 
 
@@ -351,3 +354,42 @@ def slider_of(path: str, entry: Entry, value: float, error: float | None, free: 
     shown = None if error is None or not math.isfinite(error) else error / float(of.factor)
     note = "; ".join(t for t in (given.note, given.basis) if t)
     return Slider(path, of.text, at, min(low, at), max(high, at), log, free, shown, given.source or entry.origin, note, also)
+
+
+WORDS = "'{}' was set in the studio without an error"
+INSTRUMENTS = ("sensor", "instrument", "shared")
+"""Kinds of unknowns that a store keeps beside parameters; what belongs to one record alone stays with it."""
+
+
+def in_force(desk: Desk, values: Mapping[str, float], known: Store) -> Store:
+    """Return all values in force.
+
+    Parameters
+    ----------
+    desk : Desk
+    values : dict   As in `Desk.curves`.
+    known : Store   What the stage found and inherits.
+
+    Raises
+    ------
+    NameNotFoundError   When there is neither such a slider nor anything else of that name that the stage looks for.
+    """
+    desk.si(values)  # refuses names that it does not know
+    origin, table = ValueOrigin("hand", f"{desk.title}, by hand"), parameter_table(desk.model)
+    moved = [_moved(s, values[s.path], deck_text(table[s.path]), origin) for s in desk.sliders if values.get(s.path, s.value) != s.value]
+    moved += [_set(u, values[n], origin) for n, u in desk.others.items() if n in values and u.kind in INSTRUMENTS]
+    left_out = tuple(LeftOut(WORDS.format(s.path)) for s in moved)
+    return in_place(known, Store({s.path: s for s in moved}, root=np.zeros((len(moved), 0)), left_out=left_out))
+
+
+def _moved(slider: Slider, value: float, deck: str, origin: ValueOrigin) -> State:
+    """Return the value of a slider, in its unit, as a state."""
+    at, start, low, high = (in_si(v, slider.unit) for v in (value, slider.value, slider.low, slider.high))
+    paths = (slider.path, *slider.also)
+    return State(slider.path, at, slider.log, slider.unit, (low, high), origin, paths=paths, deck=deck, start=start, known=False)
+
+
+def _set(unknown: Unknown, value: float, origin: ValueOrigin) -> State:
+    """Return the error of an instrument as a state. [SI]"""
+    bounds = (unknown.low, unknown.high)
+    return State(unknown.name, value, unknown.log, unknown.unit, bounds, origin, unknown.kind, start=unknown.start, known=False)

@@ -3,21 +3,35 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
+from thermid.base.codes import add_codes
 from thermid.base.errors import RecordError, ThermidError
+from thermid.campaign.stages import Campaign, running_test
 from thermid.measure.amounts import pairs, with_unit
+from thermid.measure.readers import log_cells, name_and_unit
 from thermid.measure.steadiness import StabilityRule
+from thermid.model.parameters import UNJUDGED
 from thermid.model.tree import Model
 from thermid.qualify.watch import BoundColumns, Watcher, WatchRequest
 from thermid.reporting.objects import clean
 from thermid.simulation.network import compile_network
 from thermid.simulation.scenarios import Scenario
+from thermid.values.store import model_standing
 
 WITHIN = 1.0
 """Half of the interval of where a channel ends, at most, where the page asks for none. [K]"""
+
+
+@dataclass(frozen=True)
+class _Bound:
+    """What a log is watched by, and in words of which record it is like, or why no model is used."""
+
+    request: WatchRequest
+    like: str = ""
+    unused: str = ""
 
 
 class LiveWatch:
@@ -25,21 +39,23 @@ class LiveWatch:
 
     Parameters
     ----------
-    deck : callable     Returns the model of the project; None where it has no single one.
+    known : callable    Returns the model of the project, or its campaign once all stages are done; None where there is neither.
     """
 
-    def __init__(self, deck: Callable[[], Model | None]) -> None:
-        self._deck = deck
+    def __init__(self, known: Callable[[], Model | Campaign | None]) -> None:
+        self._known = known
         self._of: tuple[Any, ...] | None = None
-        self._request: WatchRequest
+        self._subject: Model | Campaign | None = None
+        self._bound: _Bound
         self._watcher: Watcher | None = None
         self._begin = self._end = 0.0
-        self._why = ""
 
     def look(
         self, path: Path, rule: StabilityRule, asked: Mapping[str, Any], slowest: float | None = None, since: float | None = None
     ) -> dict[str, Any]:
-        """Return what a look at a log says, as `thermid watch --json` prints it, with its words.
+        """Return what ``thermid watch --once --json`` prints of a log, and ``model``, ``like`` and ``unused``.
+
+        The last two are the record of a campaign that the log is like, and why no model is used.
 
         Parameters
         ----------
@@ -49,46 +65,80 @@ class LiveWatch:
         slowest : float     Longest time constant, where no model is there. [s]
         since : float       When conditions last changed; the beginning where it is None. [s]
         """
-        of = (path, rule.name, slowest, since, asked.get("boundaries"), asked.get("within"))
+        model, unused = None, ""
         try:
-            if self._watcher is None or of != self._of:
-                self._request, self._watcher, self._of = self._made(path, rule, slowest, since, asked), None, of
-            record = self._request.read(path)
+            known = self._known()
+            of = (path, rule.name, slowest, since, asked.get("boundaries"), asked.get("within"))
+            if self._watcher is None or of != self._of or known is not self._subject:
+                self._watcher, bare = None, _bare(rule, _within(asked), slowest, since)
+                self._bound, self._of, self._subject = _bound(path, known, asked, bare), of, known
+            unused = self._bound.unused
+            record = self._bound.request.read(path)
             begin, end = float(record.times[0]), float(record.times[-1])
             if self._watcher is None or begin != self._begin or end < self._end:
-                self._watcher = self._request.watcher(record)
+                self._watcher = self._bound.request.watcher(record)
             self._begin, self._end = begin, end
-            look = self._watcher.look(record)
+            look, model = self._watcher.look(record), self._watcher.model
         except ThermidError as error:
             self._watcher = None
-            return {"advice": "declined", "because": error.message, "alarms": [], "nodes": {}, "assumed": [], "model": ""}
-        model = "" if self._watcher.model is None else self._watcher.model.title
-        seen = look.as_object()
-        out: dict[str, Any] = clean({**seen, "model": model, "assumed": [*seen["assumed"], *([self._why] if self._why else [])]})
-        return out
+            out = {"advice": "declined", "because": error.message, "alarms": [], "nodes": {}, "assumed": []}
+            return out | {"model": "", "like": "", "unused": unused}
+        standing = UNJUDGED if model is None else model_standing(model)
+        said: dict[str, Any] = clean(add_codes({**look.as_object(), "standing": standing.to_dict()}))
+        return said | {"model": "" if model is None else model.title, "like": self._bound.like, "unused": unused}
 
-    def _made(
-        self, path: Path, rule: StabilityRule, slowest: float | None, since: float | None, asked: Mapping[str, Any]
-    ) -> WatchRequest:
-        """Return a request with the project's model where the log has its nodes and everything that it needs is known."""
-        within = asked.get("within") or WITHIN
-        if isinstance(within, bool) or not isinstance(within, int | float) or not within > 0.0:
-            raise RecordError("'within' is a number of kelvin above zero.", "bench")
-        model, self._why = self._deck(), ""
-        begun: str | float = "start" if since is None else since
-        bare = WatchRequest(BoundColumns(), rule, float(within), slowest=slowest, since=begun)
-        if model is None:
-            return bare
-        given = pairs(filter(str.strip, str(asked.get("boundaries") or "").split(",")), "bench")
-        scenario = Scenario(path.stem, boundaries={n: with_unit(t, "degC") for n, t in given.items()}) if given else None
-        made = replace(bare, columns=BoundColumns(model=model), scenario=scenario, slowest=None)
-        try:
-            logged = {c.target or c.name for c in made.read(path).channels.values()}
-            missing = [b for b in compile_network(model).boundaries if b not in given and b not in logged]
-        except ThermidError as error:
-            self._why = f"the model is not used: {error.message}"
-            return bare
-        if missing:
-            self._why = f"the model is not used: the temperature of '{missing[0]}' is not known. Give it as {missing[0]}=22"
-            return bare
-        return made
+
+def _within(asked: Mapping[str, Any]) -> float:
+    within = asked.get("within") or WITHIN
+    if isinstance(within, bool) or not isinstance(within, int | float) or not within > 0.0:
+        raise RecordError("'within' is a number of kelvin above zero.", "bench")
+    return float(within)
+
+
+def _bare(rule: StabilityRule, within: float, slowest: float | None, since: float | None) -> WatchRequest:
+    """Return how a log is watched where its readings are all that is known."""
+    return WatchRequest(BoundColumns(), rule, within, slowest=slowest, since="start" if since is None else since)
+
+
+def _bound(path: Path, known: Model | Campaign | None, asked: Mapping[str, Any], bare: WatchRequest) -> _Bound:
+    """Return what a log is watched by: the model where the log has its nodes and everything that it needs is known."""
+    given = pairs(filter(str.strip, str(asked.get("boundaries") or "").split(",")), "bench")
+    said = Scenario(path.stem, boundaries={n: with_unit(t, "degC") for n, t in given.items()}) if given else None
+    if known is None:
+        return _Bound(bare)
+    try:
+        return _like_a_record(path, known, said, bare) if isinstance(known, Campaign) else _by_names(path, known, said, bare)
+    except ThermidError as error:
+        return _without_model(bare, error.message)
+
+
+def _without_model(bare: WatchRequest, why: str) -> _Bound:
+    """Return what a log is watched by where its readings are all that is known."""
+    return _Bound(bare, unused=f"the model is not used: {why}")
+
+
+def _by_names(path: Path, model: Model, said: Scenario | None, bare: WatchRequest) -> _Bound:
+    """Return what a log is watched by where it has names of a deck."""
+    network = compile_network(model)
+    find = network.flat.names.model.canonical
+    known = {find(name_and_unit(cell)[0]) for cell in log_cells(path).header}
+    if not known & set(network.nodes):
+        return _without_model(bare, "no channel of the log has the name of one of its nodes")
+    known |= {find(b) for b in said.boundaries} if said is not None else set()
+    missing = [b for b in network.boundaries if b not in known]
+    if missing:
+        return _without_model(bare, f"the temperature of '{missing[0]}' is not known. Give it as {missing[0]}=22")
+    return _Bound(replace(bare, columns=BoundColumns(model=model), scenario=said))
+
+
+def _like_a_record(path: Path, campaign: Campaign, said: Scenario | None, bare: WatchRequest) -> _Bound:
+    """Return what a log is watched by where it has the columns of a record of a campaign: their meaning, and the last stage's model."""
+    header = {name_and_unit(cell)[0] for cell in log_cells(path).header}
+    records = campaign.source.content.records if campaign.source is not None else {}
+    alike = [name for name, table in records.items() if table.channels and set(table.channels) <= header]
+    if not alike:
+        return _without_model(bare, "the log has not the columns of one of the campaign's records")
+    test = running_test(campaign, alike[0])
+    columns = BoundColumns(model=test.model, options=test.options, tables=dict(test.table.channels), bound=test.bound)
+    columns.remarks = test.remarks
+    return _Bound(replace(bare, columns=columns, scenario=said, conditions=test.conditions), alike[0])

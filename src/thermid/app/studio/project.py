@@ -9,8 +9,7 @@ from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any
 
-from thermid.app.studio.desk import Desk
-from thermid.app.studio.saving import in_force
+from thermid.app.studio.desk import Desk, in_force
 from thermid.base.errors import DeckError, IdentificationError, NameNotFoundError, ThermidError, refuse_unknown
 from thermid.base.toml_files import project_root, read_toml, resolve_inside
 from thermid.campaign.stages import (
@@ -71,6 +70,7 @@ class Project:
         self._keys: dict[str, str] = {}
         self._made_of: dict[str, dict[str, str]] = {}
         self._desks: dict[str, Desk] = {}
+        self._model: tuple[int, Model] | None = None
         self._levels: tuple[dict[str, Calibration], Table] | None = None
 
     def _read(self) -> tuple[CampaignSource | None, str]:
@@ -99,14 +99,18 @@ class Project:
         self.campaign = None
         self.states = {n: self.states.get(n, StageState(n, "waiting", "not run yet")) for n in names}
 
-    def deck(self) -> Model | None:
-        """Return the model where the project is a single deck.
+    def subject(self) -> Model | Campaign | None:
+        """Return the model of a deck; of a campaign its stages once all of them are done, None before.
 
         Raises
         ------
-        ThermidError   When it cannot be read.
+        ThermidError   When the deck cannot be read.
         """
-        return load_model(self.path) if self.source is None else None
+        if self.source is not None:
+            return self.campaign if self.campaign is not None and len(self.campaign.stages) == len(self.stages) else None
+        if self._model is None or self._model[0] != self.edition:
+            self._model = self.edition, load_model(self.path)
+        return self._model[1]
 
     @property
     def stages(self) -> tuple[str, ...]:

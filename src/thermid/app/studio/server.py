@@ -68,63 +68,89 @@ def application(project: Project, port: int, token: str, log: Path | None = None
         from starlette.routing import Route
     except ImportError:
         raise MissingExtraError(missing(["starlette", "uvicorn"], "the studio")) from None
-    work, lock, bench = Work(project), threading.Lock(), threading.Lock()
-    follower = Follower(project.path.parent, log, LiveWatch(project.deck))
-
-    def reads(make: Callable[[Mapping[str, str]], Any]) -> Callable[[Request], Response]:
-        """Return an endpoint that answers with JSON, errors of ours in words."""
-
-        def endpoint(request: Request) -> Response:
-            with lock:
-                return _answer(lambda: make(request.query_params))
-
-        return endpoint
-
-    def writes(make: Callable[[Mapping[str, Any]], Any], lock: threading.Lock = lock) -> Callable[[Request], Awaitable[Response]]:
-        """Return the same for a request with a body of JSON."""
-
-        async def endpoint(request: Request) -> Response:
-            from starlette.concurrency import run_in_threadpool
-            from starlette.requests import ClientDisconnect
-
-            if request.headers.get(GUARD) != "1":
-                return _refused("requests that change something must come from the studio's page.")
-            try:
-                body = json.loads(await _body(request))
-            except OverflowError:
-                return _refused(f"the body has more than {cap('body') / 1e6:.3g} MB.{raising('body')}", 413)
-            except ClientDisconnect:
-                return _refused("the connection was closed before the body came.")
-            except TimeoutError:
-                return _refused(f"the body did not come within {PATIENCE:g} s.", 408)
-            except (ValueError, RecursionError):
-                return _refused("the body is not JSON.")
-            if not isinstance(body, dict):
-                return _refused("the body is not a JSON object.")
-            fault = endless(body)
-            if fault:
-                return _refused(f"{fault[0]}: {fault[1]}")
-
-            def locked() -> Response:
-                with lock:
-                    return _answer(lambda: make(body))
-
-            return await run_in_threadpool(locked)
-
-        return endpoint
-
-    def page(request: Request) -> Response:
-        return _file(request.path_params.get("name", "index.html"))
-
+    work, lock = Work(project), threading.Lock()
+    follower = Follower(project.path.parent, log, LiveWatch(project.subject))
     answers, asked = questions(project, work, follower), orders(project, work)
-    routes = [Route("/", page), Route("/static/{name}", page)]
-    routes += [Route(f"/api/{name}", reads(answer)) for name, answer in answers.items()]
-    routes += [Route(f"/api/{name}", writes(order), methods=["POST"]) for name, order in asked.items()]
+    routes = [Route("/", _page), Route("/static/{name}", _page)]
+    routes += [Route(f"/api/{name}", _reads(answer, lock)) for name, answer in answers.items()]
+    routes += [Route(f"/api/{name}", _writes(order, lock), methods=["POST"]) for name, order in asked.items()]
     # a long log is read beside what the sliders ask for, not before it
-    routes.append(Route("/api/bench", writes(follower.look, bench), methods=["POST"]))
+    routes.append(Route("/api/bench", _writes(follower.look, threading.Lock()), methods=["POST"]))
     application = Starlette(routes=routes)
     application.add_middleware(Guard, port=port, token=token)
     return application
+
+
+def _page(request: Request) -> Response:
+    """Answer with a file of the page."""
+    return _file(request.path_params.get("name", "index.html"))
+
+
+def _reads(make: Callable[[Mapping[str, str]], Any], lock: threading.Lock) -> Callable[[Request], Response]:
+    """Return an endpoint that answers with JSON, errors of ours in words."""
+
+    def endpoint(request: Request) -> Response:
+        with lock:
+            return _answer(lambda: make(request.query_params))
+
+    return endpoint
+
+
+def _writes(make: Callable[[Mapping[str, Any]], Any], lock: threading.Lock) -> Callable[[Request], Awaitable[Response]]:
+    """Return the same for a request with a body of JSON."""
+
+    async def endpoint(request: Request) -> Response:
+        from starlette.concurrency import run_in_threadpool
+
+        try:
+            body = await _object(request)
+        except _RefusedError as refused:
+            return _refused(str(refused), refused.status)
+
+        def locked() -> Response:
+            with lock:
+                return _answer(lambda: make(body))
+
+        return await run_in_threadpool(locked)
+
+    return endpoint
+
+
+class _RefusedError(Exception):
+    """A request that is not answered: why, and with which status."""
+
+    def __init__(self, why: str, status: int = 400) -> None:
+        super().__init__(why)
+        self.status = status
+
+
+async def _object(request: Request) -> dict[str, Any]:
+    """Return the JSON object that the page sent.
+
+    Raises
+    ------
+    _RefusedError   When it is none, is too large or slow, or does not come from the page.
+    """
+    from starlette.requests import ClientDisconnect
+
+    if request.headers.get(GUARD) != "1":
+        raise _RefusedError("requests that change something must come from the studio's page.")
+    try:
+        body = json.loads(await _body(request))
+    except OverflowError:
+        raise _RefusedError(f"the body has more than {cap('body') / 1e6:.3g} MB.{raising('body')}", 413) from None
+    except ClientDisconnect:
+        raise _RefusedError("the connection was closed before the body came.") from None
+    except TimeoutError:
+        raise _RefusedError(f"the body did not come within {PATIENCE:g} s.", 408) from None
+    except (ValueError, RecursionError):
+        raise _RefusedError("the body is not JSON.") from None
+    if not isinstance(body, dict):
+        raise _RefusedError("the body is not a JSON object.")
+    fault = endless(body)
+    if fault:
+        raise _RefusedError(f"{fault[0]}: {fault[1]}")
+    return body
 
 
 class Guard:

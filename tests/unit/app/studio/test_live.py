@@ -1,40 +1,123 @@
-"""A log in the studio, watched as `thermid watch` does: with the model of a deck, or by its readings."""
+"""A log in the studio, watched as `thermid watch` does: with the model of a deck, as a campaign says, or by its readings."""
 
 from __future__ import annotations
 
+import json
+from collections.abc import Callable
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
+from typer.testing import CliRunner
 
+from thermid.app.cli.app import app
 from thermid.app.studio.follow import Follower
 from thermid.app.studio.live import LiveWatch
+from thermid.app.studio.project import Project
 from thermid.base.errors import RecordError
-from thermid.measure.records import Record
 from thermid.measure.steadiness import rule_of
-from unit.fit.estimation.rig import logged, rig, run
+from thermid.model.tree import Model
+from unit.fit.estimation.rig import Array, logged, rig, run
 
 RULE = rule_of("3 C/h")
+DECK = """
+title = "rig"
+needs = ["air"]
+[nodes]
+chip = { capacitance = "60 [J/K]" }
+case = { capacitance = "450 [J/K]" }
+lid = { capacitance = "250 [J/K]" }
+[conductors]
+pad = { kind = "conduction", between = ["chip", "case"], conductance = "2.5 [W/K]" }
+screws = { kind = "conduction", between = ["case", "lid"], conductance = "0.8 [W/K]" }
+fins = { kind = "convection", between = ["case", "air"], htc = "14 [W/(m^2 K)]", area = "0.04 [m^2]" }
+lid_air = { kind = "convection", between = ["lid", "air"], htc = "6 [W/(m^2 K)]", area = "0.02 [m^2]" }
+[loads]
+heater = { into = "chip", power = "12 [W]" }
+"""
+CAMPAIGN = """
+title = "rig"
+[records.warm]
+file = "warm.csv"
+[records.warm.channels]
+chip = { node = "chip", noise = "0.05 [K]", accuracy = "0.3 [K]" }
+case = { node = "case", noise = "0.05 [K]", accuracy = "0.3 [K]" }
+[[stages]]
+name = "rig"
+model = "rig.toml"
+records = ["warm"]
+scenario = { start = "22 [degC]", boundaries = { air = "22 [degC]" } }
+free = ["pad.conductance", "fins.htc"]
+"""
 
 
-def written(folder: Path, record: Record) -> Path:
-    """Write the log of the rig."""
+def write(file: Path, courses: dict[str, Array], seed: int, end: int | None = None) -> Path:
+    """Write a synthetic log of the rig's two sensors and return its path."""
+    made = logged({n: v[:end] for n, v in courses.items()}, seed)
     rows = [
-        f"{t:.0f},{a:.3f},{b:.3f}" for t, a, b in zip(record.times, record["chip"].values - 273.15, record["case"].values - 273.15, strict=True)
+        f"{t:.0f},{a:.3f},{b:.3f}" for t, a, b in zip(made.times, made["chip"].values - 273.15, made["case"].values - 273.15, strict=True)
     ]
-    path = folder / "run.csv"
-    path.write_text("\n".join(["time_s,chip [degC],case [degC]", *rows]) + "\n")
-    return path
+    file.write_text("\n".join(["# SYNTHETIC", "time_s,chip [degC],case [degC]", *rows]) + "\n", encoding="utf-8")
+    return file
 
 
-def log(folder: Path, seconds: float) -> Path:
-    return written(folder, logged(run(rig(), seconds, {"start": "22 [degC]"}, 10.0), 3))
+def warm(seconds: float) -> dict[str, Array]:
+    return run(rig(), seconds, {"start": "22 [degC]"}, 10.0)
 
 
-def test_a_deck_foresees_the_end_and_its_hidden_node(tmp_path: Path) -> None:
-    live = LiveWatch(rig)
-    early = live.look(log(tmp_path, 900.0), RULE, {"boundaries": "air=22"})
-    late = live.look(log(tmp_path, 2700.0), RULE, {"boundaries": "air=22"})
+@pytest.fixture
+def log(tmp_path: Path) -> Callable[..., Path]:
+    return lambda seconds, name="run.csv": write(tmp_path / name, warm(seconds), 3)
+
+
+def held() -> Callable[[], Model]:
+    model = rig()
+    return lambda: model
+
+
+def printed(*arguments: str) -> dict[str, Any]:
+    """Return what `thermid watch --once --json` prints, without the number of its form."""
+    done = CliRunner().invoke(app, ["watch", *arguments, "--once", "--json"])
+    said: dict[str, Any] = json.loads(done.stdout.splitlines()[-1])
+    assert said.pop("schema") == 1
+    return said
+
+
+@pytest.mark.parametrize("count", [4, pytest.param(20, marks=pytest.mark.campaign)])
+def test_the_studio_says_what_the_command_prints(tmp_path: Path, count: int) -> None:
+    """Logs, short and long, with and without a fault, by the deck, by the campaign and by their readings; other rules and widths."""
+    (tmp_path / "rig.toml").write_text(DECK, encoding="utf-8")
+    (tmp_path / "campaign.toml").write_text(CAMPAIGN, encoding="utf-8")
+    write(tmp_path / "warm.csv", warm(3600.0), 1)
+    deck, campaign = (Project(tmp_path / name) for name in ("rig.toml", "campaign.toml"))
+    campaign.look("rig")
+    campaign.run("rig")
+    campaign.judge(write=True)
+    ways = {
+        "deck": (deck.subject, {"boundaries": "air=22"}, ["--model", str(tmp_path / "rig.toml"), "--boundary", "air=22 [degC]"]),
+        "campaign": (campaign.subject, {}, ["--campaign", str(tmp_path / "campaign.toml")]),
+        "readings": (lambda: None, {}, []),
+    }
+    words = set()
+    for k in range(count):
+        courses = warm(900.0 + 300.0 * (k % 8))
+        if k % 4 == 0:
+            courses["case"][-40:] = 273.15  # a sensor that fell off
+        path, (known, asked, given) = write(tmp_path / f"log{k}.csv", courses, k), list(ways.values())[k % len(ways)]
+        rule, within = ("3 C/h", "1 K over 4 h")[k % 2], (1.0, 0.3)[k // 2 % 2]
+        told = LiveWatch(known).look(path, rule_of(rule), {**asked, "within": within})
+        assert [told.pop(n) for n in ("unused", "model", "like")] == ["", "rig" if given else "", "warm" if k % 3 == 1 else ""]
+        assert told == printed(str(path), *given, "--rule", rule, "--within", f"{within} [K]")
+        words |= {told["advice"], *(a["kind"] for a in told["alarms"])}
+    assert "sensor" in words
+    assert count < 20 or {"stop", "declined"} < words
+
+
+def test_a_deck_foresees_the_end_and_its_hidden_node(log: Callable[..., Path]) -> None:
+    live = LiveWatch(held())
+    early = live.look(log(900.0), RULE, {"boundaries": "air=22"})
+    late = live.look(log(2700.0), RULE, {"boundaries": "air=22"})
     assert (early["advice"], late["advice"]) == ("declined", "stop")
     assert late["model"] == "rig"
     assert late["decisions"] > early["decisions"]
@@ -42,34 +125,45 @@ def test_a_deck_foresees_the_end_and_its_hidden_node(tmp_path: Path) -> None:
 
 
 def test_a_fault_is_an_alarm_that_stays(tmp_path: Path) -> None:
-    courses = run(rig(), 3600.0, {"start": "22 [degC]"}, 10.0)
+    courses = warm(3600.0)
     courses["case"][250:] = 273.15
-    told = LiveWatch(rig).look(written(tmp_path, logged(courses, 3)), RULE, {"boundaries": "air=22"})
+    told = LiveWatch(held()).look(write(tmp_path / "run.csv", courses, 3), RULE, {"boundaries": "air=22"})
     assert told["alarms"][0]["suspect"] == "case"
     assert told["advice"] == "declined"
 
 
 @pytest.mark.parametrize(("asked", "words"), [({}, "'air' is not known"), ({"boundaries": "air"}, "must be written as PATH=VALUE")])
-def test_what_the_model_lacks_is_stated(tmp_path: Path, asked: dict[str, str], words: str) -> None:
-    told = LiveWatch(rig).look(log(tmp_path, 900.0), RULE, asked)
-    assert words in " ".join([told["because"], *told["assumed"]])
+def test_what_the_model_lacks_is_stated(log: Callable[..., Path], asked: dict[str, str], words: str) -> None:
+    told = LiveWatch(held()).look(log(900.0), RULE, asked)
+    assert words in told["because"] + told["unused"]
     assert told["model"] == ""
 
 
-def test_another_log_is_watched_anew(tmp_path: Path) -> None:
-    live = LiveWatch(rig)
-    live.look(log(tmp_path, 2700.0), RULE, {"boundaries": "air=22"})
-    assert live.look(log(tmp_path, 900.0), RULE, {"boundaries": "air=22"})["at_s"] == 900.0
+def test_conditions_hold_since_a_time(log: Callable[..., Path]) -> None:
+    """Readings before it are left out, as the command leaves them out."""
+    path = log(2700.0)
+    told = LiveWatch(lambda: None).look(path, RULE, {}, since=600.0)
+    assert {k: v for k, v in told.items() if k not in ("unused", "model", "like")} == printed(str(path), "--since", "600 [s]")
 
 
-def test_a_width_that_is_none_is_refused_in_words(tmp_path: Path) -> None:
-    assert "above zero" in LiveWatch(rig).look(log(tmp_path, 900.0), RULE, {"within": -1.0})["because"]
+def test_another_log_is_watched_anew(log: Callable[..., Path]) -> None:
+    asked = {"boundaries": "air=22"}
+    first = LiveWatch(held()).look(log(900.0, "two.csv"), RULE, asked)
+    live = LiveWatch(held())
+    live.look(log(2700.0, "one.csv"), RULE, asked)
+    assert live.look(log(900.0, "two.csv"), RULE, asked) == first
+    live.look(log(2700.0, "one.csv"), RULE, asked)
+    assert live.look(log(900.0, "one.csv"), RULE, asked) == first  # it begins anew in the same file
 
 
-def test_the_bench_view_has_it(tmp_path: Path) -> None:
-    log(tmp_path, 2700.0)
-    told = Follower(tmp_path, None, LiveWatch(rig)).look({"file": "run.csv", "boundaries": "air=22"})
+def test_a_width_that_is_none_is_refused_in_words(log: Callable[..., Path]) -> None:
+    assert "above zero" in LiveWatch(held()).look(log(900.0), RULE, {"within": -1.0})["because"]
+
+
+def test_the_bench_view_has_it(tmp_path: Path, log: Callable[..., Path]) -> None:
+    log(2700.0)
+    told = Follower(tmp_path, None, LiveWatch(held())).look({"file": "run.csv", "boundaries": "air=22"})
     assert told["watch"]["advice"] == "stop"
     assert np.isfinite(told["watch"]["ends"]["chip"]["final_C"])
     with pytest.raises(RecordError):
-        Follower(tmp_path, None, LiveWatch(rig)).look({"file": "run.csv", "since": "soon"})
+        Follower(tmp_path, None, LiveWatch(held())).look({"file": "run.csv", "since": "soon"})

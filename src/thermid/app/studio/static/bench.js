@@ -81,8 +81,8 @@ function watched(w) {
   const [word, mark] = WORDS[w.advice], nodes = Object.entries(w.nodes || {}).filter(([, n]) => !n.measured);
   const alarms = w.alarms.map((a) => make("p", { class: "verdict", "data-word": "not stable" }, make("strong", { text: `✗ ALARM ${a.kind}: ${a.suspect}` }), make("span", { text: ` ${nice(a.because)}` })));
   const unseen = nodes.map(([name, n]) => `${name} (not measured) ${n.value_C.toFixed(2)} ± ${n.half_K.toFixed(2)} °C`);
-  const lines = [...unseen, w.assumed.length ? `Assumed: ${w.assumed.map(nice).join("; ")}.` : ""].filter(Boolean);
-  at("bench-watch").replaceChildren(...alarms, make("p", { class: "verdict", "data-word": mark }, make("strong", { text: word }), make("span", { text: ` ${nice(w.because)}${w.model ? ` Model: ${w.model}.` : ""}` })), ...lines.map((text) => make("p", { class: "soft", text })));
+  const lines = [...unseen, w.assumed.length ? `Assumed: ${w.assumed.map(nice).join("; ")}.` : "", w.unused ? `${nice(w.unused)}.` : ""].filter(Boolean);
+  at("bench-watch").replaceChildren(...alarms, make("p", { class: "verdict", "data-word": mark }, make("strong", { text: word }), make("span", { text: ` ${nice(w.because)}${w.model ? ` Model: ${w.model}${w.like ? `, columns as in record ${w.like}` : ""}.` : ""}` })), ...lines.map((text) => make("p", { class: "soft", text })));
 }
 function gapWords(c) {
   const by = {};
