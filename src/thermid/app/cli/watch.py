@@ -9,7 +9,7 @@ import time as clock
 from collections.abc import Iterator
 from contextlib import ExitStack
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any, Final
+from typing import TYPE_CHECKING, Annotated, Final
 
 import numpy as np
 import typer
@@ -43,7 +43,6 @@ from thermid.model.laws import literal
 from thermid.model.parameters import UNJUDGED, Standing
 from thermid.qualify.watch import BoundColumns, GrowingLog, TemperatureLimit, Watcher, WatchLook, WatchRequest, played
 from thermid.reporting.objects import clean
-from thermid.simulation.scenarios import Scenario
 from thermid.values.store import model_standing
 
 if TYPE_CHECKING:

@@ -67,9 +67,7 @@ class LiveWatch:
         out: dict[str, Any] = clean({**seen, "model": model, "assumed": [*seen["assumed"], *([self._why] if self._why else [])]})
         return out
 
-    def _made(
-        self, path: Path, rule: StabilityRule, slowest: float | None, since: float | None, asked: Mapping[str, Any]
-    ) -> WatchRequest:
+    def _made(self, path: Path, rule: StabilityRule, slowest: float | None, since: float | None, asked: Mapping[str, Any]) -> WatchRequest:
         """Return a request with the project's model where the log has its nodes and everything that it needs is known."""
         within = asked.get("within") or WITHIN
         if isinstance(within, bool) or not isinstance(within, int | float) or not within > 0.0:

@@ -285,7 +285,7 @@ def played(record: Record, every: float) -> Iterator[Record]:
 
 
 class LogClock:
-    """The moments at which a log is judged, by its own clock: with reading `FEWEST`, at each doubling of its first minute, every minute then.
+    """The moments at which a log is judged, by its own clock: reading `FEWEST`, each doubling of its first minute, then every minute.
 
     Each is the first reading at or after such a time, so what is said of a log depends on the log alone, not on when somebody looks.
     """

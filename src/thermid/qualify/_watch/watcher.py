@@ -345,7 +345,9 @@ class Watcher:
             self._last = self._judged(moment)
         if self._last is not None:
             return self._last
-        few = StopAdvice(WAIT, f"a log is judged from {FEWEST} readings on; {record.times.size} are there.", 0, 0.0, {}, None, record.times[-1])
+        few = StopAdvice(
+            WAIT, f"a log is judged from {FEWEST} readings on; {record.times.size} are there.", 0, 0.0, {}, None, record.times[-1]
+        )
         return WatchLook(float(record.times[-1]), few, (), (), self._assumed(record))
 
     def _judged(self, record: Record) -> WatchLook:

@@ -20,7 +20,8 @@ RULE = rule_of("3 C/h")
 def written(folder: Path, record: Record) -> Path:
     """Write the log of the rig."""
     rows = [
-        f"{t:.0f},{a:.3f},{b:.3f}" for t, a, b in zip(record.times, record["chip"].values - 273.15, record["case"].values - 273.15, strict=True)
+        f"{t:.0f},{a:.3f},{b:.3f}"
+        for t, a, b in zip(record.times, record["chip"].values - 273.15, record["case"].values - 273.15, strict=True)
     ]
     path = folder / "run.csv"
     path.write_text("\n".join(["time_s,chip [degC],case [degC]", *rows]) + "\n")
