@@ -141,7 +141,7 @@ def off_by_a_tenth(seed: int) -> Case:
 
 @dataclass(frozen=True)
 class Stop:
-    """When a stop is advised, None where it is not, whether a channel then ends elsewhere than forecast, and by when readings meet it."""
+    """When a stop is advised, or None, whether a channel then ends elsewhere than forecast, and when readings meet the rule. [s]"""
 
     at: float | None
     wrong: bool

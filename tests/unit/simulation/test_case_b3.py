@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import importlib
 import importlib.util
 from pathlib import Path
 from types import ModuleType
@@ -75,6 +76,16 @@ def exact(case: ModuleType) -> np.ndarray[Any, Any]:
 def test_case_b3_is_within_its_target(case: ModuleType, exact: np.ndarray[Any, Any], method: str) -> None:
     run = td.simulate(case.build(1_000), case.scenario(), fields=[60.0, 600.0, 3600.0], options=td.Options(method=method))
     assert np.abs(run.fields.reshape(3, -1) - exact).max() < 5e-3
+
+
+def test_its_reference_above_ten_thousand_cells_is_tighter(
+    exact: np.ndarray[Any, Any], monkeypatch: pytest.MonkeyPatch, tmp_path: Path
+) -> None:
+    """It divided the tolerance of `Options`, which is None where it is left out."""
+    monkeypatch.syspath_prepend(str(SOURCE.parent))
+    run, _ = importlib.import_module("b3")._contestant("tighter", "transient", 1_000, 0.0, tmp_path)
+    fields, _ = run()
+    assert np.abs(fields - exact).max() < 5e-4
 
 
 def test_steps_hardly_depend_on_the_number_of_cells(case: ModuleType) -> None:

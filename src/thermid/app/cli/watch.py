@@ -126,17 +126,7 @@ def watch(
     else:
         columns = _columns_of(test, stated, read)
     standing = UNJUDGED if columns.model is None else model_standing(columns.model).accept(accept or ())
-    request = WatchRequest(
-        columns,
-        rule_of(rule),
-        amount(with_unit(within, "K"), "K", "--within"),
-        _limits(limit),
-        required,
-        None if slowest is None else with_unit(slowest, "s"),
-        with_unit(since, "s"),
-        said,
-        None if test is None else test.conditions,
-    )
+    request = _request(columns, test, said, required, rule, within, limit, slowest, since)
     with ExitStack() as open_:
         line = open_.enter_context(extension("serial_port", PORT, str(log))(log, capture)) if _is_port(log) else None
         path = log if line is None else line.path
@@ -177,10 +167,24 @@ def _looks(records: Iterator[Record], request: WatchRequest, standing: Standing,
     return look
 
 
-def _limits(texts: list[str]) -> tuple[TemperatureLimit, ...]:
-    """Return what must be decided, of ``CHANNEL=TEMPERATURE``."""
-    told = pairs(texts, "--limit").items()
-    return tuple(TemperatureLimit(n, False, literal(with_unit(t, "degC"), TEMPERATURE, "--limit")) for n, t in told)
+def _request(
+    columns: BoundColumns,
+    test: RunningTest | None,
+    said: Scenario | None,
+    required: bool,
+    rule: str,
+    within: str,
+    limit: list[str],
+    slowest: str | None,
+    since: str,
+) -> WatchRequest:
+    """Return what the log is watched by, of the texts of the options."""
+    width, begin = amount(with_unit(within, "K"), "K", "--within"), with_unit(since, "s")
+    limits = {n: literal(with_unit(t, "degC"), TEMPERATURE, "--limit") for n, t in pairs(limit, "--limit").items()}
+    decided = tuple(TemperatureLimit(n, False, kelvin) for n, kelvin in limits.items())
+    longest = None if slowest is None else with_unit(slowest, "s")
+    conditions = None if test is None else test.conditions
+    return WatchRequest(columns, rule_of(rule), width, decided, required, longest, begin, said, conditions)
 
 
 def _growing(log: GrowingLog, step: float, since: str, line: PortCapture | None) -> Iterator[Record]:

@@ -53,7 +53,7 @@ GAP: Final = 300.0
 """Without readings from which on the state of the unit is open, and ten times their interval. [s]"""
 MINUTE: Final = 60.0
 """Between the moments at which a log is judged. [s]"""
-FEWEST: Final = 10
+FIRST_READINGS: Final = 10
 """Readings from which a log is judged."""
 LEAST: Final = 0.05
 """Noise of a reading at least, where nobody stated it. [K]"""
@@ -285,7 +285,7 @@ def played(record: Record, every: float) -> Iterator[Record]:
 
 
 class LogClock:
-    """The moments at which a log is judged, by its own clock: reading `FEWEST`, each doubling of its first minute, then every minute.
+    """The moments at which a log is judged, by its own clock: reading `FIRST_READINGS`, each doubling in its first minute, every minute.
 
     Each is the first reading at or after such a time, so what is said of a log depends on the log alone, not on when somebody looks.
     """
@@ -310,7 +310,7 @@ class LogClock:
         number = np.floor(np.where(minute < 1.0, np.log2(minute), minute))
         ends = 1 + np.flatnonzero(np.diff(number, prepend=number[0]) > 0.0)
         if self._kept is None:
-            ends = np.union1d(ends[ends > FEWEST], FEWEST) if record.times.size >= FEWEST else ends[:0]
+            ends = np.union1d(ends[ends > FIRST_READINGS], FIRST_READINGS) if record.times.size >= FIRST_READINGS else ends[:0]
         for end in ends[ends > taken]:
             self._kept = thinned(part(record, 0, end) if self._kept is None else _extended(self._kept, record, taken, end))
             taken = int(end)

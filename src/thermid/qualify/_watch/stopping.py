@@ -1,10 +1,11 @@
 """When to stop a test: forecasts at set moments, each with a share of the risk, so that looking on does not add to it.
 
-A decision is taken only when the time watched has grown by a seventh since the last one, or when a known power was switched, which begins
-another plateau; each of the first `DECISIONS` on a plateau takes the same part of its risk, and later ones none: they forecast, and stop
-nothing (alpha spending: Lan and DeMets, Biometrika 70 (1983) 659; by the union bound for any dependence between looks). Channels share each
-part alike. Within a decision the forecast is that of the model fitted to the readings (`LiveFit`), or without a model that of
-`thermid.qualify._steadiness`.
+A decision is taken only when the time watched has doubled since the last one, after ten minutes when it has grown by a seventh, or when a
+known power was switched, which begins another plateau; each of the first `DECISIONS` on a plateau takes the same part of its risk, and
+later ones none: they forecast, and stop nothing (alpha spending: Lan and DeMets, Biometrika 70 (1983) 659; by the union bound for any
+dependence between looks). Channels share each part alike. Within a decision the forecast is that of the model fitted to the readings
+(`LiveFit`), or without a model that of `thermid.qualify._steadiness`. Where the readings meet the plan's rule, a stop is advised between
+decisions too: its risk is the plan's.
 """
 
 from __future__ import annotations
@@ -146,7 +147,7 @@ class Stopping:
         self.last = self._advice(record, ends, why or self._apart(ends, settles), late, level, doubt)
 
     def _advised(self, record: Record, names: tuple[str, ...], last: StopAdvice, doubt: str) -> StopAdvice:
-        """Return the last decision as it stands now: withdrawn by a doubt, or a stop because the plan's rule is met as it expects."""
+        """Return the advice of this moment: the last decision, withdrawn by a doubt, or a stop where the plan's rule is met as expected."""
         now = float(record.times[-1])
         if doubt:
             return replace(last, word=DECLINED, because=doubt)

@@ -26,7 +26,7 @@ from thermid.model.tree import Model
 from thermid.physics.constants import ICE_POINT
 from thermid.qualify._watch.columns import roles_in
 from thermid.qualify._watch.growing import (
-    FEWEST,
+    FIRST_READINGS,
     LEAST,
     LogClock,
     after_gaps_left_out,
@@ -346,7 +346,7 @@ class Watcher:
         if self._last is not None:
             return self._last
         few = StopAdvice(
-            WAIT, f"a log is judged from {FEWEST} readings on; {record.times.size} are there.", 0, 0.0, {}, None, record.times[-1]
+            WAIT, f"a log is judged from {FIRST_READINGS} readings on; {record.times.size} are there.", 0, 0.0, {}, None, record.times[-1]
         )
         return WatchLook(float(record.times[-1]), few, (), (), self._assumed(record))
 

@@ -70,6 +70,22 @@ def test_a_log_of_the_bench_in_pieces(tmp_path: Path, monkeypatch: pytest.Monkey
     np.testing.assert_allclose(kept["a"].values, whole["a"].values)
 
 
+def test_what_came_since_the_last_call_is_as_it_was_read(tmp_path: Path) -> None:
+    """Looks an hour apart are judged minute by minute, so the readings of that hour are not averaged yet."""
+    path = tmp_path / "bench.csv"
+    log = GrowingLog(path, read)
+    path.write_text("time,T [degC],P [W]\n" + rows(0, 9000))
+    first = log.record()
+    with path.open("a") as file:
+        file.write(rows(9000, 12600))
+    later = log.record()
+    assert first is not None
+    assert later is not None
+    np.testing.assert_allclose(first.times, np.arange(9000.0))
+    np.testing.assert_allclose(later.times[later.times >= 7800.0], np.arange(7800.0, 12600.0))
+    assert np.count_nonzero(later.times < 7800.0) < 4500
+
+
 def test_a_line_that_is_being_written_waits(tmp_path: Path) -> None:
     path = tmp_path / "bench.csv"
     log = GrowingLog(path, read)
