@@ -22,7 +22,7 @@ ENOUGH = 50
 """A chain is long enough when it holds this many of its autocorrelation times (Foreman-Mackey and others, PASP 125 (2013) 306)."""
 
 
-LONGEST = 16
+EXTENSION = 16
 """Times the steps asked for to which chains that are not long enough are run on."""
 AT_ONCE = 0.7
 """Share of the steps whose proposals are drawn by the covariance of the fit."""
@@ -137,7 +137,7 @@ def _long_enough(sampler: Any, start: Array, steps: int, names: Sequence[str], s
 
     Raises
     ------
-    IdentificationError   When they are not after `LONGEST` times the steps.
+    IdentificationError   When they are not after `EXTENSION` times the steps.
     """
     sampler.run_mcmc(start, steps)
     while True:
@@ -147,8 +147,8 @@ def _long_enough(sampler: Any, start: Array, steps: int, names: Sequence[str], s
         length = float(chain.shape[0] / lags.max())
         if length > ENOUGH:
             return np.asarray(chain.reshape(-1, chain.shape[2])), float(lags.max())
-        if done >= LONGEST * steps:
-            raise IdentificationError(_too_short(chain, names, done, length), stage)
+        if done >= EXTENSION * steps:
+            raise IdentificationError(_too_short(chain, names, done, length), stage, code="fit.chains-too-short")
         sampler.run_mcmc(None, done)
 
 

@@ -121,7 +121,7 @@ def test_what_moves_the_centre_of_a_band_is_said_with_its_size(name: str, place:
 @pytest.mark.parametrize("place", PLACES)
 @pytest.mark.parametrize("name", CASES)
 def test_a_hold_out_record_has_one_run_and_what_moves_a_band_from_it_is_said(name: str, place: str) -> None:
-    """The verdict judges the run with the best values; the band of the same readings says how far its centre lies from that run, and why."""
+    """The verdict judges the run with the best values; the band of the same readings says how far its centre lies from it, and why."""
     case = CASES[name]()
     scenario: td.Scenario = getattr(case, place)
     times = np.arange(0.0, scenario.seconds + 1.0, 60.0)
