@@ -34,7 +34,7 @@ Array = np.ndarray[Any, Any]
 CLOSE = 1e-6
 """[K]"""
 TIGHT = td.Options(tolerance=1e-9, relative=1e-9, input_tolerance=1e-7)
-SAMPLE = ("massless nodes", "two heights")
+SAMPLE = ("massless nodes", "two heights", "PI")
 """Models whose programs are compiled in every run of the tests."""
 every_model = pytest.mark.parametrize("name", CASES)
 written_models = pytest.mark.parametrize("name", [n if n in SAMPLE else pytest.param(n, marks=pytest.mark.campaign) for n in CASES])
