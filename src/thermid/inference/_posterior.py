@@ -3,8 +3,9 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -21,6 +22,8 @@ ENOUGH = 50
 """A chain is long enough when it holds this many of its autocorrelation times (Foreman-Mackey and others, PASP 125 (2013) 306)."""
 
 
+EXTENSION = 16
+"""Times the steps asked for to which chains that are not long enough are run on."""
 AT_ONCE = 0.7
 """Share of the steps whose proposals are drawn by the covariance of the fit."""
 TAILS = 6
@@ -95,44 +98,78 @@ def posterior(fit: Calibration, *, steps: int = 1000, walkers: int = 0, seed: in
     (2012) 813). Needs the package emcee: ``pip install thermid[bayes]``.
 
     Most proposals are drawn anew by the fit's covariance (independence chain: Tierney, Ann. Stat. 22 (1994) 1701), so that where the valley
-    is nearly quadratic a draw owes little to the one before; the others are stretches between walkers, for valleys that are not.
+    is nearly quadratic a draw owes little to the one before; the others are stretches between walkers, for valleys that are not. Chains run
+    on until they are 50 of their autocorrelation times long: intervals of shorter ones are too narrow along a curved ridge.
 
     Parameters
     ----------
     fit : Calibration
-    steps : int         Of every walker; the first fifth is left out.
+    steps : int         Of every walker at first, doubled up to four times where these are too few; the first fifth is left out.
     walkers : int       Twice the parameters and at least 12 by default.
     seed : int
 
     Raises
     ------
-    IdentificationError   When emcee is missing, nothing was free, or the calibration was read from a file.
+    IdentificationError   When emcee is missing, nothing was free, the calibration was read from a file, or the chains stay too short; the
+                          message names the direction along which they are slow.
     """
     emcee = optional("emcee", "a posterior")
     density = _Density.of(fit).stretched(fit)
     size = len(density.at)
     count = walkers or max(12, 2 * size + 2)
     rng = np.random.default_rng(seed)
-    start = density.rest[density.at][None, :] + density.errors(fit)[None, :] * rng.standard_normal((count, size))
-    start = np.clip(start, density.box[:, 0], density.box[:, 1])
     near = _Near.of(density.rest[density.at], density.widths(fit))
+    start = near.middle + rng.standard_normal((count, size)) @ near.root.T
+    start = np.clip(start, density.box[:, 0], density.box[:, 1])
     moves = [(emcee.moves.MHMove(near), AT_ONCE), (emcee.moves.StretchMove(), 1.0 - AT_ONCE)]
     sampler = emcee.EnsembleSampler(count, size, density, moves=moves)
     sampler.random_state = np.random.RandomState(seed).get_state()  # the kind of state that emcee takes
-    sampler.run_mcmc(start, steps)
-    chain = sampler.get_chain(discard=steps // 5, flat=True)
-    lag = float(np.max(sampler.get_autocorr_time(discard=steps // 5, quiet=True, tol=0)))
-    independent = chain.shape[0] / max(lag, 1.0)
     names = [density.problem.unknowns[k] for k in density.at]
+    chain, lag = _long_enough(sampler, start, steps, [u.name for u in names], fit.stage)
     draws = {u.name: np.array([u.to_value(x) for x in chain[:, n]]) for n, u in enumerate(names)}
-    short = (
-        ()
-        if steps - steps // 5 > ENOUGH * lag
-        else (f"the chains are {(steps - steps // 5) / lag:.0f} autocorrelation times long; {ENOUGH} are needed. Give more steps.",)
-    )
     known = {u.name: (fit[u.name].value, fit[u.name].error) for u in names}
-    warnings = (*short, *density.remarks())
-    return Posterior(fit.stage, draws, independent, float(np.mean(sampler.acceptance_fraction)), density.count, known, warnings)
+    independent, taken = chain.shape[0] / max(lag, 1.0), float(np.mean(sampler.acceptance_fraction))
+    return Posterior(fit.stage, draws, independent, taken, density.count, known, density.remarks())
+
+
+def _long_enough(sampler: Any, start: Array, steps: int, names: Sequence[str], stage: str) -> tuple[Array, float]:
+    """Return draws (draws, parameters) of chains that are long enough, and their longest autocorrelation time in steps.
+
+    Raises
+    ------
+    IdentificationError   When they are not after `EXTENSION` times the steps.
+    """
+    sampler.run_mcmc(start, steps)
+    while True:
+        done = sampler.iteration
+        chain = sampler.get_chain(discard=done // 5)
+        lags = _lags(chain)
+        length = float(chain.shape[0] / lags.max())
+        if length > ENOUGH:
+            return np.asarray(chain.reshape(-1, chain.shape[2])), float(lags.max())
+        if done >= EXTENSION * steps:
+            raise IdentificationError(_too_short(chain, names, done, length), stage, code="fit.chains-too-short")
+        sampler.run_mcmc(None, done)
+
+
+def _lags(chain: Array) -> Array:
+    """Return the autocorrelation time in steps of each parameter of chains (steps, walkers, parameters)."""
+    emcee = optional("emcee", "a posterior")
+    return np.asarray(emcee.autocorr.integrated_time(chain, quiet=True, tol=0), dtype=float)
+
+
+def _too_short(chain: Array, names: Sequence[str], steps: int, length: float) -> str:
+    """Return the refusal of chains that are slow, with the direction along which they are: the longest axis of the draws."""
+    axis = np.linalg.eigh(np.atleast_2d(np.corrcoef(chain.reshape(-1, chain.shape[2]).T)))[1][:, -1]
+    axis = axis * np.sign(axis[int(np.argmax(np.abs(axis)))])
+    along = ", ".join(
+        f"'{names[k]}' {'up' if axis[k] > 0 else 'down'}" for k in np.argsort(-np.abs(axis)) if abs(axis[k]) > 0.3 * np.abs(axis).max()
+    )
+    return (
+        f"after {steps} steps the chains are {length:.0f} autocorrelation times long and {ENOUGH} are needed, so no interval is given. "
+        f"They move slowly along {along}. Give more steps, a prior of one of these, or a record in which they act differently; "
+        "td.inference.profile follows each of them."
+    )
 
 
 @dataclass(frozen=True, eq=False)

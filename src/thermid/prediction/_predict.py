@@ -460,13 +460,15 @@ def predicted(
     why = Missed() if draws else missed(setting, linear)
     count = draws or (DRAWN if why.words else 0)
     sources = budget.drawn(budget.numbers(seed, 0, count))
+    # beside patterns of coefficients the run holds their courses by straight lines between points
+    best = simulate(budget.model, budget.scenario, times=setting.ready.times, options=options) if budget.modes else linear.run
     members, lost = _members(setting, linear, sources, straight=not draws and not why.bent) if count else ({}, "")
     bands, rest = {}, {}
     for n, column in linear.columns.items():
         now = {c: v[:-1] for c, v in parts[n].items()}
         own, kept = members.get(n, (None, None))
         expected = {c: v[:-1] for c, v in budget.shifts(column).items()}
-        bands[n] = Band(n, setting.ready.times, linear.run[n].kelvin, shifts[n][:-1], now, own, expected)
+        bands[n] = Band(n, setting.ready.times, best[n].kelvin, shifts[n][:-1], now, own, expected)
         if n in linear.settled:
             end = np.array([linear.settled[n]])
             # from the end of each member to where it settles: as in the straight model

@@ -311,7 +311,9 @@ def _prior(network: Network, c: FlatConductor, priors: Mapping[str, Any]) -> Emi
 def _mean_and_sd(prior: Any, value: float, where: str) -> tuple[float, float]:
     """Return mean and standard deviation of an emissivity [-] from a pair, or from what `read_spread` takes."""
     if not isinstance(prior, Mapping) and not (isinstance(prior, list | tuple) and len(prior) == 2):
-        raise IdentificationError(f"a prior of an emissivity is a pair such as (0.06, 0.005), not {prior!r}.", where)
+        raise IdentificationError(
+            f"a prior of an emissivity is a pair such as (0.06, 0.005), not {prior!r}.", where, code="value.wrong-kind"
+        )
     law = read_spread(prior if isinstance(prior, Mapping) else dict(zip(("mean", "sd"), prior, strict=True)), "1", value, where)
     return law.mean, math.sqrt(law.variance)
 

@@ -160,6 +160,11 @@ CODES: Final[Mapping[str, CodeMeaning]] = {
         "A value has the right kind and breaks a rule of its place.",
         "Follow the message.",
     ),
+    "fit.chains-too-short": CodeMeaning(
+        "error",
+        "The chains of a posterior move too slowly along a direction for an interval.",
+        "Give more steps, a prior, or another record.",
+    ),
     "fit.stopped": CodeMeaning(
         "error",
         "The interrupt key ended a fit that others rest on.",

@@ -125,7 +125,7 @@ class _Description(ABC):
     def number(self, v: FmuVariable) -> dict[str, str]:
         """Return the attributes of a number."""
         out = {"unit": v.unit} if v.unit else {}
-        if v.kind == TEMPERATURE_OF or v.name.startswith("T."):
+        if v.dimension != PLAIN and (v.kind == TEMPERATURE_OF or v.name.startswith("T.")):
             out["displayUnit"] = "degC"
         for key, bound in zip(("min", "max"), v.bounds, strict=True):
             if bound is not None:

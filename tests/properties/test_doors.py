@@ -1,0 +1,231 @@
+"""One question has one answer at every door: twelve models, and every way of asking for their temperatures.
+
+Deterministic doors agree within 1e-6 K, written models within twice the step error that they state, draws without spread within 1e-6 K,
+draws with a spread within three of their standard errors of what derivatives say, and with the same draws within 1e-6 K.
+"""
+
+from __future__ import annotations
+
+import json
+import re
+import sys
+import time
+from collections.abc import Callable, Mapping
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+import thermid as td
+from properties.door_cases import CASES
+from thermid.app.cli.app import main
+from thermid.app.studio.courses import outcome_object
+from thermid.app.studio.project import Project
+from thermid.app.studio.work import Work
+from thermid.base.errors import ThermidError
+from thermid.interop.c99 import to_c
+from thermid.interop.modelica import to_modelica
+from unit.interop.programs import FAST, c99, octave
+from unit.interop.test_fmu import CLOSE as FMU_CLOSE, fmpy_run
+from unit.interop.test_modelica import CLOSE as MODELICA_CLOSE, farthest
+
+Array = np.ndarray[Any, Any]
+CLOSE = 1e-6
+"""[K]"""
+TIGHT = td.Options(tolerance=1e-9, relative=1e-9, input_tolerance=1e-7)
+SAMPLE = ("massless nodes", "two heights", "PI")
+"""Models whose programs are compiled in every run of the tests."""
+every_model = pytest.mark.parametrize("name", CASES)
+written_models = pytest.mark.parametrize("name", [n if n in SAMPLE else pytest.param(n, marks=pytest.mark.campaign) for n in CASES])
+
+
+class Asked:
+    """A model and a scenario in a folder, and what `simulate` says of them."""
+
+    def __init__(self, name: str, folder: Path) -> None:
+        self.name, self.folder = name, folder
+        self.model, self.scenario = CASES[name].written(folder)
+        self.times = np.linspace(0.0, self.scenario.seconds, 25)
+        self.run = td.simulate(self.model, self.scenario, times=self.times, options=TIGHT)
+        self.nodes = [n for n in self.run.nodes if n not in self.scenario.boundaries]
+        self.spread = {next(p for p in ("bolt.conductance", "first.conductance", "low.conductance") if self._has(p)): "2 [%]"}
+
+    def _has(self, path: str) -> bool:
+        return path in td.simulation.compile_network(self.model).flat.parameters.table
+
+    def farthest(self, found: Mapping[str, Array]) -> float:
+        """Largest difference of temperatures (times,) from `simulate`. [K]"""
+        return max(float(np.abs(found[n] - self.run[n].kelvin).max()) for n in self.nodes)
+
+    def drawn(self, spread: Mapping[str, Any], n: int) -> td.qualify.UncertainRuns:
+        """Runs of members at the times of `simulate`."""
+        step = self.scenario.seconds / 24
+        return td.qualify.uncertain_runs(self.model, self.scenario, spread=spread, n=n, seed=3, nodes=self.nodes, every=step, options=TIGHT)
+
+
+@pytest.fixture
+def asked(name: str, tmp_path: Path) -> Asked:
+    return Asked(name, tmp_path)
+
+
+def centred(found: Any, asked: Asked) -> dict[str, Array]:
+    """Node -> the run of a prediction at the times of `simulate`; what moves its centre from there is what it names."""
+    for n in asked.nodes:
+        band = found[n]
+        moved = sum(band.moved.values(), np.zeros(band.times.size))
+        assert band.simulated + moved == pytest.approx(band.kelvin, abs=CLOSE)
+    return {n: found[n].simulated[np.searchsorted(found[n].times, asked.times - 1e-6)] for n in asked.nodes}
+
+
+def foreseen(asked: Asked) -> dict[str, Array]:
+    known = td.design.Known.of(asked.model)
+    nothing = {p: "0 [%]" for p in asked.spread}
+    found = td.design.foresee(known, asked.scenario, times=asked.times, spread=nothing, options=TIGHT).prediction
+    assert all(not found[n].error.any() for n in asked.nodes)
+    return centred(found, asked)
+
+
+def predicted(asked: Asked) -> dict[str, Array]:
+    channels = {f"T {n}": td.Channel.of(f"T {n}", asked.run[n].kelvin, unit="K", role="node", target=n, noise=0.01) for n in asked.nodes}
+    told = td.compare(asked.model, td.Record.from_arrays("run", asked.times, channels), scenario=asked.scenario)
+    return centred(td.predict(told, asked.scenario, times=asked.times, options=TIGHT), asked)
+
+
+def drawn_without_spread(asked: Asked) -> dict[str, Array]:
+    runs = asked.drawn({p: "0 [%]" for p in asked.spread}, 2)
+    return {n: runs.of(n)[1] for n in asked.nodes}
+
+
+def prepared(asked: Asked) -> dict[str, Array]:
+    found = td.prepare(asked.model, asked.scenario, list(asked.spread), times=asked.times, options=TIGHT).run(sensitivities=True)
+    return {n: found[n].kelvin for n in asked.nodes}
+
+
+@every_model
+@pytest.mark.parametrize("door", [prepared, foreseen, drawn_without_spread])
+def test_every_door_gives_the_temperatures_of_a_run(asked: Asked, door: Callable[[Asked], dict[str, Array]]) -> None:
+    assert asked.farthest(door(asked)) < CLOSE
+
+
+@pytest.mark.parametrize("name", [n if n != "thermostat" else pytest.param(n, marks=pytest.mark.campaign) for n in CASES])
+def test_a_prediction_is_the_run_and_what_it_says_that_moves_it(asked: Asked) -> None:
+    assert asked.farthest(predicted(asked)) < CLOSE
+
+
+@every_model
+def test_a_run_that_starts_settled_starts_at_the_steady_state(asked: Asked) -> None:
+    settled = asked.scenario.with_(start="steady")
+    if "thermostat" in str(CASES[asked.name].deck):  # it keeps switching, and both say so
+        for ask in (td.steady, td.simulate):
+            with pytest.raises(ThermidError, match="no steady state exists"):
+                ask(asked.model, settled)
+        return
+    found = td.steady(asked.model, settled)
+    begun = td.simulate(asked.model, settled, times=[0.0, 1.0], options=TIGHT)
+    assert max(abs(found[n] - begun[n].kelvin[0]) for n in asked.nodes) < CLOSE
+
+
+@every_model
+def test_hold_times_are_of_the_run(asked: Asked) -> None:
+    """A limit a millionth of a kelvin below the highest temperature is passed by every member, and one as much above it by none."""
+    runs, node = asked.drawn({p: "0 [%]" for p in asked.spread}, 40), asked.nodes[0]
+    top = td.simulate(asked.model, asked.scenario, options=TIGHT)[node].highest + 273.15
+    kept = [td.qualify.hold(runs, {node: td.quantity(top + d, unit="K")})[node].never for d in (-CLOSE, CLOSE)]
+    assert kept == [0.0, 1.0]
+
+
+@pytest.mark.parametrize("name", [n for n in CASES if n != "thermostat"])
+def test_draws_scatter_as_derivatives_say(asked: Asked) -> None:
+    """Three standard errors of the mean and of the standard deviation of 400 members; the same draws give the same temperatures."""
+    count, (path,) = 400, asked.spread
+    known = td.design.Known.of(asked.model)
+    band = td.design.foresee(known, asked.scenario, times=asked.times, spread=asked.spread, options=TIGHT).prediction
+    runs = asked.drawn(asked.spread, count)
+    for n in asked.nodes:
+        end, at = runs.of(n)[:, -1], np.searchsorted(band[n].times, asked.times[-1] - 1e-6)
+        error = float(band[n].error[at])
+        assert abs(end.mean() - band[n].kelvin[at]) < 3.0 * error / np.sqrt(count) + CLOSE, n
+        assert abs(end.std() - error) < 3.0 * error / np.sqrt(2.0 * count) + CLOSE, n
+    again = td.ensemble(asked.model, asked.scenario, {path: runs.draws[path][:20]}, times=asked.times, options=TIGHT)
+    for n in asked.nodes:
+        assert np.abs(again.temperatures(n).T - runs.of(n)[:20]).max() < CLOSE, n
+
+
+def ended(work: Work) -> None:
+    for _ in range(3000):
+        if work.state()["ended"]:
+            return
+        time.sleep(0.01)
+    pytest.fail(f"it never ended: {work.state()}")
+
+
+@every_model
+def test_the_studio_and_the_command_give_the_run(asked: Asked, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch) -> None:
+    """As both ask: with the tolerance that is usual, which a run in Python has too."""
+    usual = td.simulate(asked.model, asked.scenario)
+    work = Work(Project(asked.folder / "unit.toml"))
+    ended(work)
+    work.scenario(asked.model.title, "scenario 0", {}, {})
+    ended(work)
+    assert work.outcome is not None
+    found = outcome_object(work.outcome)
+    assert {c["name"] for c in found["curves"]} >= set(asked.nodes)
+    for curve in found["curves"]:
+        stored = np.isin(usual.times, curve["times"])  # between them lie turning points, which are found to the tolerance of a run
+        assert np.count_nonzero(stored) >= 50
+        shown = np.interp(usual.times[stored], curve["times"], curve["values"])
+        assert shown == pytest.approx(usual[curve["name"]].celsius[stored], abs=CLOSE), curve["name"]
+    words = ["thermid", "simulate", str(asked.folder / "unit.toml"), "--scenario", str(asked.folder / "run.toml"), "--json"]
+    monkeypatch.setattr(sys, "argv", words)
+    with pytest.raises(SystemExit) as left:
+        main()
+    said = json.loads(capsys.readouterr().out)
+    assert not left.value.code
+    for n in asked.nodes:
+        assert said["nodes"][n]["final_C"] == pytest.approx(float(usual[n].celsius[-1]), abs=CLOSE), n
+
+
+def written(write: Callable[[], str], kind: str) -> str:
+    """Return a written model; skips where the kind of file refuses what the model has, with words that say so."""
+    try:
+        return write()
+    except ThermidError as error:
+        if not re.search(rf"not written to {kind}|{kind} does not support|whose temperature has no formula", error.message):
+            raise
+        pytest.skip(f"{kind} refuses: {error.message}")
+
+
+@written_models
+def test_c_gives_the_run_within_the_error_that_it_states(asked: Asked) -> None:
+    header = asked.folder / "unit_c.h"
+    text = written(lambda: to_c(asked.model, asked.scenario, header), "C")
+    error = float(re.search(r"#define \w+_ERROR (\S+)", text).group(1))  # type: ignore[union-attr]
+    found = c99(header, asked.times[1:], options=FAST)
+    nodes = re.findall(r"_NODE_\w+ \d+ /\* (\S+) \*/", text)
+    assert set(nodes) == set(asked.nodes)
+    ours = np.column_stack([asked.run[n].kelvin[1:] for n in nodes])
+    assert np.abs(found - ours).max() < 2.0 * error
+
+
+@written_models
+@pytest.mark.parametrize("form", ["CoSimulation", "ModelExchange"])
+def test_an_fmu_gives_the_run(asked: Asked, form: str) -> None:
+    td.interop.to_fmu(asked.model, asked.scenario, asked.folder / "unit.fmu")
+    assert asked.farthest(fmpy_run(asked.folder / "unit.fmu", form, asked.times, tuple(asked.nodes))) < FMU_CLOSE
+
+
+@written_models
+def test_octave_gives_the_run(asked: Asked) -> None:
+    file = asked.folder / "unit_m.m"
+    written(lambda: td.interop.to_octave(asked.model, asked.scenario, file), "Octave")
+    masses = [n for n in asked.nodes if asked.model.at(n).fields] if asked.model.nodes else asked.nodes
+    found = octave(file, asked.times)
+    assert found.shape[1] == len(masses)
+    assert np.abs(found - np.column_stack([asked.run[n].celsius for n in masses])).max() < 2e-6
+
+
+@written_models
+def test_modelica_gives_the_run(asked: Asked) -> None:
+    text = written(lambda: to_modelica(asked.model, asked.scenario), "Modelica")
+    assert farthest(text, asked.model, asked.scenario, []) < MODELICA_CLOSE
