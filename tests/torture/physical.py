@@ -208,7 +208,13 @@ NOT_BELOW: Final = {
 }
 """Field -> the field of the same table that it is not below."""
 _ENDS: Final = {"R1": "R", "R2": "R", "R3": "R", "C1": "C", "C2": "C", "C3": "C", "open": "modes", "closed": "modes"}
-_OF_FANS: Final = {"head_0": "head", "head_1": "head", "slope_0": "slope_of_fan", "slope_1": "slope_of_fan", "resistance": "fans.resistance"}
+_OF_FANS: Final = {
+    "head_0": "head",
+    "head_1": "head",
+    "slope_0": "slope_of_fan",
+    "slope_1": "slope_of_fan",
+    "resistance": "fans.resistance",
+}
 
 
 def row_of(deck: dict[str, Any], place: Sequence[str | int]) -> tuple[str, Row]:

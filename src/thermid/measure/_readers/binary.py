@@ -78,7 +78,9 @@ def _small(size: float, file: str) -> None:
     RecordError   With the cap.
     """
     if size > cap("unpacked"):
-        raise RecordError(f"it unpacks to {size / 1e6:.0f} MB or more. Save the channels that are needed.{raising('unpacked')}", file, code="cap.exceeded")
+        raise RecordError(
+            f"it unpacks to {size / 1e6:.0f} MB or more. Save the channels that are needed.{raising('unpacked')}", file, code="cap.exceeded"
+        )
 
 
 def _inflated(data: bytes, most: int) -> int:
@@ -301,7 +303,11 @@ def _of_vectors(vectors: Vectors, file: str, kind: str) -> Cells:
     alike = {name: each for name, each in vectors.items() if len(each[0]) == len(times)}
     other = [name for name in vectors if name not in alike]
     if not alike:
-        raise RecordError(f"no vector is as long as '{clock}' ({len(times)} samples); there are {', '.join(vectors) or 'none'}.", file, code="record.shape")
+        raise RecordError(
+            f"no vector is as long as '{clock}' ({len(times)} samples); there are {', '.join(vectors) or 'none'}.",
+            file,
+            code="record.shape",
+        )
     texts, unit, start, name = _clock_texts(times, unit, re.split(r"[./]", clock)[-1], kind)
     header = (f"{name} [{unit}]" if unit else name, *(_named(n, u) for n, (_, u) in alike.items()))
     columns = [texts, *(tuple(text_of(v) for v in np.asarray(values).tolist()) for values, _ in alike.values())]
@@ -358,7 +364,11 @@ def hdf5(data: bytes, file: str, separator: str | None) -> Cells:
             return
         if item.external or item.is_virtual:
             how = "a virtual data set" if item.is_virtual else "external storage"
-            raise RecordError(f"'{name}' is {how}: its values stand in other files, which are not read. Save them in this one.", file, code="record.values-elsewhere")
+            raise RecordError(
+                f"'{name}' is {how}: its values stand in other files, which are not read. Save them in this one.",
+                file,
+                code="record.values-elsewhere",
+            )
         unpacked += item.size * item.dtype.itemsize
         _small(unpacked, file)
         values = np.squeeze(item[()])
@@ -411,7 +421,9 @@ def workbook(data: bytes, file: str, separator: str | None) -> Cells:
     try:
         _small(sum(part.file_size for part in zipfile.ZipFile(io.BytesIO(data)).infolist()) if data[:2] == b"PK" else 0.0, file)
     except zipfile.BadZipFile:
-        raise RecordError("this is a binary file, not a text log (a workbook or archive). Export it as CSV.", file, code="record.damaged") from None
+        raise RecordError(
+            "this is a binary file, not a text log (a workbook or archive). Export it as CSV.", file, code="record.damaged"
+        ) from None
     library = optional("python_calamine", "this kind of file", file)
     book = library.CalamineWorkbook.from_filelike(io.BytesIO(data))
     sheets = {name: book.get_sheet_by_name(name).to_python() for name in book.sheet_names}

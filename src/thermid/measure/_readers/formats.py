@@ -23,6 +23,7 @@ import numpy as np
 
 from thermid.base.errors import RecordError, ThermidError, cap, raising
 from thermid.base.extensions import extension
+from thermid.base.toml_files import kind_of_text
 from thermid.base.units import unit
 from thermid.measure._readers import binary
 from thermid.measure._readers.confined import EndedError
@@ -218,7 +219,9 @@ def _segment(
 ) -> tuple[tuple[str, ...], datetime | None, list[tuple[int, list[str]]], int]:
     """Return the names of the channels with units, the start, the lines of samples, and the line after the segment."""
     if at == len(lines):
-        raise RecordError("the file ends behind a header, without channels. Export the log again, with its data.", file, code="record.no-samples")
+        raise RecordError(
+            "the file ends behind a header, without channels. Export the log again, with its data.", file, code="record.no-samples"
+        )
     names = [name.strip() for name in lines[at].rstrip("\n").split(mark)]
     stop = at + 1
     while stop < len(lines) and lines[stop].strip() and lines[stop].split(mark)[0].strip() not in ("Channels", "Notes"):
@@ -539,7 +542,9 @@ FORMATS: Final = (
     Format("bench log", "its first line", is_bench_log, _bench),
     Format("NI TDMS", "the bytes TDSm", lambda d: d[:4] == b"TDSm", binary.in_child(binary.tdms, "nptdms"), "npTDMS"),
     Format("HDF5", "its signature", lambda d: d[:8] == b"\x89HDF\r\n\x1a\n", binary.in_child(binary.hdf5, "h5py"), "h5py"),
-    Format("netCDF classic", "the bytes CDF", lambda d: d[:3] == b"CDF" and d[3:4] in b"\x01\x02", binary.in_child(binary.netcdf, "scipy.io")),
+    Format(
+        "netCDF classic", "the bytes CDF", lambda d: d[:3] == b"CDF" and d[3:4] in b"\x01\x02", binary.in_child(binary.netcdf, "scipy.io")
+    ),
     Format("MATLAB", "MATLAB 5.0 in its first line", lambda d: d[:10] == b"MATLAB 5.0", binary.in_child(binary.matlab, "scipy.io")),
     Format("MATLAB 7.3", "MATLAB 7.3 in its first line", lambda d: d[:10] == b"MATLAB 7.3", binary.in_child(binary.hdf5, "h5py"), "h5py"),
     Format("workbook", "a zip archive with xl/ or content.xml", is_workbook, _workbook, "python-calamine"),
@@ -582,4 +587,9 @@ def log_cells(path: Path, separator: str | None = None) -> Cells:
             name,
             code="record.damaged",
         ) from None
+    except RecordError:
+        kind = kind_of_text(data)
+        if kind:
+            raise RecordError(f"this is {kind}, not a log.", name, code="file.another-kind") from None
+        raise
     return replace(cells, layout=replace(cells.layout, format=of.name)) if cells.layout.format == Layout().format else cells
