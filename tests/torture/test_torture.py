@@ -66,6 +66,8 @@ def test_every_number_of_the_decks_has_a_row_and_is_allowed_as_it_stands() -> No
         ("controls.c.sample", "5e-12 [s]"),
         ("conductors.x.htc", "-1000 [W/(m^2 K)]"),
         ("conductors.x.emissivity", "1.5"),
+        ("conductors.x.exchange_factor", "400"),
+        ("packages.u.psi_JT", "-1 [K/W]"),
         ("nodes.b.enthalpy.points.1.1", "1 [MJ/kg]"),
         ("fans.fan.curve.1.1", "40 [Pa]"),
     ],
