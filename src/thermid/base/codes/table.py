@@ -515,6 +515,11 @@ CODES: Final[Mapping[str, CodeMeaning]] = {
         "A fixed coefficient does not change with the wind.",
         "Give `htc = { length = ... }`.",
     ),
+    "run.worker-lost": CodeMeaning(
+        "error",
+        "A worker of a cluster ended while it was at work.",
+        "Start it again, with more memory if it had too little.",
+    ),
     "unit.ambiguous": CodeMeaning(
         "error",
         "The unit is read as another one than was probably meant: mK is the millikelvin, gr the grain.",
