@@ -131,7 +131,7 @@ class Bench:
         run = td.simulate(self.truth, BENCH, times=times)
         channels = {
             f"T_{n}": td.Channel.of(
-                f"T_{n}", run[n].kelvin + 0.05 * rng.standard_normal(times.size), role="node", target=n, noise=0.05, accuracy=0.2
+                f"T_{n}", run[n].kelvin + 0.05 * rng.standard_normal(times.size), unit="K", role="node", target=n, noise=0.05, accuracy=0.2
             )
             for n in self.sensors
         }
