@@ -151,7 +151,7 @@ PARTS = {
     "values": Part("decks with a hostile number, by every way that it comes in", 0.05, values, "20,000"),
     "edges": Part("networks whose run ends on an edge, last sample and extremes against Radau", 0.02, edges, "500"),
     "campaigns": Part("random campaigns, against a separate least-squares fit", 0.02, campaigns, "200"),
-    "accused": Part("right logs that misfit a deck, at most 3 % accused of a mistake", 0.02, accused, "110"),
+    "accused": Part("right logs that misfit a deck, at most 3 % accused of a mistake", 0.02, accused, "121"),
     "kills": Part("jobs killed or on a full disk, at calls that write", 0.1, kills, "each call of eight jobs"),
     "outputs": Part("outputs of commands aimed at inputs, by four names of each", 0.05, outputs, "every output at every file"),
     "hostile": Part("hostile requests to the studio", 0.1, hostile, "10,000"),
