@@ -467,7 +467,7 @@ CODES: Final[Mapping[str, CodeMeaning]] = {
     ),
     "record.values-elsewhere": CodeMeaning(
         "error",
-        "The values of a data set stand in other files, which are not read.",
+        "The values of a data set are in other files, which are not read.",
         "Save them in the file itself.",
     ),
     "result.nothing-to-draw": CodeMeaning(
