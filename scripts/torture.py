@@ -12,6 +12,8 @@ from __future__ import annotations
 import argparse
 import json
 import os
+import re
+import resource
 import subprocess
 import sys
 import tempfile
@@ -85,6 +87,29 @@ def values(seconds: float, seed: int, count: int) -> Found:
     return told("-m", "torture.values", str(count if count < sys.maxsize else max(100, round(seconds / 0.004))), str(seed))
 
 
+def campaigns(seconds: float, seed: int, count: int) -> Found:
+    """Random campaigns against a least-squares fit of its own."""
+    return told("-m", "torture.counts", "campaigns", str(count if count < sys.maxsize else max(2, round(seconds / 0.25))), str(seed))
+
+
+def edges(seconds: float, seed: int, count: int) -> Found:
+    """Networks whose run ends on an edge, against Radau."""
+    return told("-m", "torture.counts", "edges", str(count if count < sys.maxsize else max(2, round(seconds / 0.25))), str(seed))
+
+
+def accused(seconds: float, seed: int, count: int) -> Found:
+    """Right logs under decks that lack something; the seed is the first plant."""
+    number = count if count < sys.maxsize else max(1, round(seconds / 5.0))
+    made = run(str(ROOT / "scripts/accused_logs.py"), "--count", str(number), "--first", str(seed))
+    if made.returncode:
+        return {"counts": {}, "findings": [f"the process ended with {made.returncode}: {made.stderr[-300:]}"]}
+    sums = re.findall(r"^(real|synthetic): (\d+) accused of (\d+), (\d+) misfit", made.stdout, re.MULTILINE)
+    blamed = [line for line in made.stdout.splitlines() if "ACCUSED" in line]
+    counts = {f"{kind} logs, {bad} of which misfit": int(seen) for kind, _, seen, bad in sums}
+    few = all(int(wrong) <= 0.03 * int(seen) for _, wrong, seen, _ in sums)
+    return {"counts": counts, "findings": [] if few else blamed, "measured": {"accused": f"{len(blamed)} of {sum(counts.values())}"}}
+
+
 def kills(seconds: float, seed: int, count: int) -> Found:
     """Jobs that are killed or find the disk full at each call that writes, or at every so many as far as the time allows."""
     every = 1 if count < sys.maxsize else max(1, round(600.0 / max(seconds, 1.0)))
@@ -117,12 +142,16 @@ def logs(seconds: float, seed: int, count: int) -> Found:
 
 PARTS = {
     "python": Part("files read in Python", 0.2, mutants("python"), "50,000"),
+    "readings": Part("logs of every format, binary ones in their process", 0.1, mutants("logs"), "50,000"),
     "commands": Part("files given to commands", 0.1, mutants("commands"), "10,000"),
     "spawned": Part("files given to commands, each in a process of its own", 0.05, mutants("spawned")),
     "calls": Part("arguments of functions", 0.05, mutants("calls")),
     "kernel": Part("random networks of the kernel, against exponentials and scipy", 0.15, kernels),
     "elements": Part("random decks of every kind of element, against Radau at 1e-10", 0.15, elements, "500"),
     "values": Part("decks with a hostile number, by every way that it comes in", 0.05, values, "20,000"),
+    "edges": Part("networks whose run ends on an edge, last sample and extremes against Radau", 0.02, edges, "500"),
+    "campaigns": Part("random campaigns, against a separate least-squares fit", 0.02, campaigns, "200"),
+    "accused": Part("right logs that misfit a deck, at most 3 % accused of a mistake", 0.02, accused, "121"),
     "kills": Part("jobs killed or on a full disk, at calls that write", 0.1, kills, "each call of eight jobs"),
     "outputs": Part("outputs of commands aimed at inputs, by four names of each", 0.05, outputs, "every output at every file"),
     "hostile": Part("hostile requests to the studio", 0.1, hostile, "10,000"),
@@ -145,8 +174,11 @@ def main() -> int:
     whole = sum(PARTS[name].share for name in chosen)
     findings = 0
     for name in chosen:
+        before = resource.getrusage(resource.RUSAGE_CHILDREN)
         found = PARTS[name].run(60.0 * given.minutes * PARTS[name].share / whole, given.seed, given.count)
-        kept[name] = found | {"seed": given.seed, "day": time.strftime("%Y-%m-%d")}
+        after = resource.getrusage(resource.RUSAGE_CHILDREN)
+        minutes = (after.ru_utime + after.ru_stime - before.ru_utime - before.ru_stime) / 60.0
+        kept[name] = found | {"seed": given.seed, "day": time.strftime("%Y-%m-%d"), "minutes": round(minutes, 1)}
         given.kept.parent.mkdir(parents=True, exist_ok=True)
         given.kept.write_text(json.dumps(kept, indent=1) + "\n", encoding="utf-8")
         findings += len(found["findings"])
@@ -164,7 +196,8 @@ def page(kept: dict[str, Found]) -> str:
         of = kept.get(name, {"counts": {}, "findings": [], "seed": "", "day": "not run"})
         every = of.get("of", {})
         aim = f"{4 * every['outputs'] * every['kinds']:,}" if every else part.aim
-        rows.append(f"| {part.title} | {sum(of['counts'].values()):,} | {aim} | {len(of['findings'])} | {of['seed']} | {of['day']} |")
+        ends = f"{len(of['findings'])} | {of['seed']} | {of.get('minutes', '')} | {of['day']} |"
+        rows.append(f"| {part.title} | {sum(of['counts'].values()):,} | {aim} | {ends}")
     by = {how: kept.get(how, {"counts": {}})["counts"] for how in ("python", "commands")}
     kinds = list(dict.fromkeys(name for how in by for name in by[how]))
     inside = {

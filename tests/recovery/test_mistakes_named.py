@@ -11,6 +11,8 @@ from recovery.mistaken import Planted, clean, planted
 from thermid.base.errors import ThermidError
 
 SEED = 20261122
+pytestmark = pytest.mark.filterwarnings("ignore:.*a fit goes on:thermid.base.errors.ThermidWarning")
+"""Said where the machine is slow."""
 
 
 def named(path: Path) -> tuple[tuple[str, str], str]:

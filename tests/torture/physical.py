@@ -196,8 +196,8 @@ NOT_FALLING: Final = ("enthalpy.points.1",)
 """Columns whose rows do not fall: heat that goes in warms."""
 FALLING: Final = ("curve.1",)
 """Columns whose rows fall: stall is not modelled."""
-UNBOUNDED: Final = ("resistance", "resistance_length", "vacuum_resistance_length")
-"""Fields that may be infinite: no path."""
+UNBOUNDED: Final = ("resistance", "resistance_length", "vacuum_resistance_length", "theta_JC", "theta_JB", "R")
+"""Resistances may be infinite: no path."""
 NOT_BELOW: Final = {
     "plate_area": "source_area",
     "melts_to": "melts_from",

@@ -18,13 +18,19 @@ from torture import elements, hostile, logs, outputs, physical, values
 TESTS = Path(__file__).parents[1]
 
 
-@pytest.mark.parametrize(("how", "seconds"), [("python", 4), ("commands", 4), ("calls", 3)])
-def test_a_sample_of_mutants_ends_in_an_answer_or_an_error_of_the_library(how: str, seconds: int) -> None:
+def run_of(how: str, most: int) -> dict[str, Any]:
+    """So many mutants, in a process of their own."""
     environment = {**os.environ, "OMP_NUM_THREADS": "1", "PYTHONPATH": str(TESTS)}
-    command = [sys.executable, "-m", "torture.files", how, str(seconds), "1"]
+    command = [sys.executable, "-m", "torture.files", how, "36000", "1", str(most)]
     run = subprocess.run(command, capture_output=True, text=True, cwd=TESTS, env=environment, check=False)
     assert run.returncode == 0, run.stderr
-    found = json.loads(run.stdout)
+    found: dict[str, Any] = json.loads(run.stdout)
+    return found
+
+
+@pytest.mark.parametrize(("how", "most"), [("python", 300), ("logs", 150), ("commands", 46), ("calls", 300)])
+def test_a_sample_of_mutants_ends_in_an_answer_or_an_error_of_the_library(how: str, most: int) -> None:
+    found = run_of(how, most)
     assert found["findings"] == {}
     assert len(found["counts"]) >= 10
 
@@ -66,6 +72,8 @@ def test_every_number_of_the_decks_has_a_row_and_is_allowed_as_it_stands() -> No
         ("controls.c.sample", "5e-12 [s]"),
         ("conductors.x.htc", "-1000 [W/(m^2 K)]"),
         ("conductors.x.emissivity", "1.5"),
+        ("conductors.x.exchange_factor", "400"),
+        ("packages.u.psi_JT", "-1 [K/W]"),
         ("nodes.b.enthalpy.points.1.1", "1 [MJ/kg]"),
         ("fans.fan.curve.1.1", "40 [Pa]"),
     ],
@@ -135,3 +143,10 @@ def test_logs_and_signals() -> None:
     found = logs.campaign(60.0, 1)
     assert found["findings"] == []
     assert sum(found["counts"].values()) > 40
+
+
+@pytest.mark.campaign
+def test_fifty_thousand_mutants_of_logs() -> None:
+    found = run_of("logs", 50_000)
+    assert found["findings"] == {}
+    assert sum(found["counts"].values()) == 50_000

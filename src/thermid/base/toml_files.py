@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import contextlib
 import json
 import re
 import tomllib
@@ -11,7 +12,7 @@ from pathlib import Path
 from typing import Any
 
 from thermid.base.errors import DeckError, cap, nearest, raising
-from thermid.base.extensions import by_grammar, grammar_of
+from thermid.base.extensions import by_grammar, grammar_of, words_of_kind
 from thermid.base.files import parse_toml, read_text
 
 MARKER = "thermid.toml"
@@ -88,16 +89,13 @@ def read_json(path: Path, kind: str) -> Any:
     return by_grammar(kind, content, Places(str(path)))
 
 
-def refuse_another_kind(content: Mapping[str, Any], wanted: str, where: str) -> None:
-    """Refuse a deck or a campaign where a file of another kind is read.
-
-    Raises
-    ------
-    DeckError   Says what it is.
-    """
-    campaign = {"records", "stages"} <= set(content)
-    if campaign or {"nodes", "submodels"} & set(content):
-        raise DeckError(f"this is a {'campaign' if campaign else 'deck'}, not {wanted}.", where, code="file.another-kind")
+def kind_of_text(data: bytes) -> str:
+    """Return what a text is called that is a TOML or JSON file of a known kind; nothing where it is none."""
+    for read in (tomllib.loads, json.loads):
+        with contextlib.suppress(ValueError, RecursionError):
+            content = read(data.decode("utf-8"))
+            return words_of_kind(content) if isinstance(content, dict) else ""
+    return ""
 
 
 def project_root(start: Path) -> Path:

@@ -270,11 +270,6 @@ def read_campaign(path: str | os.PathLike[str], data: str | os.PathLike[str] | N
     """
     target = Path(path)
     content, lines = read_toml(target)
-    if "stages" not in content and ("nodes" in content or "submodels" in content):
-        raise DeckError(
-            "this is a deck, not a campaign. A campaign has records and stages, and names the deck of each stage under 'model'.",
-            target.name,
-        )
     checked: CampaignFile = by_grammar("thermid.campaign._schema.CampaignFile", content, Places(target.name, lines))
     logs = data if data is not None else os.environ.get(DATA)
     folder = Path(logs).resolve() if logs else None

@@ -13,6 +13,8 @@ from typing import Any
 import numpy as np
 
 from thermid.base.errors import DeckError, errors_at
+from thermid.base.extensions import refuse_another_kind
+from thermid.base.toml_files import Places
 from thermid.base.units import TEMPERATURE
 from thermid.fit.problem import parameter_unknown
 from thermid.model.laws import literal
@@ -50,7 +52,12 @@ def hand_values(path: Path, model: Model, stage: str, where: str) -> Store:
         raise DeckError(f'\'{path.name}\' holds no value. Write rows like "lid.conductance" = "0.21 [W/K]".', where)
     key = hashlib.sha256(json.dumps([stage, data], sort_keys=True, default=str).encode()).hexdigest()
     with errors_at(f"{where}, {path.name}"):
-        return _store({k: _given(k, v, where) for k, v in rows.items()}, model, ValueOrigin("hand", stage, (), key))
+        try:
+            tables = {k: _given(k, v, where) for k, v in rows.items()}
+        except DeckError:
+            refuse_another_kind("values", data, Places(path.name))
+            raise
+        return _store(tables, model, ValueOrigin("hand", stage, (), key))
 
 
 def _given(name: str, row: Any, where: str) -> Mapping[str, Any]:

@@ -14,10 +14,10 @@ from typing import TYPE_CHECKING, Any
 
 from thermid.base.arguments import takes_objects
 from thermid.base.errors import DeckError, NameNotFoundError, ThermidError, errors_at, nearest, refuse_unknown
-from thermid.base.extensions import by_grammar
+from thermid.base.extensions import by_grammar, refuse_another_kind
 from thermid.base.files import OWN, read_bytes, write_text
 from thermid.base.results import Result
-from thermid.base.toml_files import Places, project_root, read_json, read_toml, refuse_another_kind, resolve_inside
+from thermid.base.toml_files import Places, project_root, read_json, read_toml, resolve_inside
 from thermid.base.units import TEMPERATURE, counted
 from thermid.campaign.stages import run_stages
 from thermid.campaign.verdicts import CRITERIA, POLICIES, Criteria, Limits, load_limits, read_limits
@@ -147,9 +147,9 @@ def load_plan(path: str | os.PathLike[str], data: str | os.PathLike[str] | None 
     """
     target = Path(path)
     raw, lines = read_toml(target)
-    refuse_another_kind(raw, "a qualification plan, which names it under [model] beside objectives, limits and tests", target.name)
-    _not_empty(raw, target.name)
     where = Places(target.name, lines)
+    refuse_another_kind("thermid.qualify._plan_schema.PlanFile", raw, where)
+    _not_empty(raw, target.name)
     content: PlanFile = by_grammar("thermid.qualify._plan_schema.PlanFile", raw, where)
     source = content.model
     if bool(source.deck) == bool(source.campaign) or bool(source.campaign) != bool(source.stage):

@@ -10,7 +10,7 @@ from typing import Any
 from thermid.base.arguments import takes_objects
 from thermid.base.errors import ThermidError, errors_at
 from thermid.base.extensions import by_grammar, extension
-from thermid.base.toml_files import Places, read_toml, refuse_another_kind
+from thermid.base.toml_files import Places, read_toml
 from thermid.base.units import TEMPERATURE
 from thermid.model.laws import literal, signal
 from thermid.simulation._network.environment import Environment
@@ -37,7 +37,6 @@ def load_scenario(path: str | os.PathLike[str]) -> Scenario:
     """
     target = Path(path)
     data, lines = read_toml(target)
-    refuse_another_kind(data, "a scenario: boundaries, loads, start, duration", target.name)
     where = Places(target.name, lines)
     data = by_grammar("thermid.simulation._scenarios.schema.ScenarioFile", data, where).written
     fields: dict[str, Any] = {"title": target.stem, **data}

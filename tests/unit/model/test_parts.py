@@ -226,9 +226,9 @@ def test_what_hangs_on_the_test_must_be_marked_too(part: Build) -> None:
         ),
         (
             {"conductors/c": {"kind": "radiation", "between": ["case", "air"], "exchange_factor": 34, "area": "1 [cm^2]"}},
-            "warning",
+            "error",
             "Box, conductors.c.exchange_factor",
-            "model.value-unusual",
+            "value.outside-range",
             "34",
         ),
         (

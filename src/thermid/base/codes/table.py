@@ -472,7 +472,7 @@ CODES: Final[Mapping[str, CodeMeaning]] = {
     ),
     "record.values-elsewhere": CodeMeaning(
         "error",
-        "The values of a data set stand in other files, which are not read.",
+        "The values of a data set are in other files, which are not read.",
         "Save them in the file itself.",
     ),
     "result.nothing-to-draw": CodeMeaning(
@@ -519,6 +519,11 @@ CODES: Final[Mapping[str, CodeMeaning]] = {
         "remark",
         "A fixed coefficient does not change with the wind.",
         "Give `htc = { length = ... }`.",
+    ),
+    "run.worker-lost": CodeMeaning(
+        "error",
+        "A worker of a cluster ended while it was at work.",
+        "Start it again, with more memory if it had too little.",
     ),
     "unit.ambiguous": CodeMeaning(
         "error",

@@ -721,8 +721,8 @@ def _steeper(request: Request, place: _Place) -> MissingElement:
 
 
 def _radiation(request: Request, place: _Place) -> MissingElement:
-    name, area = _free_name(request, f"{place.word}_radiated"), place.area or 0.01
-    start = 0.2 if place.area else min(max(SMALL * place.loss / (6.0 * area), 1e-4), 10.0)
+    name, area = _free_name(request, f"{place.word}_radiated"), place.area or 1.0
+    start = 0.2 if place.area else min(max(SMALL * place.loss / (6.0 * area), 1e-6), 1.0)
     fields = {"exchange_factor": parameter({"value": f"{start!r}", "min": 1e-6}, name), "area": parameter(f"{area!r} [m^2]", name)}
     free = f"{name}.exchange_factor"
     make = _adding("radiation", (free,), conductors={name: Conductor("radiation", (place.node, place.boundary), fields)})

@@ -365,7 +365,7 @@ def hdf5(data: bytes, file: str, separator: str | None) -> Cells:
         if item.external or item.is_virtual:
             how = "a virtual data set" if item.is_virtual else "external storage"
             raise RecordError(
-                f"'{name}' is {how}: its values are kept in other files, which are not read. Save them in this one.",
+                f"'{name}' is {how}: its values are in other files, which are not read. Save them in this one.",
                 file,
                 code="record.values-elsewhere",
             )

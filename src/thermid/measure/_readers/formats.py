@@ -23,6 +23,7 @@ import numpy as np
 
 from thermid.base.errors import RecordError, ThermidError, cap, raising
 from thermid.base.extensions import extension
+from thermid.base.toml_files import kind_of_text
 from thermid.base.units import unit
 from thermid.measure._readers import binary
 from thermid.measure._readers.confined import EndedError
@@ -586,4 +587,9 @@ def log_cells(path: Path, separator: str | None = None) -> Cells:
             name,
             code="record.damaged",
         ) from None
+    except RecordError:
+        kind = kind_of_text(data)
+        if kind:
+            raise RecordError(f"this is {kind}, not a log.", name, code="file.another-kind") from None
+        raise
     return replace(cells, layout=replace(cells.layout, format=of.name)) if cells.layout.format == Layout().format else cells

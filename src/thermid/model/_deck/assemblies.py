@@ -10,6 +10,7 @@ from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
 from fractions import Fraction
 from itertools import pairwise
+from math import isfinite
 from typing import Annotated, Any, Final
 
 from pydantic import Field
@@ -425,7 +426,14 @@ class FanTable(StrictTable):
             plain(text, f"passes.{name}", slot, where("passes"))
             for text, name, slot in zip(self.passes, ("flow", "pressure"), ("m^3/s", "Pa"), strict=True)
         )
-        return f"{pressure / flow**2!r} [Pa s^2/m^6]"
+        quadratic = pressure / flow / flow
+        if not isfinite(quadratic):
+            raise DeckError(
+                f"a flow of {flow:g} m^3/s at {pressure:g} Pa makes no finite resistance. Give a point that the system has.",
+                where("passes"),
+                code="value.outside-range",
+            )
+        return f"{quadratic!r} [Pa s^2/m^6]"
 
 
 def _lowest(k: int, lines: list[tuple[float, float]], points: list[tuple[float, float]]) -> str:

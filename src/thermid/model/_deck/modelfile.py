@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING, Any
 from thermid.base.arguments import takes_objects
 from thermid.base.errors import DeckError, cap, nearest, raising
 from thermid.base.expression import NAME, RESERVED
-from thermid.base.extensions import by_grammar, grammar_of
+from thermid.base.extensions import by_grammar, grammar_of, refuse_another_kind
 from thermid.base.files import read_text
 from thermid.base.toml_files import Places, read_toml, resolve_inside
 from thermid.model._deck.rows import written_out
@@ -28,12 +28,6 @@ if TYPE_CHECKING:
 SCHEMA = "thermid.model._deck.schema"
 ASSEMBLIES = ("packages", "ladders", "coolers", "fans")
 """Groups of a deck whose elements are small decks."""
-_OTHERS = (
-    ({"tests", "limits"}, "this is a qualification plan, not a deck. Run `thermid plan` on it."),
-    ({"duration"}, "this is a scenario, not a deck. Give the deck, and this file with --scenario."),
-    ({"boundaries"}, "this is a scenario, not a deck. Give the deck, and this file with --scenario."),
-)
-"""Keys by which a file of another kind is known."""
 
 
 @takes_objects
@@ -66,11 +60,7 @@ def _load(path: Path, trail: tuple[Path, ...], known: dict[Path, Loaded]) -> Loa
         )
     if here not in known:
         data, lines = read_toml(path)
-        if "stages" in data and "records" in data:
-            raise DeckError("this is a campaign, not a deck. Give a deck named under 'model' of its stages.", path.name)
-        for keys, said in _OTHERS:
-            if keys <= set(data) and not {"nodes", "submodels"} & set(data):
-                raise DeckError(said, path.name)
+        refuse_another_kind(f"{SCHEMA}.Deck", data, Places(path.name, lines))
 
         def use(name: str, where: str) -> Loaded:
             return _load(resolve_inside(path.parent, name, where), (*trail, here), known)

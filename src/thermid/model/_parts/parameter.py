@@ -26,7 +26,7 @@ POSITIVE: Final = tuple(
     unit(u).dimension for u in ("W", "W/K", "W/(m^2 K)", "W/(m K)", "m", "m^2", "kg", "kg/s", "J/K", "J/(kg K)", "K/W", "m^2 K/W")
 )
 """Quantities that cannot be negative: they are fitted by their logarithm."""
-SHARES: Final = ("emissivity", "absorptance")
+SHARES: Final = ("emissivity", "absorptance", "exchange_factor")
 """Fields that physics keeps from 0 to 1."""
 
 

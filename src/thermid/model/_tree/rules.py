@@ -375,16 +375,13 @@ def _unused(view: _View) -> Iterator[Finding]:
             yield Finding("warning", control.where, f"the control '{path}' is declared but nothing names it.", "model.unused")
 
 
-def _fractions(view: _View) -> Iterator[Finding]:
-    """An exchange factor or an exponent of natural convection that is unusual."""
+def _exponents(view: _View) -> Iterator[Finding]:
+    """An exponent of natural convection that is unusual."""
     for c in view.flat.conductors:
-        for name, path in c.fields.items():
-            if name == "exchange_factor" and view.values[path] > 1.0:
-                message = f"an exchange factor of {view.values[path]:g} is above 1, the value between black surfaces."
-                yield Finding("warning", view.flat.parameters.table[path].where, message, "model.value-unusual")
-            if name == "htc.exponent" and view.values[path] > 1.0:
-                message = f"an exponent of {view.values[path]:g} is unusual: natural convection has 1/4 or 1/3. Check it."
-                yield Finding("warning", view.flat.parameters.table[path].where, message, "model.value-unusual")
+        path = c.fields.get("htc.exponent", "")
+        if path and view.values[path] > 1.0:
+            message = f"an exponent of {view.values[path]:g} is unusual: natural convection has 1/4 or 1/3. Check it."
+            yield Finding("warning", view.flat.parameters.table[path].where, message, "model.value-unusual")
 
 
 def _outliers(view: _View) -> Iterator[Finding]:
@@ -539,7 +536,7 @@ RULES: Final[tuple[Rule, ...]] = (
     _loads,
     _outliers,
     _unused,
-    _fractions,
+    _exponents,
     _ranges,
     _shadowed,
     _ties,

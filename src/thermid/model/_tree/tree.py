@@ -616,7 +616,7 @@ class ParameterSet:
         return frozenset(self.literal_behind(p) for p in self.table if p.rpartition(".")[2] in SHARES)
 
     def bounded(self, path: str) -> Parameter:
-        """Return a parameter with the bounds of its deck; those of what is an emissivity or an absorptance lie within 0 and 1."""
+        """Return a parameter with the bounds of its deck; those of a share, such as an emissivity, lie within 0 and 1."""
         given = self.table[path].parameter
         if path not in self._shares:
             return given

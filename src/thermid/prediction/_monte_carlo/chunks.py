@@ -220,11 +220,18 @@ def _by_cluster(job: Job, wanted: Sequence[tuple[int, int]], address: str) -> It
     except (OSError, ValueError) as error:
         raise ScenarioError(f"no cluster responds at '{address}'. Start one: dask scheduler, then dask worker {address}.") from error
     with client:
-        shared = client.scatter(job, broadcast=True)
-        futures = [client.submit(work, shared, first, members, pure=False) for first, members in wanted]
+        lost = ScenarioError(
+            f"a worker of the cluster at '{address}' ended while it was at work. Start it again, with more memory if it had too little.",
+            code="run.worker-lost",
+        )
+        try:
+            shared = client.scatter(job, broadcast=True)
+            futures = [client.submit(work, shared, first, members, pure=False) for first, members in wanted]
+        except (KeyError, OSError) as error:  # the scheduler looks a worker up that is no longer there
+            raise lost from error
         try:
             for future in distributed.as_completed(futures, loop=client.loop):
                 yield future.result()
-        except BaseException:
+        except BaseException as error:
             client.cancel(futures)
-            raise
+            raise (lost if isinstance(error, distributed.KilledWorker) else error) from None

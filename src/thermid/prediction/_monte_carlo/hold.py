@@ -16,7 +16,7 @@ from thermid.base.errors import ScenarioError
 from thermid.base.extensions import by_grammar
 from thermid.base.linear_algebra import Array
 from thermid.base.results import PlottedTrace, Result
-from thermid.base.toml_files import Places, read_toml, refuse_another_kind, resolve_inside
+from thermid.base.toml_files import Places, read_toml, resolve_inside
 from thermid.base.units import TEMPERATURE
 from thermid.model.deck import load_model
 from thermid.model.laws import literal
@@ -464,7 +464,6 @@ def load_hold(path: str | os.PathLike[str]) -> HoldQuestion:
     """
     target = Path(path)
     data, lines = read_toml(target)
-    refuse_another_kind(data, "a hold question, which names the deck under 'model'", target.name)
     where = Places(target.name, lines)
     asked = by_grammar("thermid.prediction._monte_carlo.schema.HoldFile", data, where)
 

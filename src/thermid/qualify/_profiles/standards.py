@@ -11,7 +11,7 @@ from typing import Any, Final
 
 from thermid.base.arguments import takes_objects
 from thermid.base.errors import ScenarioError, nearest, refuse_unknown
-from thermid.base.extensions import by_grammar
+from thermid.base.extensions import by_grammar, grammar_of, refuse_another_kind
 from thermid.base.toml_files import Places, read_toml
 from thermid.measure.steadiness import rule_of
 from thermid.qualify._profiles.profile import KINDS, SLOTS, WORDS, Number, ThermalProfile, number, pair_of
@@ -121,6 +121,8 @@ def load_profile(path: str | os.PathLike[str]) -> ThermalProfile:
     file = Path(path)
     data, lines = read_toml(file)
     where, apart = Places(file.name, lines), "profile" in data
+    if not apart and not {*data} <= {*grammar_of("thermid.qualify._profiles.schema.ProfileTable").model_fields}:
+        refuse_another_kind("thermid.qualify._profiles.schema.ProfileFile", data, where)
     return profile_from(data.get("profile", data), lambda key: where(f"profile.{key}".rstrip(".") if apart else key), file.stem)
 
 
