@@ -2,7 +2,7 @@
 #include <algorithm>
 #include <cmath>
 
-#include "integrator/errors.hpp"
+#include "step/errors.hpp"
 #include "network/knees.hpp"
 
 namespace thermid {

@@ -11,7 +11,7 @@
 #pragma once
 #include <vector>
 
-#include "integrator/slaved.hpp"
+#include "step/slaved.hpp"
 
 namespace thermid {
 

@@ -3,7 +3,7 @@
 #include <algorithm>
 #include <cmath>
 
-#include "integrator/stages.hpp"
+#include "step/stages.hpp"
 
 namespace thermid {
 

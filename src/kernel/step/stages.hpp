@@ -11,7 +11,7 @@
 #pragma once
 #include <vector>
 
-#include "integrator/errors.hpp"
+#include "step/errors.hpp"
 
 namespace thermid {
 

@@ -1,5 +1,5 @@
 // Factors of the iteration matrix: made where they are asked for, or kept and refined.
-#include "integrator/factors.hpp"
+#include "step/factors.hpp"
 
 #include <algorithm>
 #include <cmath>

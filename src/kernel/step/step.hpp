@@ -22,9 +22,9 @@
 #pragma once
 #include <vector>
 
-#include "integrator/factors.hpp"
-#include "integrator/setup.hpp"
-#include "integrator/tableau.hpp"
+#include "step/factors.hpp"
+#include "step/setup.hpp"
+#include "step/tableau.hpp"
 
 namespace thermid {
 

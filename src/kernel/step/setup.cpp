@@ -1,5 +1,5 @@
 // What a run needs before it begins: where parameters and inputs enter, and room for its state and its steps.
-#include "integrator/setup.hpp"
+#include "step/setup.hpp"
 
 #include <algorithm>
 #include <cmath>
@@ -7,8 +7,8 @@
 #include <stdexcept>
 #include <string>
 
-#include "integrator/state.hpp"
-#include "integrator/step.hpp"
+#include "step/state.hpp"
+#include "step/step.hpp"
 
 namespace thermid {
 

@@ -14,7 +14,7 @@
 #include <vector>
 
 #include "algebra/sparse.hpp"
-#include "integrator/setup.hpp"
+#include "step/setup.hpp"
 
 namespace thermid {
 
