@@ -4,7 +4,9 @@
 
 #include <algorithm>
 #include <cmath>
+#include <iterator>
 #include <set>
+#include <utility>
 
 namespace thermid {
 
@@ -120,36 +122,62 @@ void Pattern::row_times(const double* v, int i, double scale, const double* x, d
     rows_times(col.data(), v, begin[i], begin[i + 1], scale, x, y, m);
 }
 
-void Elimination::build(const Pattern& p) {
-    const int n = p.n;
-    full = n > 1500;  // finding the order would cost more than it saves
-    if (full) return;
-    rank.assign(n, -1);
-    order.clear();
-    // The graph of the symmetrised pattern, eliminated node by node; ties go to the first.
-    std::vector<std::set<int>> graph(n);
-    for (int i = 0; i < n; ++i)
+namespace {
+
+using Neighbours = std::vector<std::vector<int>>;
+
+// The graph of the symmetrised pattern, ascending, without the diagonal.
+Neighbours graph_of(const Pattern& p) {
+    Neighbours graph(p.n);
+    for (int i = 0; i < p.n; ++i)
         for (int k = p.begin[i]; k < p.begin[i + 1]; ++k)
             if (p.col[k] != i) {
-                graph[i].insert(p.col[k]);
-                graph[p.col[k]].insert(i);
+                graph[i].push_back(p.col[k]);
+                graph[p.col[k]].push_back(i);
             }
-    std::vector<std::vector<int>> later(n), before(n);
+    for (std::vector<int>& each : graph) {
+        std::sort(each.begin(), each.end());
+        each.erase(std::unique(each.begin(), each.end()), each.end());
+    }
+    return graph;
+}
+
+// Whether a matrix of n nodes with so many entries beside the diagonal, counted on one side, does better as a dense one.
+bool crowded(size_t entries, int n) { return n > 8 && entries > static_cast<size_t>(n) * n / 6; }
+
+}  // namespace
+
+void Elimination::build(const Pattern& p) {
+    const int n = p.n;
+    rank.assign(n, -1);
+    order.clear();
+    // Node by node; ties go to the first.
+    Neighbours graph = graph_of(p), later(n), before(n);
+    std::set<std::pair<size_t, int>> queue;
     size_t entries = 0;
+    for (int i = 0; i < n; ++i) {
+        queue.emplace(graph[i].size(), i);
+        entries += graph[i].size();
+    }
+    full = crowded(entries / 2, n);
+    entries = 0;
+    std::vector<int> met;
     for (int step = 0; step < n && !full; ++step) {
-        int best = -1;
-        for (int i = 0; i < n; ++i)
-            if (rank[i] < 0 && (best < 0 || graph[i].size() < graph[best].size())) best = i;
+        const int best = queue.begin()->second;
+        queue.erase(queue.begin());
         rank[best] = step;
         order.push_back(best);
-        later[best].assign(graph[best].begin(), graph[best].end());
+        later[best].swap(graph[best]);
         entries += later[best].size();
         for (int i : later[best]) {
-            graph[i].erase(best);
-            for (int j : later[best])
-                if (j != i) graph[i].insert(j);
+            queue.erase({graph[i].size(), i});
+            met.clear();
+            std::set_union(graph[i].begin(), graph[i].end(), later[best].begin(), later[best].end(), std::back_inserter(met));
+            met.erase(std::remove_if(met.begin(), met.end(), [=](int k) { return k == i || k == best; }), met.end());
+            graph[i].swap(met);
+            queue.emplace(graph[i].size(), i);
         }
-        full = n > 8 && entries > static_cast<size_t>(n) * n / 6;
+        full = crowded(entries, n);
     }
     if (full) return;
     for (int i : order)
@@ -159,11 +187,15 @@ void Elimination::build(const Pattern& p) {
     for (int i : order) {
         low_col.insert(low_col.end(), before[i].begin(), before[i].end());
         up_col.insert(up_col.end(), later[i].begin(), later[i].end());
-        low_row.resize(low_col.size(), i);
-        up_row.resize(up_col.size(), i);
         low_begin.push_back(static_cast<int>(low_col.size()));
         up_begin.push_back(static_cast<int>(up_col.size()));
     }
+}
+
+double Elimination::products() const {
+    double sum = 0.0;
+    for (int c : low_col) sum += up_begin[rank[c] + 1] - up_begin[rank[c]];
+    return sum;
 }
 
 void SparseLu::resize(const Pattern& p, const Elimination& e) {
@@ -212,48 +244,112 @@ int SparseLu::factor() {
 }
 
 namespace {
-struct Halves { const int *low_row, *low_col, *up_row, *up_col; const double *low, *up, *inv; int n, lows, ups; };
+
+// One half of the factors, row by row in the order in which it is solved; `by` is the way through its entries.
+struct Half { const int *row, *begin, *col; const double* value; int n, by; };
+
+constexpr int LONG = 64;  // nodes from which a row's products are summed in four parts, so that none waits for the one before
+
+// x less a row's products, in the order of the entries.
+template <int BY>
+THERMID_INLINE double row_less(double x, const int* col, const double* value, int first, int last, const double* b) {
+    for (int k = first; k != last; k += BY) x -= value[k] * b[col[k]];
+    return x;
 }
 
-THERMID_CLONES static void substitute(const Halves f, double* b) {
-    for (int k = 0; k < f.lows; ++k) b[f.low_row[k]] -= f.low[k] * b[f.low_col[k]];
-    for (int i = 0; i < f.n; ++i) b[i] *= f.inv[i];
-    for (int k = f.ups - 1; k >= 0; --k) b[f.up_row[k]] -= f.up[k] * b[f.up_col[k]];
+THERMID_INLINE double row_less_in_parts(double x, const int* col, const double* value, int first, int last, const double* b) {
+    double s0 = 0.0, s1 = 0.0, s2 = 0.0, s3 = 0.0;
+    int k = first;
+    for (; k + 4 <= last; k += 4) {
+        s0 += value[k] * b[col[k]];
+        s1 += value[k + 1] * b[col[k + 1]];
+        s2 += value[k + 2] * b[col[k + 2]];
+        s3 += value[k + 3] * b[col[k + 3]];
+    }
+    for (; k < last; ++k) s0 += value[k] * b[col[k]];
+    return x - ((s0 + s1) + (s2 + s3));
+}
+
+// Rows of b (n, m) less x times other rows: columns first to first + 4 N, sums in registers.
+template <int N>
+THERMID_INLINE void columns_less(const Half& f, int r, double* b, int m, int first) {
+    Four sum[N];
+    Four* to = reinterpret_cast<Four*>(b + static_cast<size_t>(f.row[r]) * m + first);
+    for (int q = 0; q < N; ++q) sum[q] = to[q];
+    const int low = f.begin[r], high = f.begin[r + 1];
+    for (int k = f.by > 0 ? low : high - 1; k >= low && k < high; k += f.by) {
+        const Four* from = reinterpret_cast<const Four*>(b + static_cast<size_t>(f.col[k]) * m + first);
+        const double a = -f.value[k];
+        for (int q = 0; q < N; ++q) sum[q] += a * from[q];
+    }
+    for (int q = 0; q < N; ++q) to[q] = sum[q];
+}
+
+// The same for fewer than four columns.
+template <int N>
+THERMID_INLINE void few_less(const Half& f, int r, double* b, int m, int first) {
+    double sum[N];
+    double* to = b + static_cast<size_t>(f.row[r]) * m + first;
+    for (int q = 0; q < N; ++q) sum[q] = to[q];
+    const int low = f.begin[r], high = f.begin[r + 1];
+    for (int k = f.by > 0 ? low : high - 1; k >= low && k < high; k += f.by) {
+        const double *from = b + static_cast<size_t>(f.col[k]) * m + first, a = -f.value[k];
+        for (int q = 0; q < N; ++q) sum[q] += a * from[q];
+    }
+    for (int q = 0; q < N; ++q) to[q] = sum[q];
+}
+
+}  // namespace
+
+THERMID_CLONES static void lower(const Half f, double* b) {
+    for (int r = 0; r < f.n; ++r)
+        b[f.row[r]] = f.n < LONG ? row_less<1>(b[f.row[r]], f.col, f.value, f.begin[r], f.begin[r + 1], b)
+                                 : row_less_in_parts(b[f.row[r]], f.col, f.value, f.begin[r], f.begin[r + 1], b);
+}
+
+THERMID_CLONES static void upper(const Half f, double* b) {
+    for (int r = f.n - 1; r >= 0; --r)
+        b[f.row[r]] = f.n < LONG ? row_less<-1>(b[f.row[r]], f.col, f.value, f.begin[r + 1] - 1, f.begin[r] - 1, b)
+                                 : row_less_in_parts(b[f.row[r]], f.col, f.value, f.begin[r], f.begin[r + 1], b);
+}
+
+THERMID_CLONES static void substitute(const Half f, double* b, int m) {
+    for (int x = 0; x < f.n; ++x) {
+        const int r = f.by > 0 ? x : f.n - 1 - x;
+        if (f.begin[r] == f.begin[r + 1]) continue;
+        int q = 0;
+        for (; q + 20 <= m; q += 20) columns_less<5>(f, r, b, m, q);
+        if (q + 12 <= m) {
+            columns_less<3>(f, r, b, m, q);
+            q += 12;
+        }
+        if (q + 8 <= m) {
+            columns_less<2>(f, r, b, m, q);
+            q += 8;
+        }
+        if (q + 4 <= m) {
+            columns_less<1>(f, r, b, m, q);
+            q += 4;
+        }
+        if (m - q == 3) few_less<3>(f, r, b, m, q);
+        else if (m - q == 2) few_less<2>(f, r, b, m, q);
+        else if (m - q == 1) few_less<1>(f, r, b, m, q);
+    }
 }
 
 void SparseLu::solve(double* b) const {
     if (dense_) return lu_.solve(b);
-    substitute({e_->low_row.data(), e_->low_col.data(), e_->up_row.data(), e_->up_col.data(), low_.data(), up_.data(), inv_.data(), p_->n,
-                static_cast<int>(low_.size()), static_cast<int>(up_.size())},
-               b);
-}
-
-// Rows of b (n, m): minus x times another row, for each entry, first to last or last to first.
-THERMID_CLONES static void substitute(const double* x, const int* row, const int* col, int first, int last, int by, double* b, int m) {
-    for (int k = first; k != last; k += by) {
-        double* THERMID_RESTRICT to = b + static_cast<size_t>(row[k]) * m;
-        const double* THERMID_RESTRICT from = b + static_cast<size_t>(col[k]) * m;
-        const double a = -x[k];
-        int q = 0;
-        for (; q + 20 <= m; q += 20) {
-            Four* y = reinterpret_cast<Four*>(to + q);
-            const Four* z = reinterpret_cast<const Four*>(from + q);
-            y[0] += a * z[0];
-            y[1] += a * z[1];
-            y[2] += a * z[2];
-            y[3] += a * z[3];
-            y[4] += a * z[4];
-        }
-        for (; q + 4 <= m; q += 4) *reinterpret_cast<Four*>(to + q) += a * *reinterpret_cast<const Four*>(from + q);
-        for (; q < m; ++q) to[q] += a * from[q];
-    }
+    const int n = p_->n;
+    lower({e_->order.data(), e_->low_begin.data(), e_->low_col.data(), low_.data(), n, 1}, b);
+    for (int i = 0; i < n; ++i) b[i] *= inv_[i];
+    upper({e_->order.data(), e_->up_begin.data(), e_->up_col.data(), up_.data(), n, -1}, b);
 }
 
 void SparseLu::solve_many(double* b, int m) const {
     if (dense_) return lu_.solve_many(b, m);
-    substitute(low_.data(), e_->low_row.data(), e_->low_col.data(), 0, static_cast<int>(low_.size()), 1, b, m);
+    substitute({e_->order.data(), e_->low_begin.data(), e_->low_col.data(), low_.data(), p_->n, 1}, b, m);
     scale_rows(b, inv_.data(), p_->n, m);
-    substitute(up_.data(), e_->up_row.data(), e_->up_col.data(), static_cast<int>(up_.size()) - 1, -1, -1, b, m);
+    substitute({e_->order.data(), e_->up_begin.data(), e_->up_col.data(), up_.data(), p_->n, -1}, b, m);
 }
 
 }  // namespace thermid

@@ -23,9 +23,10 @@ struct Pattern {
 
 // The order in which a pattern is eliminated (least degree first), and what each row then holds before and after its diagonal.
 struct Elimination {
-    std::vector<int> order, rank, low_begin, low_col, low_row, up_begin, up_col, up_row;
+    std::vector<int> order, rank, low_begin, low_col, up_begin, up_col;
     bool full = false;  // so much fill that a dense matrix does better
     void build(const Pattern& p);
+    double products() const;  // multiplications that the elimination takes
 };
 
 // LU without pivoting. Where a multiplier grows beyond 10 (or the fill is large) a dense one with threshold pivoting takes over, so the

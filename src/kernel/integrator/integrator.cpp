@@ -105,7 +105,7 @@ void Integrator::run(const double* t0_nodes, const double* s0, double t0, double
     }
     r.time = state_.t;
     r.newton = step_.newton;
-    r.factorisations = step_.factorisations;
+    r.factorisations = step_.factors.made;
     r.filled = out.next;
     if (o_.turnings) outputs_.turnings.end();
     r.turnings.swap(outputs_.turnings.found);

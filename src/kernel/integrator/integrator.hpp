@@ -1,13 +1,15 @@
 // One run: adaptive ESDIRK4(3) steps in stage values with projected inputs, forward sensitivities, events, dense output.
 //
+// In ../step:
 //   setup.hpp      what stays the same: the equations C dT/dt = f, where parameters and inputs enter
 //   state.hpp      where the run stands
 //   step.hpp       the step under way and its numbers
 //   slaved.hpp     nodes without delay
 //   errors.hpp     error estimates, tolerances
 //   stages.hpp     Newton in stage values, derivatives of the stages
-//   outputs.hpp    dense output, stored values, turning points
-// Here: the control of the steps (control.cpp), and what changes the state between them: switchings (events.cpp) and samples (samples.cpp).
+//   factors.hpp    the iteration matrix
+// Here: what is seen of a step (outputs.hpp), the control of the steps (control.cpp), and what changes the state between them: switchings
+// (events.cpp) and samples (samples.cpp).
 //
 // At a switching g(T, t, p) = 0 the instant moves with p, so that S jumps:
 //   S+ = S- + (f- - f+) C^-1 dt*/dp,   dt*/dp = -(g_T S + g_p) / (g_T dT/dt + g_t)

@@ -16,7 +16,7 @@
 #pragma once
 #include <vector>
 
-#include "integrator/stages.hpp"
+#include "step/stages.hpp"
 
 namespace thermid {
 

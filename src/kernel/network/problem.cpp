@@ -155,7 +155,8 @@ void Problem::find_pattern() {
                 for (int at : factors[x].of.node)
                     if (factors[x].kind != OF_STATE && at >= 0 && at < n) cols[i].push_back(at);
     pattern.build(n, cols);
-    elimination.build(pattern);
+    if (n <= LARGEST) elimination.build(pattern);
+    else elimination.full = true;  // no integrator that needs an order takes it
     struct Part { int row, end; double sign; };
     std::vector<std::vector<Part>> parts(pattern.size());
     auto add = [&](int i, int j, Part part) {

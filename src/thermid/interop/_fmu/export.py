@@ -298,7 +298,7 @@ def _sources() -> dict[str, bytes]:
     """Return name -> content of the sources of the library."""
     installed = Path(_kernel.__file__).with_name("_sources")
     root = installed if installed.is_dir() else Path(__file__).parents[3] / "kernel"
-    rooms: dict[str, tuple[str, ...]] = dict.fromkeys(("algebra", "network", "integrator", "leastsquares", "fmu"), (".cpp", ".hpp"))
+    rooms: dict[str, tuple[str, ...]] = dict.fromkeys(("algebra", "network", "step", "integrator", "leastsquares", "fmu"), (".cpp", ".hpp"))
     rooms["ensemble"] = ("_lanes.hpp",)
     out = {}
     for room, endings in rooms.items():

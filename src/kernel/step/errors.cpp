@@ -2,10 +2,15 @@
 #include <algorithm>
 #include <cmath>
 
-#include "integrator/errors.hpp"
+#include "step/errors.hpp"
 #include "network/knees.hpp"
 
 namespace thermid {
+
+namespace {
+constexpr double ROUGH = 1e-2;   // accuracy of an estimate, relative to it
+constexpr double CLOSED = 1e-6;  // of the change that closes the heat balance
+}  // namespace
 
 Errors::Errors(Setup& setup, State& state, Step& step, Slaved& slaved)
     : setup_(setup), state_(state), step_(step), slaved_(slaved), p_(setup.p), coef_(setup.coef), d_(setup.d), o_(setup.o), n_(setup.n), np_(setup.np),
@@ -22,7 +27,7 @@ double Errors::error() {
         for (int s = 0; s < STAGES; ++s) e += (WEIGHT[s] - EMBEDDED[s]) * step_.F[s * n + i];
         step_.err[i] = setup_.cap[i] > 0.0 ? step_.h * e : 0.0;
     }
-    step_.lu.solve(step_.err.data());
+    step_.factors.solve(step_.err.data(), ROUGH);
     double worst = 0.0;
     for (int i = 0; i < n_; ++i) {
         // A node that follows a projected input at once sees its small jumps between steps; they are gone at the step's end.
@@ -38,7 +43,7 @@ double Errors::felt(int from, int to) {
     std::fill(felt_.begin(), felt_.end(), 0.0);
     for (int i : {from, to})
         if (i >= 0 && i < n_) felt_[i] += (i == to ? step_.h : -step_.h);
-    step_.lu.solve(felt_.data());
+    step_.factors.solve(felt_.data(), ROUGH);
     double worst = 0.0;
     for (int i = 0; i < n_; ++i)
         if (setup_.cap[i] > 0.0) worst = std::max(worst, std::fabs(felt_[i]));
@@ -135,7 +140,7 @@ double Errors::sensitivity_error() {
         counts_[i] = setup_.cap[i] > 0.0 && !(step_.leftover && slaved_.fast.is[i]);
     }
     if (step_.leftover) filter_sensitivity(step_.err.data(), G_.data());
-    else step_.lu.solve_many(G_.data(), np_);
+    else step_.factors.solve_many(G_.data(), np_, ROUGH);
     double worst = 0.0;
     peak_.assign(np, 0.0);
     largest(peak_.data(), G_.data(), counts_.data(), n_, np_);
@@ -149,7 +154,7 @@ double Errors::sensitivity_error() {
 // along e is left out: of the size of an error times a curvature, it does not show in any output's error and would cost a tenth of the run.
 void Errors::filter_sensitivity(const double* e, double* G) {
     setup_.capacity_term(G, e, -1.0);
-    step_.lu.solve_many(G, np_);
+    step_.factors.solve_many(G, np_, ROUGH);
 }
 
 // Takes out of the end of the step what it errs by in fast nodes after a jump of a projected input (see SHED); heats follow, so that the
@@ -160,7 +165,7 @@ void Errors::improve() {
     for (int k = 0; k < 2; ++k) {
         double* e = shed_[k].data();
         for (int i = 0; i < n_; ++i) e[i] = setup_.cap[i] * last[i];
-        step_.lu.solve(e);
+        step_.factors.solve(e, ROUGH);
         last = e;
     }
     const double *e1 = step_.err.data(), *e2 = shed_[0].data(), *e3 = shed_[1].data();
@@ -193,7 +198,7 @@ void Errors::close_balance() {
     for (int r = 0; r < p_.load.size(); ++r) step_.delta[p_.load.node[r]] += step_.acc_load[r];
     std::fill(step_.delta.begin() + n_, step_.delta.end(), 0.0);  // boundaries stay where they are
     for (int i = 0; i < n_; ++i) step_.delta[i] = step_.h * step_.delta[i] - setup_.cap[i] * (step_.T1[i] - state_.T[i]);
-    step_.lu.solve(step_.delta.data());
+    step_.factors.solve(step_.delta.data(), CLOSED);
     for (int i = 0; i < n_; ++i) step_.T1[i] += step_.delta[i];
     step_.e.lean(GAMMA, step_.delta.data(), step_.acc_con.data(), step_.acc_load.data());
 }

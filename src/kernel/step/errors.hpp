@@ -11,7 +11,7 @@
 #pragma once
 #include <vector>
 
-#include "integrator/slaved.hpp"
+#include "step/slaved.hpp"
 
 namespace thermid {
 
@@ -19,6 +19,7 @@ class Errors {
   public:
     Errors(Setup& setup, State& state, Step& step, Slaved& slaved);
     double tolerance() const;
+    double slope_tolerance() const;
     double error();
     double input_error();
     double unsettled();
@@ -39,7 +40,6 @@ class Errors {
     std::vector<double> shed_[2], felt_, reach_, peak_, bend_, G_, dir_, bb_;
     std::vector<char> counts_;
     double felt(int from, int to);
-    double slope_tolerance() const;
     double sensitivity_error();
     void filter_sensitivity(const double* e, double* G);
     double curvature();

@@ -18,7 +18,7 @@
 #include <utility>
 #include <vector>
 
-#include "integrator/run.hpp"
+#include "step/run.hpp"
 #include "leastsquares/leastsquares.hpp"
 
 namespace thermid {

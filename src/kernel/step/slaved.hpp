@@ -12,8 +12,8 @@
 #pragma once
 #include <vector>
 
-#include "integrator/state.hpp"
-#include "integrator/step.hpp"
+#include "step/state.hpp"
+#include "step/step.hpp"
 
 namespace thermid {
 

@@ -3,18 +3,15 @@
 #include <algorithm>
 #include <cmath>
 
-#include "integrator/stages.hpp"
+#include "step/stages.hpp"
 
 namespace thermid {
 
 namespace {
 // Extrapolates to each stage what a smooth law leaves beyond its tangent, tau^2 (a + b tau), from the two latest instants before it.
-constexpr double BEYOND[STAGES][STAGES] = {{0.0}, {0.0}, {0.0, 0.440896}, {0.0, 2.636, -2.4911}, {0.0, 0.0, -5.2349, 3.3805}, {0.0, 0.0, 0.0, -1.6966, 2.2859}};
-}
+constexpr double NEAR = 1e-4;  // accuracy of a change by Newton's method: the next one sees what it leaves
 
-// a = capacities on the diagonal - length j; rows without a capacity are of the same size then, which LU without pivoting needs.
-THERMID_CLONES static void shifted(double* THERMID_RESTRICT a, const double* THERMID_RESTRICT cap, double length, const double* THERMID_RESTRICT j, int m) {
-    for (int k = 0; k < m; ++k) a[k] = cap[k] - length * j[k];
+constexpr double BEYOND[STAGES][STAGES] = {{0.0}, {0.0}, {0.0, 0.440896}, {0.0, 2.636, -2.4911}, {0.0, 0.0, -5.2349, 3.3805}, {0.0, 0.0, 0.0, -1.6966, 2.2859}};
 }
 
 // What a stage leaves to be solved for: cap (t - t0) - base - h gamma f.
@@ -97,13 +94,6 @@ void Stages::heat_sensitivity(const double* j, const double* S, double* fs) {
     for (int i : slaved_.massless.nodes) std::fill(fs + i * static_cast<size_t>(np_), fs + (i + 1) * static_cast<size_t>(np_), 0.0);
 }
 
-void Stages::iteration_matrix(const double* j) {
-    shifted(step_.lu.data(), setup_.cap_at.data(), step_.h * GAMMA, j, p_.pattern.size());
-    ++step_.factorisations;
-    const int bad = step_.lu.factor();
-    if (bad >= 0) throw Failure{setup_.cap[bad] > 0.0 ? NEWTON_FAILED : SINGULAR_NODE, bad};
-}
-
 // Where the stage would end if every law kept the slopes it has at the start, but for what the stages before found beyond these:
 // (C - h gamma J) (T - T_n) = base + h gamma (f_0 + f_u du + beyond).
 void Stages::guess(int s) {
@@ -116,7 +106,7 @@ void Stages::guess(int s) {
     for (int k : p_.moving)
         if (const double du = step_.e.u[k] - step_.u0[k]; du != 0.0) axpy(guess_.data(), du, step_.fu.data() + k * n, n_);
     for (int i = 0; i < n_; ++i) guess_[i] = base_[i] + step_.h * GAMMA * (step_.F[i] + guess_[i]);
-    step_.lu.solve(guess_.data());
+    step_.factors.solve(guess_.data(), NEAR);
     for (int i = 0; i < n_; ++i) step_.e.t[i] = state_.T[i] + guess_[i];
 }
 
@@ -137,9 +127,9 @@ bool Stages::newton(int s) {
             for (int i = 0; i < n_; ++i) beyond[i] -= step_.delta[i] / (step_.h * GAMMA);
         if (fresh) {
             step_.e.slopes(step_.J1.data());
-            iteration_matrix(step_.J1.data());
+            step_.factors.take(step_.h * GAMMA, step_.J1.data());
         }
-        step_.lu.solve(step_.delta.data());
+        step_.factors.solve(step_.delta.data(), NEAR);
         double size = 0.0;
         // Full steps may hop to and fro over the corner of a clamped law; half ones end there.
         if (it > 8)
@@ -189,7 +179,7 @@ void Stages::sensitivity(int s) {
     step_.S1 = comb_;
     for (int i : slaved_.massless.nodes) std::fill(step_.S1.begin() + i * np, step_.S1.begin() + (i + 1) * np, 0.0);
     step_.e.add_parameters(setup_.parameters, step_.S1.data(), hg);
-    step_.lu.solve_many(step_.S1.data(), np_);
+    step_.factors.solve_many(step_.S1.data(), np_, 1e-2 * errors_.slope_tolerance());
     double* fs = step_.FS.data() + s * m;
     for (int i = 0; i < n_; ++i) {
         xa_[i] = setup_.cap[i] / hg;
@@ -211,7 +201,7 @@ bool Stages::solve() {
     std::fill(step_.acc_load.begin(), step_.acc_load.end(), 0.0);
     const bool heats_wanted = o_.energy || setup_.closes;
     if (heats_wanted) add_energy(0, false);
-    iteration_matrix(step_.J0.data());
+    step_.factors.take(step_.h * GAMMA, step_.J0.data());
     for (int s = 1; s < STAGES; ++s) {
         const double* from[STAGES];
         double w[STAGES];
@@ -232,7 +222,7 @@ bool Stages::solve() {
         if (np_ > 0) {
             if (!setup_.constant) {
                 step_.e.slopes(step_.J1.data());
-                iteration_matrix(step_.J1.data());
+                step_.factors.take(step_.h * GAMMA, step_.J1.data());
             }
             rho_ = std::min(rho_, 0.05);
             sensitivity(s);

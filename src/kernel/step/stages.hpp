@@ -11,7 +11,7 @@
 #pragma once
 #include <vector>
 
-#include "integrator/errors.hpp"
+#include "step/errors.hpp"
 
 namespace thermid {
 
@@ -40,7 +40,6 @@ class Stages {
     void guess(int s);
     bool newton(int s);
     void sensitivity(int s);
-    void iteration_matrix(const double* j);
     void add_energy(int s, bool updated);
 };
 

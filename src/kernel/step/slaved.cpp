@@ -2,7 +2,7 @@
 #include <algorithm>
 #include <cmath>
 
-#include "integrator/slaved.hpp"
+#include "step/slaved.hpp"
 
 namespace thermid {
 

@@ -8,7 +8,7 @@
 //   F, FS      heats of the stages (6, n) [W], their derivatives (6, n, np)
 //   beyond     heats of the stages beyond the tangent at the start (6, n) [W]
 //   J0, J1     df/dT at the start and at the end, as values of the pattern [W/K]
-//   lu         factors of C - h gamma J
+//   factors    of C - h gamma J
 //   d, dd      dT/dt and its derivative in time, at the start (0) and the end (1); sd, sdd: their derivatives in p
 //   in, hint   the inputs' projections over the step, and where in their samples these lie; leftover: some input is more than its projection
 //   worst      of each input, the most that is left over of it
@@ -22,8 +22,9 @@
 #pragma once
 #include <vector>
 
-#include "integrator/setup.hpp"
-#include "integrator/tableau.hpp"
+#include "step/factors.hpp"
+#include "step/setup.hpp"
+#include "step/tableau.hpp"
 
 namespace thermid {
 
@@ -39,13 +40,13 @@ struct Step {
     double h = 0.0, end = 0.0, slack = 1.0;
     Evaluation e;
     std::vector<double> T1, S1, F, FS, beyond, J0, J1, d0, d1, dd0, dd1, sd0, sd1, sdd0, sdd1, delta, err, acc_con, acc_load, drift_next;
-    SparseLu lu;
+    Factors factors;
     std::vector<StepInput> in;
     std::vector<int> hint;
     bool leftover = false;
     std::vector<double> worst, u0, uder0, uder1, fu;
     std::vector<Noise> noise;
-    long newton = 0, factorisations = 0;  // so far in the run
+    long newton = 0;  // iterations so far in the run
     explicit Step(const Setup& setup);
 };
 

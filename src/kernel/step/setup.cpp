@@ -1,5 +1,5 @@
 // What a run needs before it begins: where parameters and inputs enter, and room for its state and its steps.
-#include "integrator/setup.hpp"
+#include "step/setup.hpp"
 
 #include <algorithm>
 #include <cmath>
@@ -7,8 +7,8 @@
 #include <stdexcept>
 #include <string>
 
-#include "integrator/state.hpp"
-#include "integrator/step.hpp"
+#include "step/state.hpp"
+#include "step/step.hpp"
 
 namespace thermid {
 
@@ -77,7 +77,7 @@ State::State(const Setup& s)
     : T(s.n, 0.0), S(static_cast<size_t>(s.n) * s.np, 0.0), entered(s.p.switches(), 0.0), entered_s(s.p.switches() * static_cast<size_t>(s.np), 0.0),
       drift(s.n, 0.0), E_con(s.p.con.size(), 0.0), E_load(s.p.load.size(), 0.0), sampled(s.p.samplers.size(), 0) {}
 
-Step::Step(const Setup& s) : e(s.p, s.coef), in(s.nk), hint(s.nk, -1), noise(s.nk) {
+Step::Step(const Setup& s) : e(s.p, s.coef), factors(s), in(s.nk), hint(s.nk, -1), noise(s.nk) {
     const size_t n = s.n, m = n * s.np;
     for (auto* v : {&T1, &d0, &d1, &dd0, &dd1, &drift_next, &err}) v->assign(n, 0.0);
     for (auto* v : {&S1, &sd0, &sd1, &sdd0, &sdd1}) v->assign(m, 0.0);
@@ -92,7 +92,6 @@ Step::Step(const Setup& s) : e(s.p, s.coef), in(s.nk), hint(s.nk, -1), noise(s.n
         for (auto* v : {&noise[k].b, &noise[k].ab, &noise[k].aab, &noise[k].db, &noise[k].c}) v->assign(n, 0.0);
         for (auto* v : {&noise[k].sb, &noise[k].sc}) v->assign(m, 0.0);
     }
-    lu.resize(s.p.pattern, s.p.elimination);
     acc_con.assign(s.p.con.size(), 0.0);
     acc_load.assign(s.p.load.size(), 0.0);
 }

@@ -12,7 +12,7 @@
 #pragma once
 #include <vector>
 
-#include "integrator/setup.hpp"
+#include "step/setup.hpp"
 
 namespace thermid {
 

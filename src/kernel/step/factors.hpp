@@ -1,0 +1,46 @@
+// Solutions of (C - h gamma J) x = b, the matrix of Newton's method and of everything that is filtered through it.
+//
+// It is factored wherever h or J change, as a rule. With sensitivities every stage has a J of its own, and from KEPT_FROM nodes on six factorisations a
+// step cost more than further solutions: factors are kept then, one set for each rung of a ladder of lengths 2^k, with the J that they were made
+// with, and the true matrix M is met by refinement
+//   x += w M~^-1 (b - M x),   w = 2 / (1 + h / h~)
+// with the kept M~, where h~ is its length; w halves what a wrong length does at the stiff end. A rung is made anew where refinement gains less than
+// a half each time, or where its further solutions have cost as much as new factors would: so no more than twice the least is ever spent.
+//
+//   length     h gamma [s]
+//   accuracy   of x, relative to its largest entry (of each column)
+//   spent      solutions by a rung beyond the first of each system, in columns; price: what factors cost, in the same unit
+#pragma once
+#include <vector>
+
+#include "algebra/sparse.hpp"
+#include "step/setup.hpp"
+
+namespace thermid {
+
+class Factors {
+  public:
+    explicit Factors(const Setup& setup);
+    void take(double length, const double* j);  // throws Failure where no pivot is found
+    void solve(double* b, double accuracy);
+    void solve_many(double* b, int m, double accuracy);  // b is (n, m), row-major
+    long made = 0;
+
+  private:
+    struct Rung { int exponent = 0; double length = 0.0, spent = 0.0; SparseLu lu; };
+    const Setup& setup_;
+    const Pattern& pattern_;
+    const bool kept_;
+    double length_ = 0.0, weight_ = 1.0, price_ = 0.0;
+    bool exact_ = true;      // M is what the rung was made of
+    std::vector<double> a_;  // M, as values of the pattern
+    std::vector<Rung> rungs_;
+    size_t now_ = 0;         // the rung in use
+    std::vector<double> b_, left_, before_, change_, size_;
+    std::vector<char> every_;  // node counts
+    void make(Rung& r);
+    bool refine(double* x, int m, double accuracy);
+    void substitute(double* b, int m) const;
+};
+
+}  // namespace thermid
