@@ -1,4 +1,4 @@
-"""The judge of 95 % bands: on benches against the truth, on logs against readings, never mixed; see docs/coverage-judge.md.
+"""The judge of 95 % bands: on benches against the truth, on logs against readings, never mixed; see docs/coverage.md.
 
 ``python scripts/judge.py`` scores today's code beside persistence, an oracle and the constant width of hindsight in minutes;
 ``--count 200`` makes the full table, ``--rules today,error-model`` judges others beside it, ``today~misfit`` without a part;
@@ -18,12 +18,12 @@ import numpy as np
 from judging import benches as b, scores as s
 from judging.oracle import reachable
 from judging.real import DATA, REAL_SETS, real_rows
-from judging.report import HINDSIGHT, ORACLE, PERSISTENCE, SCALES, difference_table, page_text, scaled_by, table
+from judging.report import BEGIN, END, HINDSIGHT, ORACLE, PERSISTENCE, SCALES, difference_table, scaled_by, section, table
 from judging.rules import rule
 from judging.tasks import Answer, Question, Refusal, Task, distance, question, task, truth
 
 ROOT = Path(__file__).parent.parent
-PAGE = ROOT / "docs" / "coverage-judge.md"
+PAGE = ROOT / "docs" / "coverage.md"
 SEED, COUNT = 20261124, 20
 BESIDE = (PERSISTENCE, ORACLE)
 
@@ -109,7 +109,9 @@ def main() -> None:
     if options.scales:
         SCALES.write_text(json.dumps(scaled_by(rows), indent=1), encoding="utf-8")
     if options.page:
-        PAGE.write_text(page_text(rows, made), encoding="utf-8")
+        text = PAGE.read_text(encoding="utf-8")
+        before, _, rest = text.partition(BEGIN)
+        PAGE.write_text(f"{before.rstrip()}\n\n{section(rows, made)}{rest.partition(END)[2] or chr(10)}", encoding="utf-8")
 
 
 if __name__ == "__main__":
