@@ -90,13 +90,19 @@ def main() -> None:
     parser.add_argument("--synthetic", action="store_true", help="call the records of benches synthetic")
     parser.add_argument("--data", type=Path, default=DATA, help="folder of the logs")
     parser.add_argument("--save", type=Path, help="write every row")
+    parser.add_argument("--rows", type=Path, nargs="*", help="rows of earlier judgements, shown together instead of judging")
     parser.add_argument("--against", type=Path, help="rows of an earlier judgement: print paired differences")
     parser.add_argument("--pair", default="", help="a rule of this judgement to print the first rule's differences from")
     parser.add_argument("--scales", action="store_true", help="write the standard deviations by which scores are divided anew")
     parser.add_argument("--page", action="store_true", help=f"write docs/{PAGE.name}")
     options = parser.parse_args()
-    rows, seconds = every_row(options)
-    made = f"seed {options.seed}, {options.count} benches a family, {sum(seconds.values()) / 60:.1f} minutes of processor time"
+    if options.rows:
+        kept = [json.loads(f.read_text(encoding="utf-8")) for f in options.rows]
+        rows, made = [s.Row.from_dict(r) for k in kept for r in k["rows"]], "; ".join(k["made"] for k in kept)
+    else:
+        rows, seconds = every_row(options)
+        sets = ", ".join(n for n in seconds) if options.only else "all sets"
+        made = f"{sets}: seed {options.seed}, {options.count} benches a family, {sum(seconds.values()) / 60:.1f} minutes of processor time"
     print(table(rows), f"\n{made}", sep="\n")
     if options.save:
         options.save.write_text(json.dumps({"made": made, "rows": [r.to_dict() for r in rows]}), encoding="utf-8")
