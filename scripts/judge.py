@@ -1,4 +1,4 @@
-"""The judge of 95 % bands: on benches against the truth, on logs against readings, never mixed; see docs/coverage-judge.md.
+"""The judge of 95 % bands: on benches against the truth, on logs against readings, never mixed; see docs/coverage.md.
 
 ``python scripts/judge.py`` scores today's code beside persistence, an oracle and the constant width of hindsight in minutes;
 ``--count 200`` makes the full table, ``--rules today,error-model`` judges others beside it, ``today~misfit`` without a part;
@@ -18,12 +18,12 @@ import numpy as np
 from judging import benches as b, scores as s
 from judging.oracle import reachable
 from judging.real import DATA, REAL_SETS, real_rows
-from judging.report import HINDSIGHT, ORACLE, PERSISTENCE, SCALES, difference_table, page_text, scaled_by, table
+from judging.report import BEGIN, END, HINDSIGHT, ORACLE, PERSISTENCE, SCALES, difference_table, scaled_by, section, table
 from judging.rules import rule
 from judging.tasks import Answer, Question, Refusal, Task, distance, question, task, truth
 
 ROOT = Path(__file__).parent.parent
-PAGE = ROOT / "docs" / "coverage-judge.md"
+PAGE = ROOT / "docs" / "coverage.md"
 SEED, COUNT = 20261124, 20
 BESIDE = (PERSISTENCE, ORACLE)
 
@@ -90,13 +90,19 @@ def main() -> None:
     parser.add_argument("--synthetic", action="store_true", help="call the records of benches synthetic")
     parser.add_argument("--data", type=Path, default=DATA, help="folder of the logs")
     parser.add_argument("--save", type=Path, help="write every row")
+    parser.add_argument("--rows", type=Path, nargs="*", help="rows of earlier judgements, shown together instead of judging")
     parser.add_argument("--against", type=Path, help="rows of an earlier judgement: print paired differences")
     parser.add_argument("--pair", default="", help="a rule of this judgement to print the first rule's differences from")
     parser.add_argument("--scales", action="store_true", help="write the standard deviations by which scores are divided anew")
     parser.add_argument("--page", action="store_true", help=f"write docs/{PAGE.name}")
     options = parser.parse_args()
-    rows, seconds = every_row(options)
-    made = f"seed {options.seed}, {options.count} benches a family, {sum(seconds.values()) / 60:.1f} minutes of processor time"
+    if options.rows:
+        kept = [json.loads(f.read_text(encoding="utf-8")) for f in options.rows]
+        rows, made = [s.Row.from_dict(r) for k in kept for r in k["rows"]], "; ".join(k["made"] for k in kept)
+    else:
+        rows, seconds = every_row(options)
+        sets = ", ".join(n for n in seconds) if options.only else "all sets"
+        made = f"{sets}: seed {options.seed}, {options.count} benches a family, {sum(seconds.values()) / 60:.1f} minutes of processor time"
     print(table(rows), f"\n{made}", sep="\n")
     if options.save:
         options.save.write_text(json.dumps({"made": made, "rows": [r.to_dict() for r in rows]}), encoding="utf-8")
@@ -109,7 +115,9 @@ def main() -> None:
     if options.scales:
         SCALES.write_text(json.dumps(scaled_by(rows), indent=1), encoding="utf-8")
     if options.page:
-        PAGE.write_text(page_text(rows, made), encoding="utf-8")
+        text = PAGE.read_text(encoding="utf-8")
+        before, _, rest = text.partition(BEGIN)
+        PAGE.write_text(f"{before.rstrip()}\n\n{section(rows, made)}{rest.partition(END)[2] or chr(10)}", encoding="utf-8")
 
 
 if __name__ == "__main__":

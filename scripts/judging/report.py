@@ -113,7 +113,8 @@ def difference_table(before: Sequence[s.Row], after: Sequence[s.Row]) -> str:
     return "\n".join(lines)
 
 
-PAGE_HEAD = """# The judge of bands
+BEGIN, END = "<!-- judge: begin -->", "<!-- judge: end -->"
+PAGE_HEAD = """## The judge of bands
 
 Made by `python scripts/judge.py --page` ({made}). What each column says:
 
@@ -140,9 +141,9 @@ the first rule's centre that holds 95 %, known afterwards. Of the three the scor
 """
 
 
-def page_text(rows: Sequence[s.Row], made: str) -> str:
-    """Return the page."""
-    return PAGE_HEAD.format(made=made, families=len(FAMILIES)) + table(rows) + "\n"
+def section(rows: Sequence[s.Row], made: str) -> str:
+    """Return the section of the page."""
+    return f"{BEGIN}\n\n{PAGE_HEAD.format(made=made, families=len(FAMILIES))}{table(rows)}\n\n{END}"
 
 
 def scaled_by(rows: Sequence[s.Row]) -> dict[str, dict[str, float]]:

@@ -7,7 +7,7 @@ test. Seeds up to 515 were seen while the method was made.
 from __future__ import annotations
 
 import sys
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cache
 from typing import Any
 
@@ -15,6 +15,7 @@ import numpy as np
 import pytest
 
 import thermid as td
+from thermid.inference._explain import defects
 from thermid.physics.constants import ICE_POINT
 from thermid.prediction.bands import predict, predict_record
 
@@ -153,6 +154,26 @@ def test_a_proved_defect_carries_the_prediction(defect: str, named: str) -> None
     for unsought in (plain, drawn, predict_record(fit, fit.request.records[0])):
         assert any("were not looked for" in w for w in unsought.warnings)
     assert not any("were not looked for" in w for w in told.warnings)
+
+
+def test_what_no_defect_explains_costs_no_refit(monkeypatch: pytest.MonkeyPatch) -> None:
+    """A room that wanders beside its log leaves large residuals; one step with each defect takes little off, and a refit is forty."""
+
+    def refused(*_: object) -> td.Calibration:
+        raise AssertionError("a refit was made")
+
+    monkeypatch.setattr(defects, "_refit", refused)
+    rng = np.random.default_rng(3)
+    steps = rng.standard_normal(TIMES.size)
+    wander = 0.5 * np.array([sum(0.96 ** (k - j) * steps[j] for j in range(k + 1)) for k in range(TIMES.size)]) * (1 - 0.96**2) ** 0.5
+    asked = run_of((WATTS, 0.4 * WATTS))
+    room = asked.with_(boundaries={"air": (TIMES, [f"{AIR + w} [degC]" for w in wander])})
+    run = td.simulate(td.model_from_dict(deck()), room, times=TIMES)
+    log = log_of(td.model_from_dict(deck()), rng, "none")
+    seen = {n: replace(log[n], values=run[n].kelvin + NOISE * rng.standard_normal(TIMES.size)) for n in ("board", "case")}
+    fit = td.calibrate(td.model_from_dict(deck()), replace(log, channels={**log.channels, **seen}), FREE)
+    assert defects.asks(fit)
+    assert predict(fit, asked, times=TIMES[::30]).explanation == ""
 
 
 MISSED = {"hidden mass": "half-widths of 3.9 and 3.1 times the RMS error in 20 and 40 draws"}

@@ -34,4 +34,4 @@ from thermid.campaign._judge.margins import (
     margins as margins,
 )
 from thermid.campaign._judge.metrics import largest as largest, metric as metric
-from thermid.campaign._judge.verdict import Verdict as Verdict, compare as compare, second_opinions as second_opinions, validate as validate
+from thermid.campaign._judge.verdict import Verdict as Verdict, compare as compare, validate as validate

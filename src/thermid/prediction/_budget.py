@@ -12,7 +12,7 @@ import numpy as np
 from thermid.base.arguments import takes_objects
 from thermid.base.dual import value_of
 from thermid.base.errors import IdentificationError, NameNotFoundError, ScenarioError, SolverError
-from thermid.base.linear_algebra import Array, quadratic_forms, square_root, symmetric_inverse
+from thermid.base.linear_algebra import Array, quadratic_forms, symmetric_inverse
 from thermid.fit.calibration import Calibration
 from thermid.fit.discrepancy import (
     EXPECTED,
@@ -532,7 +532,10 @@ class Budget:
         return self.beside([source], source.name, [Target(n, "node") for n in sizes], np.array(list(sizes.values()))[:, None])
 
     def with_kinds(self, seen: KindsSeen, kind: str, tied: Mapping[str, tuple[str, ...]]) -> Budget:
-        """Return it with the deviations of a kind of run, and with what those of the fitted kinds did to the fitted values.
+        """Return it with the deviations of a kind of run.
+
+        What those of other kinds did to the fitted values is not carried on: along directions that no reading decides a fit follows a
+        deviation without bound, and a prediction has no reading that takes it back.
 
         Parameters
         ----------
@@ -551,18 +554,12 @@ class Budget:
         if kind in moved:
             rows = [names.index(n) for n in free if n in names]
             gain[rows] -= moved[kind][[free.index(names[r]) for r in rows]] * sizes
-        others = sum((m * sizes) @ (m * sizes).T for k, m in moved.items() if k != kind) + np.zeros((len(free), len(free)))
-        root = square_root(others, drop=True) if len(free) else np.zeros((0, 0))
-        held = [k for k, n in enumerate(free) if " " not in n and n not in fixed]
-        known = {t.name: t for t in self.targets}
-        own = [Target(free[k], known[free[k]].form if free[k] in known else "log", tied.get(free[k], ())) for k in held]
         words = seen.words
         acting = [k for k, n in enumerate(names) if n not in fixed]
         targets = [Target(names[k], "log", tied.get(names[k], ())) for k in acting]
         sources = [Source(f"kind of run: {names[k]}", "structural", Normal(), words) for k in acting]
         gain = gain[np.ix_(acting, acting)]
-        fitted = [Source(f"kinds that were fitted: {k + 1}", "structural", Normal(), words) for k in range(root.shape[1])]
-        return self.beside(sources, KINDS, targets, gain).beside(fitted, KINDS, own, root[held])
+        return self.beside(sources, KINDS, targets, gain)
 
     def with_stated(self, given: Sequence[Spread | Groups]) -> Budget:
         """Return it with what is stated."""

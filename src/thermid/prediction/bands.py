@@ -1,7 +1,6 @@
 """Predictions with bands: of scenarios, of records, before any test; their sources of uncertainty."""
 
 from thermid.prediction._budget import SILENT as SILENT, UNFITTED as UNFITTED, Spread as Spread, assumed_values as assumed_values
-from thermid.prediction._conformal import SecondOpinion as SecondOpinion, second_opinion as second_opinion
 from thermid.prediction._hand import Filed as Filed, filed as filed, hand_values as hand_values
 from thermid.prediction._known import Known as Known
 from thermid.prediction._predict import (

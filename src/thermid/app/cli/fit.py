@@ -49,7 +49,7 @@ from thermid.fit.estimation import estimated
 from thermid.fit.problem import LocalSpec
 from thermid.model.laws import literal
 from thermid.prediction import bands as prediction
-from thermid.prediction.bands import predict_record, second_opinion
+from thermid.prediction.bands import predict_record
 from thermid.prediction.members import load_hold
 from thermid.reporting import pages as page
 from thermid.reporting.objects import calibration_object, campaign_object, campaign_standing, retune_object
@@ -322,14 +322,9 @@ def _predict_records(
         lines.append(
             f"{len(scores)} runs: {100 * sum(t.inside() for t in scores) / len(scores):.0f} % of the readings inside their 95 % bands"
         )
-    fresh = [t for t in scores if t.record not in fit.records]
-    opinion = second_opinion(fresh)
-    if len(fresh) < len(scores):
-        lines.append(f"fitted by the stage itself: {', '.join(t.record for t in scores if t.record in fit.records)}")
-    if opinion is not None:
-        lines.append(str(opinion))
-    said = {"records": [t.to_dict() for t in scores], "second_opinion": opinion.to_dict() if opinion is not None else None}
-    say(as_json, {"stage": name, **said}, "\n".join(lines), verbose)
+    if seen := [t.record for t in scores if t.record in fit.records]:
+        lines.append(f"fitted by the stage itself: {', '.join(seen)}")
+    say(as_json, {"stage": name, "records": [t.to_dict() for t in scores]}, "\n".join(lines), verbose)
     leave(fit.standing)
 
 

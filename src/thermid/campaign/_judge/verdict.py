@@ -26,7 +26,7 @@ from thermid.fit.problem import Request, SensorStatistics, SensorTrace
 from thermid.measure.records import Record
 from thermid.model.parameters import UNJUDGED, Standing
 from thermid.model.tree import Model
-from thermid.prediction.bands import RecordPrediction, SecondOpinion, record_bands, record_request, second_opinion
+from thermid.prediction.bands import RecordPrediction, record_bands, record_request
 from thermid.simulation.scenarios import Scenario
 
 FILE = "looks.json"
@@ -286,13 +286,3 @@ def compare(model: Model, record: Record, *, scenario: Scenario | None = None, w
     """
     request = Request(model, (record,), scenarios={"*": scenario} if scenario else {}, held_errors={}, window=window, fit_start=False)
     return fit(request)
-
-
-def second_opinions(verdicts: Sequence[Verdict]) -> dict[str, SecondOpinion]:
-    """Return model -> what its hold-out records alone say of the 95 % bands; models without bands on any are left out."""
-    runs: dict[str, dict[str, RecordPrediction]] = {}
-    for v in verdicts:
-        if v.bands is not None and v.bands.bands:
-            runs.setdefault(v.model, {})[v.record] = v.bands
-    found = {model: second_opinion(list(judged.values())) for model, judged in runs.items()}
-    return {model: opinion for model, opinion in found.items() if opinion is not None}

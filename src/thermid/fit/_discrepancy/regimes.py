@@ -2,7 +2,7 @@
 
 A kind of run is told by what acts in it (`regime_runs.kind_of_run`), not by a label. In a kind of its own every coefficient, power and mass
 of the model lies a factor away from where a fit to several kinds puts it; the sizes of these factors are estimated over the kinds. A
-prediction of a kind that no fit has seen carries such a deviation of its own, and what those of the fitted kinds did to the fit.
+prediction of a kind that no fit has seen carries such a deviation of its own; of one that was fitted, what the fit has not followed of it.
 """
 
 from __future__ import annotations

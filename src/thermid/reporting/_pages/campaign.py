@@ -15,7 +15,7 @@ from thermid.base.errors import ThermidError
 from thermid.base.sourced import VERDICTS
 from thermid.base.units import from_si, unit
 from thermid.campaign.stages import Campaign, JointFit
-from thermid.campaign.verdicts import Verdict, largest, metric, second_opinions
+from thermid.campaign.verdicts import Verdict, largest, metric
 from thermid.fit.calibration import Calibration
 from thermid.fit.problem import SensorTrace
 from thermid.fit.uncertainty import MOVED, NOT_REJECTED, UNDECIDED, Move, MovedGroup
@@ -256,7 +256,7 @@ def _bands(campaign: Campaign) -> tuple[Table | None, list[str]]:
             worst = f"{w.begin / 60:.3g} to {w.end / 60:.3g} min: {100 * w.inside:.0f} % inside, centre off by {w.rmse:.2g} K"
             rows.append([*first, sensor, f"{100 * b.inside():.0f}", number(float(b.half_width().mean()), 2), worst])
     remarks = list(dict.fromkeys(f"{model}: {words}" for (model, _), run in judged.items() for words in run.warnings))
-    return Table.of(columns, rows), [*remarks, *(f"{model}: {opinion}" for model, opinion in second_opinions(campaign.verdicts).items())]
+    return Table.of(columns, rows), remarks
 
 
 def _dots(campaign: Campaign) -> list[Dots]:

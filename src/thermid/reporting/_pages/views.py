@@ -16,7 +16,6 @@ import numpy as np
 from thermid.base.linear_algebra import Array
 from thermid.campaign.stages import Campaign, next_command
 from thermid.campaign.studies import RetunePlan
-from thermid.campaign.verdicts import second_opinions
 from thermid.fit.calibration import Calibration
 from thermid.fit.uncertainty import Moves
 from thermid.physics.constants import ICE_POINT
@@ -229,7 +228,6 @@ def campaign_object(campaign: Campaign, values: list[str]) -> dict[str, Any]:
         "stages": [{**calibration_object(fit), **_advice(campaign, name)} for name, fit in campaign.stages.items()],
         **({"joint": calibration_object(campaign.joint)} if campaign.joint is not None else {}),
         "verdicts": [v.to_dict() for v in campaign.verdicts],
-        "second_opinions": {model: opinion.to_dict() for model, opinion in second_opinions(campaign.verdicts).items()},
         "passed": campaign.passed,
         "values_files": values,
     }
