@@ -18,7 +18,7 @@ from thermid.reporting._diagrams.layout import clipped, width_of
 from thermid.reporting._diagrams.places import Card, Places, Point, places
 from thermid.simulation.network import Numbers, compile_network
 
-SMALLEST: Final = 9.5
+SMALLEST: Final = 10.5
 """Letters of badges and labels. [px]"""
 NAME: Final = 11.0
 """Letters of names. [px]"""
@@ -43,7 +43,7 @@ CSS: Final = """
 .thermid-map text{fill:var(--m-ink)}.thermid-map .paper{fill:var(--m-paper)}
 .thermid-map .card{fill:var(--m-card);stroke:var(--m-edge);stroke-width:1.2}.thermid-map .hub{stroke-width:2.4}
 .thermid-map .node{fill:var(--m-node)}.thermid-map .massless{fill:none;stroke:var(--m-edge);stroke-dasharray:2 2}
-.thermid-map .name{font-weight:600}.thermid-map .soft{fill:var(--m-soft)}.thermid-map .load{fill:var(--m-load)}
+.thermid-map .name{font-weight:600}.thermid-map .m-soft{fill:var(--m-soft)}.thermid-map .load{fill:var(--m-load)}
 .thermid-map .dark text,.thermid-map text.dark{fill:#1c2430}.thermid-map text.load.dark{fill:#8a3400}
 .thermid-map .wire{fill:none;stroke:var(--m-wire);stroke-width:1.4;stroke-linejoin:round}.thermid-map .head{fill:var(--m-wire)}
 .thermid-map .dotted{stroke-linecap:round;stroke-width:2.4}
@@ -225,7 +225,8 @@ def _item(
     watts_ = [v for v in known.values() if v is not None]
     power = f"+{quantity(sum(watts_), 'W')}" if watts_ and (sum(watts_) or powers is not None) else ""
     power = "as logged" if loads and not known else power
-    said = "; ".join(f"{path} into {node}: {'no power' if v is None else quantity(v, 'W')}" for path, v in known.items())
+    texts = {path: "" if v is None else quantity(v, "W") for path, v in known.items()}
+    said = "; ".join(f"{x.path} into {node}: {texts.get(x.path, 'as logged')}" for x in loads)
     mine = tuple(badges.get(node, ()))
     fields = next(n.fields for n in shown.plain.flat.nodes if n.path == node)
     part = f"{node}." in shown.plain.parts
@@ -338,7 +339,7 @@ def _row(item: _Item, x: float, y: float, dark: str, key: str, bold: bool) -> It
         yield _text(x + 5.0, y + 3.5, badge.text, SMALLEST, "", badge.tip)
         x += badge.width + 5.0
     if item.more:
-        yield _text(x, y + 3.5, f"+{item.more}", SMALLEST, f"soft{dark}")
+        yield _text(x, y + 3.5, f"+{item.more}", SMALLEST, f"m-soft{dark}")
 
 
 def _labels(drawing: _Drawing, plan: Places) -> Iterator[str]:
@@ -353,7 +354,8 @@ def _labels(drawing: _Drawing, plan: Places) -> Iterator[str]:
         wide = _room(words, SMALLEST) + 8.0
         for x, y in _along(plan.lines[pair]):
             box = (x - 0.5 * wide, y - 8.0, x + 0.5 * wide, y + 7.0)
-            if all(box[2] <= t[0] or t[2] <= box[0] or box[3] <= t[1] or t[3] <= box[1] for t in taken):
+            inside = box[0] >= 0.0 and box[2] <= plan.width and box[1] >= 0.0
+            if inside and all(box[2] <= t[0] or t[2] <= box[0] or box[3] <= t[1] or t[3] <= box[1] for t in taken):
                 taken.append(box)
                 place = f'x="{x:.1f}" y="{y + 3.5:.1f}" text-anchor="middle" font-size="{SMALLEST:g}"'
                 yield f'<text {place} class="halo label">{escape(words)}</text>'
@@ -387,22 +389,22 @@ def _legend(drawing: _Drawing, plan: Places, title: str) -> Iterator[str]:
         if x + 52.0 + width_of(word, NAME) > plan.width:
             break
         yield f'<path class="wire {style}" d="M{x:.1f} {y + 32:.1f}h26"{dash}/>'
-        yield _text(x + 32.0, y + 36.0, word, NAME, "soft")
+        yield _text(x + 32.0, y + 36.0, word, NAME, "m-soft")
         x += 50.0 + width_of(word, NAME)
     x, y = 14.0, y + 55.0
     known = drawing.tinted.values()
     if known:
         low, high = min(known), max(known)
         ends = [f"{t - ICE_POINT:.1f} °C" for t in (low, high)]
-        yield _text(x, y, ends[0], NAME, "soft")
+        yield _text(x, y, ends[0], NAME, "m-soft")
         x += width_of(ends[0], NAME) + 8.0
         for k in range(24):
             colour = tint(low + (high - low) * k / 23, {"low": low, "high": high})
             yield f'<rect x="{x + 4 * k:.1f}" y="{y - 9:.1f}" width="4.3" height="11" style="fill:{colour}"/>'
-        yield _text(x + 104.0, y, ends[1], NAME, "soft")
+        yield _text(x + 104.0, y, ends[1], NAME, "m-soft")
         x += 124.0 + width_of(ends[1], NAME)
     most = _most(drawing, plan)
     if most > 0.0:
-        yield f'<path class="wire" d="M{x:.1f} {y - 4:.1f}h26" style="stroke-width:1"/>' + _text(x + 32.0, y, "0 W", NAME, "soft")
+        yield f'<path class="wire" d="M{x:.1f} {y - 4:.1f}h26" style="stroke-width:1"/>' + _text(x + 32.0, y, "0 W", NAME, "m-soft")
         yield f'<path class="wire" d="M{x + 70:.1f} {y - 4:.1f}h26" style="stroke-width:{THICK}"/>'
-        yield _text(x + 104.0, y, quantity(most, "W", 2), NAME, "soft")
+        yield _text(x + 104.0, y, quantity(most, "W", 2), NAME, "m-soft")
