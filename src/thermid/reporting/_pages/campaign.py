@@ -302,8 +302,8 @@ def _prediction(key: str, title: str, solution: Solution, campaign: Campaign) ->
     powers = {load: float(np.broadcast_to(w, solution.times.shape)[-1]) for load, w in solution.load_powers.items()}
     end = f"{title}: temperatures at the end"
     flows = {name: float(w[-1]) for name, w in solution.heat_flows.items()}
-    told = {"temperatures": final, "flows": flows, "powers": powers}
-    pictures = [_inline(network_map(m, **told, title=end)) for m in _models_of(solution, campaign)]
+    models = _models_of(solution, campaign)
+    pictures = [_inline(network_map(m, temperatures=final, flows=flows, powers=powers, title=end)) for m in models]
     length = duration(float(solution.times[-1] - solution.times[0]))
     return {
         "key": key,
