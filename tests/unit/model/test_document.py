@@ -8,6 +8,7 @@ from pathlib import Path
 import pytest
 
 from thermid.base.errors import DeckError, ThermidError
+from thermid.base.files import command as as_command, was_read
 from thermid.model.deck import DeckDocument, Edit, load_model
 
 BOX = Path(__file__).parents[3] / "examples" / "box" / "box.toml"
@@ -151,6 +152,11 @@ def test_a_file_that_somebody_changed_meanwhile_is_not_overwritten(tmp_path: Pat
     document.save()
     assert file.read_bytes() == document.text.encode()
     document.undo().save()  # the file says what was undone
+    with as_command():
+        document = DeckDocument.opened(file).with_values({"n0.capacitance": "6 [J/K]"})
+        was_read(file)
+        document.save()  # a file that was read is written over: it is the document's own
+    assert file.read_bytes() == document.text.encode()
     file.write_bytes(file.read_bytes() + b"# mine\n")
     with pytest.raises(DeckError, match="changed by somebody else"):
         document.save()

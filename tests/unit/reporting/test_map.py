@@ -19,7 +19,7 @@ from thermid.app.cli.app import main
 from thermid.model.tree import flatten
 from thermid.reporting._diagrams import map as drawn
 from thermid.reporting._diagrams.map import network_map
-from thermid.reporting._diagrams.places import DEEP, MOST_ROWS, STEP, Places, docked, places
+from thermid.reporting._diagrams.places import CARD_ROWS, DEEP, PLACE_STEP, MapPlaces, docked, places
 
 BOX = Path(__file__).parents[3] / "examples" / "box" / "box.toml"
 
@@ -32,11 +32,11 @@ def chain(count: int, ring: bool = False) -> td.Model:
     return td.model_from_dict({"title": f"chain {count}", "needs": ["air"], "nodes": nodes, "conductors": links | {"out": out}})
 
 
-def mapped(model: td.Model, **more: object) -> tuple[str, Places]:
+def mapped(model: td.Model, **more: object) -> tuple[str, MapPlaces]:
     """Return the picture of a model and its places."""
-    made: list[Places] = []
+    made: list[MapPlaces] = []
 
-    def kept(*given: object) -> Places:
+    def kept(*given: object) -> MapPlaces:
         made.append(places(*given))  # type: ignore[arg-type]
         return made[-1]
 
@@ -44,7 +44,7 @@ def mapped(model: td.Model, **more: object) -> tuple[str, Places]:
         return network_map(model, **more), made[-1]  # type: ignore[arg-type]
 
 
-def under(plan: Places) -> int:
+def under(plan: MapPlaces) -> int:
     """Return how many lines pass under a card that is not one of their ends, looked at every pixel."""
     seat, found = {node: card for card in plan.cards for node in card.nodes}, 0
     low = np.array([(c.x, c.y) for c in plan.cards])
@@ -57,7 +57,7 @@ def under(plan: Places) -> int:
     return found
 
 
-def crossings(plan: Places) -> int:
+def crossings(plan: MapPlaces) -> int:
     """Return how often lines cross."""
     pieces = [(np.array(p), np.array(q), pair) for pair, points in plan.lines.items() for p, q in itertools.pairwise(points)]
 
@@ -70,7 +70,7 @@ def crossings(plan: Places) -> int:
     return sum(a[2] != b[2] and cross(a[0], a[1], b[0], b[1]) for a, b in itertools.combinations(pieces, 2))
 
 
-def holds(model: td.Model, **more: object) -> Places:
+def holds(model: td.Model, **more: object) -> MapPlaces:
     """Fail where a map breaks one of its rules."""
     flat = flatten(model)
     begun = time.process_time()
@@ -78,9 +78,9 @@ def holds(model: td.Model, **more: object) -> Places:
     assert time.process_time() - begun < 1.5
     assert sorted(node for card in plan.cards for node in card.nodes) == sorted(n.path for n in flat.nodes)
     for card in plan.cards:
-        assert all(v % STEP == 0.0 for v in (card.x, card.y, card.width, card.height))
+        assert all(v % PLACE_STEP == 0.0 for v in (card.x, card.y, card.width, card.height))
         assert min(card.x, card.y, plan.width - card.x - card.width, plan.height - 40.0 - card.y - card.height) >= 0.0
-        assert len(card.rows) <= MOST_ROWS
+        assert len(card.rows) <= CARD_ROWS
         assert max(deep for _, deep in card.rows) <= DEEP
     for a, b in itertools.combinations(plan.cards, 2):
         assert a.x + a.width <= b.x or b.x + b.width <= a.x or a.y + a.height <= b.y or b.y + b.height <= a.y

@@ -349,7 +349,7 @@ class Project:
                 if literal is not None and from_si(literal.value, s.unit) != value:
                     texts[path] = f"{value!r} [{s.unit}]"
         if not texts:
-            raise DeckError("the deck has these values already.", file.name)
+            raise DeckError("the deck has these values already.", file.name, code="output.edit-refused")
         after = before.with_values(texts, f"studio, {name}")
         return after, after.diff(before)
 
@@ -362,7 +362,8 @@ class Project:
         """
         document, diff = self.written_back(name, values)
         if diff != confirmed:
-            raise DeckError("the deck or the values changed since the difference was shown. Look at it again.", document.path.name)
+            why = "the deck or the values changed since the difference was shown. Look at it again."
+            raise DeckError(why, document.path.name, code="output.changed-meanwhile")
         document.save()
         return document.path
 

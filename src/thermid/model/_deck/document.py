@@ -14,7 +14,7 @@ import tomlkit
 from tomlkit.exceptions import TOMLKitError
 
 from thermid.base.errors import DeckError, ThermidError
-from thermid.base.files import OWN, parse_toml, write_bytes
+from thermid.base.files import OWN, command, parse_toml, read_bytes, write_bytes
 from thermid.model._deck.modelfile import model_beside
 from thermid.model._deck.save import place_of
 from thermid.model._tree.flat import flatten
@@ -81,7 +81,7 @@ class DeckDocument:
         ------
         DeckError   When it is no valid deck.
         """
-        made = cls(Path(path), Path(path).read_bytes().decode("utf-8"))
+        made = cls(Path(path), read_bytes(path).decode("utf-8"))
         _valid(made.path, made.content)
         return made
 
@@ -105,7 +105,7 @@ class DeckDocument:
             text = _rewritten(text, edit, self.path.name)
         made = replace(self, text=text, future=())
         if made.content != wanted:
-            raise DeckError("this edit cannot be written without touching other lines. Edit the text.", self.path.name)
+            raise _refused("this edit cannot be written without touching other lines. Edit the text.", self.path.name)
         _valid(self.path, wanted)
         return replace(made, past=(*self.past, _splice(self.text, text))) if text != self.text else made
 
@@ -158,16 +158,18 @@ class DeckDocument:
         ------
         DeckError   When the file was changed since: it says something that no step of the document says.
         """
-        there, known = self.path.read_bytes().decode("utf-8"), {self.text}
+        there, known = read_bytes(self.path).decode("utf-8"), {self.text}
         for step in (DeckDocument.undo, DeckDocument.redo):
             here = self
             while (after := step(here)) is not here:
                 known.add(after.text)
                 here = after
         if there not in known:
-            raise DeckError("the file was changed by somebody else since it was opened. Open it again.", self.path.name)
+            why = "the file was changed by somebody else since it was opened. Open it again."
+            raise DeckError(why, self.path.name, code="output.changed-meanwhile")
         if there != self.text:
-            write_bytes(self.path, self.text.encode("utf-8"), OWN)
+            with command(force=True):  # an input, but one that this document carries on
+                write_bytes(self.path, self.text.encode("utf-8"), OWN)
 
 
 def _splice(before: str, after: str) -> _Splice:
@@ -192,6 +194,11 @@ def _valid(path: Path, content: Mapping[str, Any]) -> None:
     flatten(model_beside(path, content))
 
 
+def _refused(why: str, where: str) -> DeckError:
+    """Return the error of an edit that is not made."""
+    return DeckError(why, where, code="output.edit-refused")
+
+
 def _at(content: Mapping[str, Any], keys: Sequence[str]) -> Any:
     """Return what stands under some keys; `GONE` for nothing."""
     here: Any = content
@@ -209,14 +216,14 @@ def _with(content: dict[str, Any], edit: Edit, name: str) -> dict[str, Any]:
     if rest:
         inner = out.get(head, {} if edit.value is not GONE else GONE)
         if not isinstance(inner, dict):
-            raise DeckError("there is no such table.", f"{name}, {head}")
+            raise _refused("there is no such table.", f"{name}, {head}")
         out[head] = _with(inner, Edit(tuple(rest), edit.value), f"{name}, {head}")
     elif edit.value is not GONE:
         out[head] = edit.value
     elif head in out:
         del out[head]
     else:
-        raise DeckError("there is nothing to take away.", f"{name}, {head}")
+        raise _refused("there is nothing to take away.", f"{name}, {head}")
     return out
 
 
@@ -236,7 +243,7 @@ def _rewritten(text: str, edit: Edit, name: str) -> str:
             home[edit.keys[-1]] = _item(edit.value, home is document)
         written = tomlkit.dumps(document)
     except (TOMLKitError, ThermidError, KeyError, TypeError, ValueError) as error:
-        raise DeckError(f"this edit cannot be written: {error}.", f"{name}, {'.'.join(edit.keys)}") from None
+        raise _refused(f"this edit cannot be written: {error}.", f"{name}, {'.'.join(edit.keys)}") from None
     if "\r\n" in plain and "\n" not in plain.replace("\r\n", ""):  # new lines end as the others do
         written = re.sub(r"(?<!\r)\n", "\r\n", written)
     return mark + written

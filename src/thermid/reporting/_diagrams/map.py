@@ -15,7 +15,7 @@ from thermid.model.tree import FlatConductor, Model
 from thermid.physics.constants import ICE_POINT
 from thermid.reporting._diagrams.diagram import STYLES, FoldedModel, conductances, fold, pooled, quantity, tint, watts
 from thermid.reporting._diagrams.layout import clipped, width_of
-from thermid.reporting._diagrams.places import Card, Places, Point, places
+from thermid.reporting._diagrams.places import Card, MapPlaces, Point, places
 from thermid.simulation.network import Numbers, compile_network
 
 SMALLEST: Final = 10.5
@@ -193,7 +193,7 @@ def network_map(
     return _svg(drawing, plan, title if title is not None else model.title, model.title)
 
 
-def _svg(drawing: _Drawing, plan: Places, label: str, title: str) -> str:
+def _svg(drawing: _Drawing, plan: MapPlaces, label: str, title: str) -> str:
     """Return the picture of a map at its places."""
     size = f'viewBox="0 0 {plan.width:g} {plan.height:g}" width="{plan.width:g}" height="{plan.height:g}"'
     parts = [f'<svg class="thermid-map" xmlns="http://www.w3.org/2000/svg" role="img" {size}><title>{escape(label)}</title>']
@@ -238,7 +238,7 @@ def _watts(numbers: Numbers, load: object) -> float:
     return float(value_of(numbers.values[fields["power"]])) if "power" in fields else 0.0
 
 
-def _badges(shown: _Drawing, inner: Collection[str], plan: Places) -> dict[str, list[_Badge]]:
+def _badges(shown: _Drawing, inner: Collection[str], plan: MapPlaces) -> dict[str, list[_Badge]]:
     """Return node -> what it is joined to that has no line."""
     out: dict[str, list[_Badge]] = {}
     most = max(map(abs, shown.heat.values()), default=0.0)
@@ -255,12 +255,12 @@ def _style(conductors: Sequence[FlatConductor]) -> str:
     return STYLES.get(conductors[0].kind, ("solid", ""))[0]
 
 
-def _most(drawing: _Drawing, plan: Places) -> float:
+def _most(drawing: _Drawing, plan: MapPlaces) -> float:
     """Return the most heat that a line carries. [W]"""
     return max((abs(drawing.heat[pair]) for pair in _drawn(drawing, plan) if pair in drawing.heat), default=0.0)
 
 
-def _drawn(drawing: _Drawing, plan: Places) -> list[tuple[str, str]]:
+def _drawn(drawing: _Drawing, plan: MapPlaces) -> list[tuple[str, str]]:
     """Return the pairs of nodes that a line joins, between cards or within one."""
     return [p for p in drawing.joined if p in plan.lines or plan.docks.get(p[0]) == p[1] or plan.docks.get(p[1]) == p[0]]
 
@@ -269,7 +269,7 @@ def _wide(drawing: _Drawing, pair: tuple[str, str], most: float) -> str:
     return f' style="stroke-width:{1.0 + (THICK - 1.0) * abs(drawing.heat[pair]) / most:.1f}"' if drawing.heat and most > 0.0 else ""
 
 
-def _lines(drawing: _Drawing, plan: Places) -> Iterator[str]:
+def _lines(drawing: _Drawing, plan: MapPlaces) -> Iterator[str]:
     """Yield a line for every two nodes of different cards that are joined, with the conductors in its tip, and where its heat goes."""
     most = _most(drawing, plan)
     for pair, points in plan.lines.items():
@@ -303,7 +303,7 @@ def _arrow(points: Sequence[Point], share: float) -> str:
     return f'<path class="head" d="M{"L".join(f"{p[0]:.1f} {p[1]:.1f}" for p in corners)}z"/>'
 
 
-def _card(drawing: _Drawing, card: Card, plan: Places) -> Iterator[str]:
+def _card(drawing: _Drawing, card: Card, plan: MapPlaces) -> Iterator[str]:
     """Yield a card: its node, and those docked in it, with loads, temperatures and badges."""
     hub = " hub" if plan.hubs & set(card.nodes) else ""
     yield f'<rect class="card{hub}" x="{card.x:g}" y="{card.y:g}" width="{card.width:g}" height="{card.height:g}" rx="6"/>'
@@ -342,7 +342,7 @@ def _row(item: _Item, x: float, y: float, dark: str, key: str, bold: bool) -> It
         yield _text(x, y + 3.5, f"+{item.more}", SMALLEST, f"m-soft{dark}")
 
 
-def _labels(drawing: _Drawing, plan: Places) -> Iterator[str]:
+def _labels(drawing: _Drawing, plan: MapPlaces) -> Iterator[str]:
     """Yield the heat of lines, the largest first, where it lies on no card and on no other label."""
     taken = [(c.x, c.y, c.x + c.width, c.y + c.height) for c in plan.cards]
     most = _most(drawing, plan)
@@ -375,7 +375,7 @@ def _text(x: float, y: float, words: str, size: float, kind: str = "", tip: str 
     return f'<text x="{x:.1f}" y="{y:.1f}" font-size="{size:g}" class="{kind.strip()}"{key}>{escape(words)}{hint}</text>'
 
 
-def _legend(drawing: _Drawing, plan: Places, title: str) -> Iterator[str]:
+def _legend(drawing: _Drawing, plan: MapPlaces, title: str) -> Iterator[str]:
     """Yield title and counts, the styles of the lines that are drawn, and the scales of temperature and heat with both ends."""
     flat, y = drawing.plain.flat, plan.height - FOOT
     given = ", ".join(flat.names.boundaries) or "none"

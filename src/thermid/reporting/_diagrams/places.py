@@ -16,17 +16,17 @@ import numpy as np
 from thermid.base.linear_algebra import Array
 
 Point = tuple[float, float]
-STEP: Final = 8.0
-"""Places and sizes are multiples of this. [px]"""
+PLACE_STEP: Final = 8.0
+"""MapPlaces and sizes are multiples of this. [px]"""
 DOCKED_FROM: Final = 12
 """Up to so many nodes each is a card."""
 DEEP: Final = 2
 """How deep nodes are docked in a card."""
-MOST_ROWS: Final = 16
+CARD_ROWS: Final = 16
 """Nodes of a card."""
 HUB: Final = 12
 """A node joined to more cards than this is named on them in place of lines."""
-ROW: Final = 20.0
+ROW_HEIGHT: Final = 20.0
 """Height of a node in its card. [px]"""
 GUTTER: Final = (56.0, 48.0)
 """Free width and height between cards, through which lines may run. [px]"""
@@ -38,13 +38,13 @@ NARROWEST: Final = 480.0
 """Width of a page, at least: title and legend stand on it. [px]"""
 BENDS: Final = (0.0, 45.0, -45.0, 80.0, -80.0)
 """How far a line may leave the straight way to pass a card. [px]"""
-CLEAR: Final = 4.0
+LINE_CLEARANCE: Final = 4.0
 """Distance of a line from a card that it passes. [px]"""
 TINY: Final = 1e-9
 """A length that counts as none. [px]"""
 LANES: Final = (0.0, 6.0, -6.0, 12.0, -12.0, 18.0, -18.0)
 """Where lines that share a gutter run, from its middle. [px]"""
-ROUNDS: Final = 600
+EXCHANGES: Final = 600
 """Exchanges of two cards, at most."""
 
 
@@ -76,7 +76,7 @@ class Card:
 
     def row(self, node: str) -> float:
         """Return the middle height of a node's row. [px]"""
-        return self.y + 6.0 + ROW * (self.nodes.index(node) + 0.5)
+        return self.y + 6.0 + ROW_HEIGHT * (self.nodes.index(node) + 0.5)
 
     def edge(self, towards: Point) -> Point:
         """Return where a line from the middle to a point leaves it. [px]"""
@@ -87,7 +87,7 @@ class Card:
 
 
 @dataclass(frozen=True, eq=False)
-class Places:
+class MapPlaces:
     """A page.
 
     Parameters
@@ -107,7 +107,7 @@ class Places:
     height: float
 
 
-def places(nodes: Sequence[str], pairs: Sequence[tuple[str, str]], widths: Mapping[str, float], foot: float) -> Places:
+def places(nodes: Sequence[str], pairs: Sequence[tuple[str, str]], widths: Mapping[str, float], foot: float) -> MapPlaces:
     """Return the places of a network; the same network has the same places.
 
     Parameters
@@ -128,16 +128,16 @@ def places(nodes: Sequence[str], pairs: Sequence[tuple[str, str]], widths: Mappi
         if i != j:
             weight[i, j] = weight[j, i] = weight[i, j] + (0.2 if {a, b} & hubs else 1.0)
             between += [] if {a, b} & hubs else [(a, b)]
-    needs = [(max(widths[n] + 14.0 * d for n, d in rows[name]) + 16.0, ROW * len(rows[name]) + 12.0) for name in names]
+    needs = [(max(widths[n] + 14.0 * d for n, d in rows[name]) + 16.0, ROW_HEIGHT * len(rows[name]) + 12.0) for name in names]
     sizes = [(2.0 * _up(0.5 * w), 2.0 * _up(0.5 * h)) for w, h in needs]  # so that the middles of a column lie below one another
     cards, spots, lanes, size = _laid([rows[n] for n in names], weight, sizes, foot)
     router = _Router(cards, spots, lanes)
     lines = {(a, b): router.line(index[a], index[b]) for a, b in between}
-    return Places(tuple(cards), hubs, docks, lines, *size)
+    return MapPlaces(tuple(cards), hubs, docks, lines, *size)
 
 
 def _up(length: float) -> float:
-    return STEP * math.ceil(length / STEP - 1e-9)
+    return PLACE_STEP * math.ceil(length / PLACE_STEP - 1e-9)
 
 
 def docked(nodes: Sequence[str], pairs: Sequence[tuple[str, str]]) -> tuple[dict[str, str], frozenset[str]]:
@@ -172,7 +172,7 @@ def _docks(nodes: Sequence[str], near: Mapping[str, Mapping[str, None]], hubs: s
                 continue
             free = [n for n in near[node] if docks.get(n) != node and n not in hubs]
             only = free or list(near[node])
-            if len(only) != 1 or only[0] in docks or size[node] + size[only[0]] > MOST_ROWS:
+            if len(only) != 1 or only[0] in docks or size[node] + size[only[0]] > CARD_ROWS:
                 continue
             docks[node], again = only[0], True
             size[only[0]] += size[node]
@@ -224,10 +224,10 @@ def _laid(
     size = left[-1], top[-1] + _up(foot)
     width = _up(max(size[0], WIDEST[0] * size[1], NARROWEST))
     page = width, _up(max(size[1], width / WIDEST[1]))
-    aside, ahead = (STEP * math.floor(0.5 * (p - s) / STEP) for p, s in zip(page, size, strict=True))
+    aside, ahead = (PLACE_STEP * math.floor(0.5 * (p - s) / PLACE_STEP) for p, s in zip(page, size, strict=True))
     cards = []
     for own, (w, h), (c, r) in zip(rows, sizes, spots, strict=True):
-        x, y = (STEP * math.floor(v / STEP) for v in (left[c] + 0.5 * (wide[c] - w), top[r] + 0.5 * (high[r] - h)))
+        x, y = (PLACE_STEP * math.floor(v / PLACE_STEP) for v in (left[c] + 0.5 * (wide[c] - w), top[r] + 0.5 * (high[r] - h)))
         cards.append(Card(own, aside + x, ahead + y, w, h))
     lanes = _Lanes(tuple(aside + v - 0.5 * GUTTER[0] for v in left), tuple(ahead + v - 0.5 * GUTTER[1] for v in top))
     return cards, spots, lanes, page
@@ -283,7 +283,7 @@ def _exchanged(weight: Array, place: Array, where: Array) -> Array:
     metre = np.linalg.norm(where[:, None] - where[None], axis=2)
     cost = pull @ metre[place]  # of each card at each place
     order = np.arange(size)
-    for _ in range(ROUNDS):
+    for _ in range(EXCHANGES):
         here = cost[order, place]
         gain = cost[:, place] - here[:, None]
         gain = gain + gain.T + 2.0 * pull * metre[np.ix_(place, place)]
@@ -322,7 +322,7 @@ class _Router:
     def _meets(self, points: Array, ends: tuple[int, int]) -> bool:
         """Whether a line passes over or near a card that is not one of its ends, or over one of these behind its edge."""
         corners = np.array([(c.x, c.y, c.x + c.width, c.y + c.height) for c in self.cards])
-        margin = np.full((len(self.cards), 1), CLEAR)
+        margin = np.full((len(self.cards), 1), LINE_CLEARANCE)
         margin[list(ends)] = -0.5
         low, high = corners[:, :2] - margin, corners[:, 2:] + margin
         for start, end in pairwise(points):

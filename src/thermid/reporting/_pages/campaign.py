@@ -39,6 +39,7 @@ from thermid.reporting._blocks.content import (
 )
 from thermid.reporting._blocks.extras import check_page, tables_folder, write_page
 from thermid.reporting._blocks.numbering import Sheets, check_audience
+from thermid.reporting._diagrams.heat import heat_map
 from thermid.reporting._diagrams.map import network_map
 from thermid.reporting._pages import tables
 from thermid.reporting._pages.courses import drives as driving
@@ -302,8 +303,10 @@ def _prediction(key: str, title: str, solution: Solution, campaign: Campaign) ->
     powers = {load: float(np.broadcast_to(w, solution.times.shape)[-1]) for load, w in solution.load_powers.items()}
     end = f"{title}: temperatures at the end"
     flows = {name: float(w[-1]) for name, w in solution.heat_flows.items()}
-    models = _models_of(solution, campaign)
-    pictures = [_inline(network_map(m, temperatures=final, flows=flows, powers=powers, title=end)) for m in models]
+    pictures = []
+    for m in _models_of(solution, campaign):
+        drawn_whole = _inline(network_map(m, temperatures=final, flows=flows, powers=powers, title=end))
+        pictures.append(heat_map(m, final, flows, powers, title=end) if oversized(drawn_whole) else drawn_whole)
     length = duration(float(solution.times[-1] - solution.times[0]))
     return {
         "key": key,
@@ -312,7 +315,6 @@ def _prediction(key: str, title: str, solution: Solution, campaign: Campaign) ->
         "drawn": drawn,
         "ends": Table.of(columns, rows),
         "diagram": next(iter(pictures), ""),
-        "oversized": any(map(oversized, pictures)),
         "length": length,
     }
 
