@@ -57,7 +57,7 @@ PICTURES = {
     "pictures/stack.svg": ("", "diagram", "examples/02_stack/m_PrE.toml"),
     "pictures/cabinet.svg": ("docs/streams.md", "diagram", "cabinet.toml"),
     "pictures/box.svg": ("docs/tutorial.md", "diagram", "box.toml"),
-    "pictures/map.svg": ("", "diagram", "examples/box/box.toml", "--map"),
+    "pictures/map.svg": ("", "diagram", "examples/box/box.toml"),
     "pictures/board.svg": ("docs/elements.md", "diagram", "board.toml"),
     "pictures/cooler.svg": ("docs/elements.md", "diagram", "cooler.toml"),
     "pictures/mount.svg": ("docs/elements.md", "diagram", "mount.toml"),

@@ -78,6 +78,24 @@ def test_the_tile_of_a_stage_that_is_not_credible_says_so_and_those_that_rest_on
     shown.clean()
 
 
+def test_a_deck_is_written_once_its_difference_was_seen(shown: Page, file: Path) -> None:
+    run_all(shown)
+    shown.click("[data-stage=whole]")
+    shown.until("document.querySelector('[data-sensor=T_BASE]') && !document.getElementById('fit').disabled")
+    deck = file.parent / "whole.toml"
+    before = deck.read_bytes()
+    shown.click("#write-back")
+    shown.until("document.querySelector('pre.diff')")
+    assert "+bolts = {" in shown.text("pre.diff")
+    assert deck.read_bytes() == before
+    shown.click("#write-now")
+    shown.until("document.getElementById('status').textContent.includes('whole.toml')")
+    assert deck.read_bytes() != before
+    deck.write_bytes(before)
+    shown.until("document.querySelector('[data-stage=whole]').dataset.state === 'done'")
+    shown.clean()
+
+
 def test_no_two_sections_meet(shown: Page) -> None:
     run_all(shown)
     assert shown.meeting() == []

@@ -88,7 +88,7 @@ COMMANDS = {
         "build.diagram",
         "Build",
         "Draw a model as SVG: masses, conductors, loads, boundaries.",
-        ("thermid diagram box.toml --to box.svg", "thermid diagram box.toml --map --to map.svg"),
+        ("thermid diagram box.toml --to box.svg", "thermid diagram box.toml --ladder --to ladder.svg"),
     ),
     "moisture": Place(
         "site.moisture",

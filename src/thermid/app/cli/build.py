@@ -212,17 +212,15 @@ def diagram(
     to: Annotated[Path, typer.Option("--to", help="The SVG file to write.")],
     force: Force = False,
     fold: Annotated[list[str], typer.Option("--fold", help="A submodel drawn as one mass; may be repeated.")] = [],  # noqa: B006
-    as_map: Annotated[bool, typer.Option("--map", help="Every node on one page, for decks of 25 to 80 nodes.")] = False,
+    ladder: Annotated[bool, typer.Option("--ladder", help="All nodes in one column, with every conductance written.")] = False,
 ) -> None:
     """Draw a model as SVG: masses, conductors, loads, boundaries.
 
-    Submodels are drawn as boxes; --fold draws one as a single mass, --map puts every node on one page.
+    A map with every node once; --fold draws a submodel as a single mass. With --ladder, one column with submodels as boxes.
     """
     check_ending(to, DRAWING)
-    if as_map and fold:
-        raise ScenarioError("a map shows every node; leave --fold out.", "--map")
     model = load_model(deck)
-    write_text(to, (network_map(model) if as_map else drawn(model, folded=fold)) + "\n", DRAWING)
+    write_text(to, (drawn if ladder else network_map)(model, folded=fold) + "\n", DRAWING)
     typer.echo(f"diagram: {to}")
 
 

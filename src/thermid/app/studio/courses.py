@@ -421,15 +421,16 @@ def _verdict(found: Outcome) -> dict[str, str]:
     else:
         text = f"All limits met. Smallest margin: {what}, {worst.room:.1f} K left to its {side} limit of {limit - ICE_POINT:.4g} °C."
         word = "kept"
-    bad = min((m for m in found.margins if m.passed is False), key=lambda m: m.margin, default=None)
-    if bad is not None:
-        if word == "kept":
-            word, text = "margin not met", f"No limit is passed. Smallest room: {what}, {worst.room:.1f} K."
-        text = f"{text} Margin not met: {bad.point}, {bad.side}, {bad.margin:.1f} K, with uncertainty and what the policy adds."
-    elif word == "kept" and found.passed is None:
-        word, text = "not decided", f"{text} Not decided: {'; '.join(found.undecided)}."
-    elif word == "kept" and found.passed is False:
+    kept, bad = word == "kept", min((m for m in found.margins if m.passed is False), key=lambda m: m.margin, default=None)
+    if kept and found.passed is False:
+        text = f"No limit is passed. Smallest room: {what}, {worst.room:.1f} K."
+        word = "margin not met"
+    if kept and found.trial is not None and found.trial.passed is False:
         word, text = "not met", f"{text} The test is not met: {_missed(found)}."
+    if bad is not None:
+        text = f"{text} Margin not met: {bad.point}, {bad.side}, {bad.margin:.1f} K, with uncertainty and what the policy adds."
+    if kept and found.passed is None:
+        word, text = "not decided", f"{text} Not decided: {'; '.join(found.undecided)}."
     return {"word": word, "text": text + _settling(run)}
 
 

@@ -16,7 +16,7 @@ from thermid.base.units import from_si, in_si, unit
 from thermid.fit.calibration import Calibration, in_place
 from thermid.fit.problem import Bench, Problem, Sums, Unknown
 from thermid.model.tree import Entry, Model, deck_text, parameter_table
-from thermid.reporting.diagrams import diagram, parts_of
+from thermid.reporting.diagrams import network_map, parts_of
 from thermid.simulation.network import compile_network
 from thermid.simulation.runs import Simulator, Solution, prepare
 from thermid.simulation.scenarios import Scenario
@@ -204,9 +204,9 @@ class Desk:
         folded : sequence   Submodels drawn as one mass.
         """
         if time is None or not 0 <= run < len(self.runs):
-            return diagram(self.tuned(values), folded=folded, marked=True)
+            return network_map(self.tuned(values), folded=folded, marked=True)
         now = self.moment(values, run, time)
-        return diagram(now.model, temperatures=now.temperatures, flows=now.flows, powers=now.powers, folded=folded, marked=True)
+        return network_map(now.model, temperatures=now.temperatures, flows=now.flows, powers=now.powers, folded=folded, marked=True)
 
     @cached_property
     def runs(self) -> tuple[str, ...]:

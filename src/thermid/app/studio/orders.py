@@ -66,6 +66,8 @@ def orders(project: Project, work: Work) -> dict[str, Callable[[Body], Any]]:
         "run": lambda b: work.run(_text(b, "stage"), bool(b.get("below"))),
         "fit": lambda b: work.fit(_text(b, "stage"), _values(b), texts_of(b, "free")),
         "save": lambda b: {"file": project.save(_text(b, "stage"), _values(b), _text(b, "name")).name},
+        "difference": lambda b: {"diff": project.written_back(_text(b, "stage"), _values(b))[1]},
+        "write": lambda b: {"file": project.write_back(_text(b, "stage"), _values(b), _text(b, "diff")).name},
         "profile": profile,
         "scenario": lambda b: work.scenario(_text(b, "stage"), _text(b, "course"), _values(b), b),
         "stop": lambda b: work.stop(),

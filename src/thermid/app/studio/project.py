@@ -12,6 +12,7 @@ from typing import Any
 from thermid.app.studio.desk import Desk, in_force
 from thermid.base.errors import DeckError, IdentificationError, NameNotFoundError, ThermidError, refuse_unknown
 from thermid.base.toml_files import project_root, read_toml, resolve_inside
+from thermid.base.units import from_si
 from thermid.campaign.stages import (
     Campaign,
     CampaignSource,
@@ -29,8 +30,8 @@ from thermid.campaign.studies import RetunePlan, plan_retune
 from thermid.campaign.verdicts import Verdict
 from thermid.fit.calibration import Calibration, fit, fit_problem
 from thermid.fit.problem import Request, build_problem
-from thermid.model.deck import load_model
-from thermid.model.tree import Model, ParameterSet
+from thermid.model.deck import DeckDocument, load_model
+from thermid.model.tree import Model, ParameterSet, parameter_table
 from thermid.reporting.pages import Table, levels
 from thermid.simulation.network import compile_network
 from thermid.simulation.scenarios import Scenario, load_scenario
@@ -41,7 +42,7 @@ Told = Callable[[int, float], None]
 
 
 class Project:
-    """A deck or campaign with its results folder; the files that its author wrote are never changed.
+    """A deck or campaign with its results folder; of the files that its author wrote only a deck is changed, where a diff was confirmed.
 
     Parameters
     ----------
@@ -322,6 +323,56 @@ class Project:
             target, k = self.results / f"{stem}_{k}.values.toml", k + 1
         save_store(store, target, f"{name}, by hand")
         return target
+
+    def written_back(self, name: str, values: Mapping[str, float]) -> tuple[DeckDocument, str]:
+        """Return a stage's deck with all values in force in it, and what is changed, as a unified diff; nothing is written.
+
+        Values of submodels go to the deck's [set]; constant errors of instruments have no place in a deck.
+
+        Parameters
+        ----------
+        name : str      The stage.
+        values : dict   As in `save`.
+
+        Raises
+        ------
+        DeckError   When the deck says these values already, or cannot hold them.
+        """
+        desk, file = self.desk(name), self._deck_of(name)
+        before = DeckDocument.opened(file)
+        there = parameter_table(load_model(file))
+        texts = {}
+        for s in desk.sliders:
+            for path in (s.path, *s.also):
+                literal = there[path].parameter.expression.literal if path in there else None
+                value = values.get(s.path, s.value)
+                if literal is not None and from_si(literal.value, s.unit) != value:
+                    texts[path] = f"{value!r} [{s.unit}]"
+        if not texts:
+            raise DeckError("the deck has these values already.", file.name, code="output.edit-refused")
+        after = before.with_values(texts, f"studio, {name}")
+        return after, after.diff(before)
+
+    def write_back(self, name: str, values: Mapping[str, float], confirmed: str) -> Path:
+        """Write a stage's deck with all values in force, as a diff that was shown says it; return its path.
+
+        Raises
+        ------
+        DeckError   When the diff is another by now.
+        """
+        document, diff = self.written_back(name, values)
+        if diff != confirmed:
+            why = "the deck or the values changed since the difference was shown. Look at it again."
+            raise DeckError(why, document.path.name, code="output.changed-meanwhile")
+        document.save()
+        return document.path
+
+    def _deck_of(self, name: str) -> Path:
+        """Return the deck of a stage."""
+        if self.source is None:
+            return self.path
+        stage = next(s for s in self.source.content.stages if s.name == name)
+        return resolve_inside(self.path.parent, stage.model, name)
 
     def _known(self, name: str) -> Store:
         """Return what a stage that was not run inherits."""

@@ -325,6 +325,16 @@ CODES: Final[Mapping[str, CodeMeaning]] = {
         "A name stands here that does not exist in its place.",
         "Take the nearest name, which the message gives, or one of its list.",
     ),
+    "output.changed-meanwhile": CodeMeaning(
+        "error",
+        "A file, or what was to be written into it, changed since it was opened or shown.",
+        "Open the file again, and look at the difference again.",
+    ),
+    "output.edit-refused": CodeMeaning(
+        "error",
+        "An edit of a deck takes away what is not there, changes nothing, or cannot be written without touching other lines.",
+        "Edit the text of the deck.",
+    ),
     "output.over-another-file": CodeMeaning(
         "error",
         "The file exists, and thermid did not write it as this kind, or it was changed since.",

@@ -45,6 +45,16 @@ def load_model(path: str | os.PathLike[str]) -> Model:
     return _load(Path(path), (), {})[0]
 
 
+def model_beside(path: Path, data: Mapping[str, Any]) -> Model:
+    """Return the model of a deck's content, as it would be read from a file; the decks that it uses lie beside that file.
+
+    Raises
+    ------
+    DeckError       When it does not follow the grammar.
+    """
+    return _made(path, data, {}, (path.resolve(),), {})
+
+
 Loaded = tuple[Model, str]
 """A model with its identity, which is the definition that its instances share."""
 
@@ -61,16 +71,21 @@ def _load(path: Path, trail: tuple[Path, ...], known: dict[Path, Loaded]) -> Loa
     if here not in known:
         data, lines = read_toml(path)
         refuse_another_kind(f"{SCHEMA}.Deck", data, Places(path.name, lines))
-
-        def use(name: str, where: str) -> Loaded:
-            return _load(resolve_inside(path.parent, name, where), (*trail, here), known)
-
-        def read(name: str, where: str) -> str:
-            return _text_of(resolve_inside(path.parent, name, where), where)
-
-        model = model_from_dict(data, file=path.name, lines=lines, use=use, read=read)
+        model = _made(path, data, lines, (*trail, here), known)
         known[here] = model, definition_of(model)
     return known[here]
+
+
+def _made(path: Path, data: Mapping[str, Any], lines: Mapping[str, int | str], trail: tuple[Path, ...], known: dict[Path, Loaded]) -> Model:
+    """Return the model of a deck's content; `trail` has the decks that use it, and itself."""
+
+    def use(name: str, where: str) -> Loaded:
+        return _load(resolve_inside(path.parent, name, where), trail, known)
+
+    def read(name: str, where: str) -> str:
+        return _text_of(resolve_inside(path.parent, name, where), where)
+
+    return model_from_dict(data, file=path.name, lines=lines, use=use, read=read)
 
 
 def _text_of(path: Path, where: str) -> str:

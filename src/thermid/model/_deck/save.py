@@ -137,19 +137,23 @@ def model_text(model: Model, like: Path | None = None, names: Mapping[str, str] 
 
 def _lay(data: dict[str, Any], path: str, value: Any) -> None:
     """Put a value that was laid over a model into its deck: at its own place, or in [set] for a submodel's."""
+    *groups, key = place_of(data, path)
+    home = data
+    for group in groups:
+        home = home.setdefault(group, {})
+    home[key] = value
+
+
+def place_of(data: Mapping[str, Any], path: str) -> tuple[str, ...]:
+    """Return the keys under which a deck holds a value: its own place, or that in [set] for a submodel's."""
     head, _, rest = path.partition(".")
     tables = ("nodes", "surfaces", "conductors", "joints", "loads", "controls")
-    home: Any = next((data[t][head] for t in tables if head in data.get(t, {})), None)
-    key = rest
+    table = next((t for t in tables if head in data.get(t, {})), None)
     if path in data.get("set", {}):
-        home, key = data["set"], path
-    elif home is None:
-        home, key = (data["parameters"], path) if path in data.get("parameters", {}) else (data.setdefault("set", {}), path)
-    else:
-        while "." in key:
-            group, _, key = key.partition(".")
-            home = home[group]
-    home[key] = value
+        return "set", path
+    if table is None:
+        return "parameters" if path in data.get("parameters", {}) else "set", path
+    return table, head, *rest.split(".")
 
 
 def toml_text(data: dict[str, Any]) -> str:

@@ -257,14 +257,14 @@ class Figures(PageBlock):
     lead: bool = False
 
 
-SHEET_HEIGHT = 1250.0
-"""Height of a diagram whose letters have 6.5 pt where it fills a sheet. [px]"""
+SHEET = (820.0, 1250.0)
+"""Width and height of a diagram whose letters have 6.5 pt where it fills a sheet. [px]"""
 
 
-def tall(svg: str) -> bool:
-    """Return whether a diagram is too tall for a sheet with letters that can be read."""
-    found = re.search(r'viewBox="0 0 [\d.]+ ([\d.]+)"', svg)
-    return found is not None and float(found[1]) > SHEET_HEIGHT
+def oversized(svg: str) -> bool:
+    """Return whether a diagram is too large for a sheet with letters that can be read."""
+    found = re.search(r'viewBox="0 0 ([\d.]+) ([\d.]+)"', svg)
+    return found is not None and any(float(size) > most for size, most in zip(found.groups(), SHEET, strict=True))
 
 
 @dataclass(frozen=True)
@@ -275,9 +275,9 @@ class Picture(PageBlock):
     caption: str
 
     @property
-    def tall(self) -> bool:
-        """Whether it is too tall for a sheet with letters that can be read."""
-        return tall(self.svg)
+    def oversized(self) -> bool:
+        """Whether it is too large for a sheet with letters that can be read."""
+        return oversized(self.svg)
 
 
 @dataclass(frozen=True)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections import Counter
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
@@ -14,7 +15,7 @@ from thermid.model.tree import Flat, Model, flatten
 from thermid.physics.constants import ICE_POINT
 from thermid.reporting._diagrams.diagram import quantity, tint
 from thermid.reporting._diagrams.layout import clipped, width_of
-from thermid.reporting._diagrams.map import grid
+from thermid.reporting._diagrams.places import grid
 
 SIZE: Final = (620.0, 340.0)
 """Width and height. [px]"""
@@ -148,7 +149,8 @@ def _chips(
         if i != j:
             weight[i, j] = weight[j, i] = weight[i, j] + 1.0
     room = size[1] - SCALE
-    columns, rows, spots = grid(weight, TALL + 14.0, room)
+    lines = max(1, min(round(math.sqrt(0.62 * len(keys))), int(room // (TALL + 14.0))))
+    columns, rows, spots = grid(weight, lines, (1.0, 0.8))
     wide, high = size[0] / columns, min(room / rows, MOST_APART)
     into: dict[str, float] = {}
     for load in flat.loads:

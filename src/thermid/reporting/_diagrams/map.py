@@ -1,253 +1,410 @@
-"""The network as a map: every node once, on one page, parts with few nodes as one card; what goes to a boundary or a hub is a badge."""
+"""The network as a map: every node once, those with one neighbour in its card, boundaries as badges, heat as the width of lines."""
 
 from __future__ import annotations
 
-import math
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Collection, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from html import escape
+from itertools import pairwise
 from typing import Final
 
 import numpy as np
 
-from thermid.base.linear_algebra import Array
-from thermid.model.tree import Flat, FlatConductor, Model, flatten
-from thermid.reporting._diagrams.diagram import STYLES, quantity
-from thermid.reporting._diagrams.layout import clipped
+from thermid.base.dual import value_of
+from thermid.model.tree import FlatConductor, Model
+from thermid.physics.constants import ICE_POINT
+from thermid.reporting._diagrams.diagram import STYLES, FoldedModel, conductances, fold, pooled, quantity, tint, watts
+from thermid.reporting._diagrams.layout import clipped, width_of
+from thermid.reporting._diagrams.places import Card, MapPlaces, Point, places
+from thermid.simulation.network import Numbers, compile_network
 
-PAGE: Final = (1600.0, 1000.0)
-"""Width and height of a page. [px]"""
-FEW: Final = 4
-"""A part of so many nodes is one card."""
-HUB: Final = 12
-"""A node joined to more cards than this is named on them in place of lines."""
-LINE, HEAD, FOOT = 20.0, 17.0, 16.0
-"""Heights of a node, of a card's name and of its badges. [px]"""
-BENDS: Final = (0.0, 45.0, -45.0, 80.0, -80.0)
-"""How far a line may leave the straight way to pass a card. [px]"""
-SMALLEST: Final = 9.0
-"""Letters. [px]"""
-DASHES: Final = {"solid": "", "dashed": "6 4", "dotted": "2 3", "flow": "10 3", "mixed": "8 3 2 3"}
+SMALLEST: Final = 10.5
+"""Letters of badges and labels. [px]"""
+NAME: Final = 11.0
+"""Letters of names. [px]"""
+FAINT: Final = 1e-3
+"""Share of the largest heat below which no number is written. [-]"""
+FOOT: Final = 64.0
+"""Height of title and legend. [px]"""
+BROAD: Final = 1.12
+"""How much wider a text may be in the reader's font than is estimated; a bold one once more. [-]"""
+BADGES: Final = 3
+"""Badges of a node that are drawn; more are counted."""
+THICK: Final = 7.0
+"""Width of the line that carries most heat. [px]"""
+DASHES: Final = {"solid": "", "dashed": "7 4", "dotted": ".1 5", "flow": "", "mixed": "8 3 2 3"}
 CSS: Final = """
-.thermid-map{font-family:system-ui,-apple-system,"Segoe UI",Roboto,"Liberation Sans",sans-serif;background:#fff}
-.thermid-map text{fill:#1c2430}.thermid-map .card{fill:#eef2f6;stroke:#4a6f96;stroke-width:1.2}
-.thermid-map .hub{fill:#dbe7f3;stroke-width:2.2}
-.thermid-map .node{fill:#dbe7f3;stroke:none}
-.thermid-map .name{font-weight:600}
-.thermid-map .soft{fill:#5a6675}
-.thermid-map .wire{fill:none;stroke:#5a6675;stroke-width:1.3}
+.thermid-map{--m-ink:#1c2430;--m-soft:#53606f;--m-paper:#fff;--m-card:#eef2f6;--m-edge:#4a6f96;--m-node:#dbe7f3;--m-wire:#5a6675;
+--m-badge:#fff;--m-load:#a83f00;font-family:system-ui,-apple-system,"Segoe UI",Roboto,"Liberation Sans",sans-serif}
+@media (prefers-color-scheme:dark){.thermid-map{--m-ink:#e6eaf0;--m-soft:#a3afbd;--m-paper:#14181e;--m-card:#1e252e;--m-edge:#7ea6cf;
+--m-node:#27405a;--m-wire:#9aa7b5;--m-badge:#14181e;--m-load:#f08a4b}}
+@media print{.thermid-map{--m-ink:#1c2430;--m-soft:#53606f;--m-paper:#fff;--m-card:#eef2f6;--m-edge:#4a6f96;--m-node:#dbe7f3;
+--m-wire:#5a6675;--m-badge:#fff;--m-load:#a83f00}}
+.thermid-map text{fill:var(--m-ink)}.thermid-map .paper{fill:var(--m-paper)}
+.thermid-map .card{fill:var(--m-card);stroke:var(--m-edge);stroke-width:1.2}.thermid-map .hub{stroke-width:2.4}
+.thermid-map .node{fill:var(--m-node)}.thermid-map .massless{fill:none;stroke:var(--m-edge);stroke-dasharray:2 2}
+.thermid-map .name{font-weight:600}.thermid-map .m-soft{fill:var(--m-soft)}.thermid-map .load{fill:var(--m-load)}
+.thermid-map .dark text,.thermid-map text.dark{fill:#1c2430}.thermid-map text.load.dark{fill:#8a3400}
+.thermid-map .wire{fill:none;stroke:var(--m-wire);stroke-width:1.4;stroke-linejoin:round}.thermid-map .head{fill:var(--m-wire)}
+.thermid-map .dotted{stroke-linecap:round;stroke-width:2.4}
+.thermid-map .badge{fill:var(--m-badge);stroke:var(--m-edge)}
+.thermid-map .halo{paint-order:stroke;stroke:var(--m-paper);stroke-width:4px;stroke-linejoin:round}
 """
 
 
+def _room(text: str, size: float, bold: bool = False) -> float:
+    """Return the width that a text may take. [px]"""
+    return width_of(text, size) * BROAD * (BROAD if bold else 1.0) + (0.3 * size if text[:1] in "+←→" else 0.0)
+
+
 @dataclass(frozen=True)
-class Card:
-    """A node, or a part with few nodes, at a place of the page.
+class _Badge:
+    """What a node is joined to that has no line: a boundary or a hub, with the heat that goes there [W], and the conductors."""
+
+    name: str
+    heat: float | None
+    tip: str
+    faint: bool = False
+
+    @property
+    def text(self) -> str:
+        """What is written: the heat with an arrow as it flows."""
+        heat = "" if self.heat is None else " ≈ 0 W" if self.faint else f" {quantity(abs(self.heat), 'W', 2)}"
+        return f"{'←' if self.heat is not None and self.heat < 0 else '→'} {self.name}{heat}"
+
+    @property
+    def width(self) -> float:
+        """Of its box. [px]"""
+        return _room(self.text, SMALLEST) + 12.0
+
+
+@dataclass(frozen=True)
+class _Item:
+    """What a node's row says."""
+
+    name: str
+    power: str
+    loads: str
+    kelvin: float | None
+    badges: tuple[_Badge, ...]
+    more: int
+    massless: bool
+    part: bool
+
+    @property
+    def celsius(self) -> str:
+        """Its temperature as text."""
+        return "" if self.kelvin is None else f"{self.kelvin - ICE_POINT:.1f} °C"
+
+    @property
+    def width(self) -> float:
+        """What its row needs. [px]"""
+        texts = [_room(self.name, NAME, bold=True), *(_room(t, NAME) + 8.0 for t in (self.power, self.celsius) if t)]
+        return 14.0 + sum(texts) + sum(b.width + 5.0 for b in self.badges) + (28.0 if self.more else 0.0)
+
+
+@dataclass(frozen=True, eq=False)
+class _Drawing:
+    """Everything of a map but its places."""
+
+    plain: FoldedModel
+    items: Mapping[str, _Item]
+    joined: Mapping[tuple[str, str], tuple[FlatConductor, ...]]
+    heat: Mapping[tuple[str, str], float]
+    values: Mapping[str, str]
+    flows: Mapping[str, float]
+    kelvins: Mapping[str, float]
+    marked: bool
+
+    @property
+    def tinted(self) -> dict[str, float]:
+        """Node -> temperature. [K]"""
+        return {n: i.kelvin for n, i in self.items.items() if i.kelvin is not None}
+
+    def tip(self, conductors: Sequence[FlatConductor]) -> str:
+        """Return conductors with kind, conductance and heat, in words."""
+        own = (f"{c.path} ({c.kind})" + "".join(f": {t}" for t in (self.values.get(c.path, ""),) if t) + self._watts(c) for c in conductors)
+        return "; ".join(own)
+
+    def _watts(self, c: FlatConductor) -> str:
+        text = watts(self.plain, c.path, self.flows)
+        return f", {text}" if text else ""
+
+    def mark(self, key: str, path: str) -> str:
+        """Return what an element carries for a page that answers to clicks."""
+        return f' data-{key}="{escape(path)}"' if self.marked and path else ""
+
+
+def network_map(
+    model: Model,
+    *,
+    temperatures: Mapping[str, float] | None = None,
+    flows: Mapping[str, float] | None = None,
+    powers: Mapping[str, float] | None = None,
+    logged: Collection[str] = (),
+    folded: Sequence[str] = (),
+    title: str | None = None,
+    marked: bool = False,
+) -> str:
+    """Return the map of a model as SVG; the same model gives the same picture.
 
     Parameters
     ----------
-    name : str          The part's or the node's.
-    nodes : tuple       Paths of its nodes.
-    x, y, width, height : float     Left upper corner and size. [px]
+    model : Model           What to draw.
+    temperatures : dict     Node or boundary -> temperature; nodes are tinted by it, from blue (coldest) to orange (warmest). [K]
+    flows : dict            Conductor -> heat flow from its first end to its second; lines are as wide as it is large, with an arrow. [W]
+    powers : dict           Load -> power in place of the deck's. [W]
+    logged : collection     Loads whose power a log gives: the deck's is not shown for them.
+    folded : sequence       Paths of submodels that are drawn as one node each.
+    title : str             What a screen reader says; the model's title by default.
+    marked : bool           Whether elements carry their paths (``data-path``, ``data-part``), for a page that answers to clicks.
+
+    Raises
+    ------
+    ThermidError   When the model does not compile, or a temperature is given for what is no node.
     """
+    network = compile_network(model)
+    kelvins = {network.find(name): float(value) for name, value in (temperatures or {}).items()}
+    numbers, plain = network.numbers(), fold(network.flat, folded)
+    joined: dict[tuple[str, str], list[FlatConductor]] = {}
+    for c in plain.flat.conductors:
+        if c.ends[0] != c.ends[1]:
+            joined.setdefault((min(c.ends), max(c.ends)), []).append(c)
+    heat = {pair: sum(_heat(plain, c, pair[0], flows) for c in own) for pair, own in joined.items()} if flows else {}
+    shown = _Drawing(
+        plain,
+        {},
+        {pair: tuple(own) for pair, own in joined.items()},
+        heat,
+        conductances(plain, network, numbers, kelvins),
+        flows or {},
+        pooled(plain, numbers, kelvins),
+        marked,
+    )
+    nodes = [n.path for n in plain.flat.nodes]
+    inner = set(nodes)
+    pairs = [pair for pair in joined if inner >= set(pair)]
+    bare = {n: _item(shown, n, {}, numbers, powers, logged) for n in nodes}
+    first = places(nodes, pairs, {n: i.width for n, i in bare.items()}, FOOT)
+    badges = _badges(shown, inner, first)
+    items = {n: _item(shown, n, badges, numbers, powers, logged) for n in nodes}
+    plan = places(nodes, pairs, {n: i.width for n, i in items.items()}, FOOT)
+    drawing = _Drawing(plain, items, shown.joined, heat, shown.values, shown.flows, shown.kelvins, marked)
+    return _svg(drawing, plan, title if title is not None else model.title, model.title)
 
-    name: str
-    nodes: tuple[str, ...]
-    x: float = 0.0
-    y: float = 0.0
-    width: float = 0.0
-    height: float = 0.0
 
-    def row(self, node: str) -> tuple[float, float]:
-        """Return the middle of a node's row. [px]"""
-        head = HEAD if len(self.nodes) > 1 else 4.0
-        return self.x + 0.5 * self.width, self.y + head + LINE * (self.nodes.index(node) + 0.5)
-
-
-def network_map(model: Model) -> str:
-    """Return the map of a model as SVG, 1600 by 1000 pixels; the same model gives the same picture.
-
-    Cards lie on a grid, neighbours near one another: first by the second and third eigenvector of the graph's Laplacian, then by exchanges
-    that shorten the lines.
-
-    References
-    ----------
-    Hall, An r-dimensional quadratic placement algorithm, Management Science 17 (1970) 219.
-    """
-    flat = flatten(model)
-    cards, hubs = placed(model, flat)
-    of = {node: card for card in cards for node in card.nodes}
-    parts = [f'<svg class="thermid-map" xmlns="http://www.w3.org/2000/svg" role="img" viewBox="0 0 {PAGE[0]:g} {PAGE[1]:g}" ']
-    parts[0] += f'width="{PAGE[0]:g}" height="{PAGE[1]:g}"><title>{escape(model.title)}</title><style>{CSS}</style>'
-    parts += _wires(flat, of, hubs, within=False)
-    parts += [piece for card in cards for piece in _card(flat, card, of, hubs)]
-    parts += _wires(flat, of, hubs, within=True)
-    parts += _legend(model, flat, hubs)
+def _svg(drawing: _Drawing, plan: MapPlaces, label: str, title: str) -> str:
+    """Return the picture of a map at its places."""
+    size = f'viewBox="0 0 {plan.width:g} {plan.height:g}" width="{plan.width:g}" height="{plan.height:g}"'
+    parts = [f'<svg class="thermid-map" xmlns="http://www.w3.org/2000/svg" role="img" {size}><title>{escape(label)}</title>']
+    parts += [f'<style>{CSS}</style><rect class="paper" width="100%" height="100%"/>']
+    parts += _lines(drawing, plan)
+    parts += [piece for card in plan.cards for piece in _card(drawing, card, plan)]
+    parts += _labels(drawing, plan)
+    parts += _legend(drawing, plan, title)
     return "\n".join([*parts, "</svg>"])
 
 
-def placed(model: Model, flat: Flat) -> tuple[tuple[Card, ...], frozenset[str]]:
-    """Return the cards of a model at their places, and the nodes that are hubs."""
-    groups: dict[str, list[str]] = {}
-    counts = {name: sum(n.path.startswith(f"{name}.") for n in flat.nodes) for name in model.submodels}
-    for node in flat.nodes:
-        head = node.path.partition(".")[0]
-        groups.setdefault(head if 1 < counts.get(head, 0) <= FEW else node.path, []).append(node.path)
-    names, card_of = list(groups), {node: name for name, nodes in groups.items() for node in nodes}
-    near: dict[str, set[str]] = {name: set() for name in names}
-    ends = [c.ends for c in flat.conductors if all(e in card_of for e in c.ends)]
-    for a, b in ends:
-        near[card_of[a]].add(card_of[b])
-        near[card_of[b]].add(card_of[a])
-    hubs = frozenset(node for node in card_of if len({card_of[b] for e in ends if node in e for b in e} - {card_of[node]}) > HUB)
-    weight = np.zeros((len(names), len(names)))
-    for a, b in ends:
-        i, j = names.index(card_of[a]), names.index(card_of[b])
-        if i != j:
-            weight[i, j] += 0.2 if {a, b} & hubs else 1.0
-            weight[j, i] = weight[i, j]
-    tallest = max((len(g) for g in groups.values()), default=1)
-    columns, rows, places = grid(weight, HEAD + LINE * tallest + FOOT + 14.0, PAGE[1] - 50.0)
-    wide, high = PAGE[0] / columns, (PAGE[1] - 50.0) / rows
-    out = []
-    for name, (column, row) in zip(names, places, strict=True):
-        nodes = tuple(groups[name])
-        height = (HEAD if len(nodes) > 1 else 4.0) + LINE * len(nodes) + FOOT
-        width = min(wide - 26.0, 190.0)
-        x, y = column * wide + 0.5 * (wide - width), row * high + 0.5 * (high - height)
-        out.append(Card(name, nodes, x, y, width, height))
-    return tuple(out), hubs
+def _heat(plain: FoldedModel, c: FlatConductor, first: str, flows: Mapping[str, float] | None) -> float:
+    """Return the heat through a conductor drawn, away from one of its ends. [W]"""
+    total = sum(sign * (flows or {}).get(member, 0.0) for member, sign in plain.members[c.path])
+    return total if c.ends[0] == first else -total
 
 
-def grid(weight: Array, need: float, room: float) -> tuple[int, int, list[tuple[int, int]]]:
-    """Return columns and rows of a grid that holds all cards, and the column and row of each, neighbours near one another.
-
-    Parameters
-    ----------
-    weight : array (cards, cards)   How strongly each two belong together; symmetric.
-    need, room : float              Height of the tallest card with its gap, and of the page. [px]
-    """
-    count = len(weight)
-    rows = max(1, min(round(math.sqrt(count * 0.62)), int(room // need)))
-    columns = -(-max(count, 1) // rows)
-    spots = [(c, r) for r in range(rows) for c in range(columns)]
-    if count < 3:
-        return columns, rows, spots[:count]
-    laplacian = np.diag(weight.sum(axis=1) + 1e-3) - weight + 1e-3 / count
-    _, vectors = np.linalg.eigh(laplacian)
-    flat = vectors[:, 1:3] * np.sign(vectors[np.argmax(np.abs(vectors[:, 1:3]), axis=0), (1, 2)])
-    across = np.argsort(flat[:, 0], kind="stable")
-    order: list[int] = []
-    for k in range(columns):  # columns from left to right by the one vector, within each by the other
-        share = across[k * rows : (k + 1) * rows]
-        order += share[np.argsort(flat[share, 1], kind="stable")].tolist()
-    at = np.full(len(spots), -1)
-    for place, card in enumerate(order):
-        column, row = divmod(place, rows)
-        at[row * columns + column] = card
-    return columns, rows, _exchanged(weight, at, np.array(spots, dtype=float), spots)
+def _item(
+    shown: _Drawing,
+    node: str,
+    badges: Mapping[str, Sequence[_Badge]],
+    numbers: Numbers,
+    powers: Mapping[str, float] | None,
+    logged: Collection[str],
+) -> _Item:
+    """Return what is said of a node."""
+    loads = [x for x in shown.plain.flat.loads if x.node == node]
+    known = {x.path: powers.get(x.path) if powers is not None else _watts(numbers, x) for x in loads if x.path not in logged}
+    watts_ = [v for v in known.values() if v is not None]
+    power = f"+{quantity(sum(watts_), 'W')}" if watts_ and (sum(watts_) or powers is not None) else ""
+    power = "as logged" if loads and not known else power
+    texts = {path: "" if v is None else quantity(v, "W") for path, v in known.items()}
+    said = "; ".join(f"{x.path} into {node}: {texts.get(x.path, 'as logged')}" for x in loads)
+    mine = tuple(badges.get(node, ()))
+    fields = next(n.fields for n in shown.plain.flat.nodes if n.path == node)
+    part = f"{node}." in shown.plain.parts
+    return _Item(node, power, said, shown.kelvins.get(node), mine[:BADGES], max(len(mine) - BADGES, 0), not fields, part)
 
 
-def _exchanged(weight: Array, at: Array, where: Array, spots: Sequence[tuple[int, int]]) -> list[tuple[int, int]]:
-    """Return the place of each card after exchanges of two places, as long as they shorten the lines."""
-    place = np.zeros(len(weight), dtype=int)
-    place[at[at >= 0]] = np.flatnonzero(at >= 0)
-    metre = np.linalg.norm((where[:, None] - where[None]) * (1.0, 0.8), axis=2)
-    for _ in range(30):
-        better = False
-        for a in range(len(spots)):
-            for b in range(a):
-                i, j = int(at[a]), int(at[b])
-                change = 0.0
-                for card, here, there in ((i, a, b), (j, b, a)):
-                    if card >= 0:
-                        pull = weight[card].copy()
-                        pull[[k for k in (i, j) if k >= 0]] = 0.0
-                        change += float(pull @ (metre[there, place] - metre[here, place]))
-                if change < -1e-9:
-                    at[a], at[b], better = j, i, True
-                    for card, there in ((i, b), (j, a)):
-                        if card >= 0:
-                            place[card] = there
-        if not better:
-            break
-    return [spots[k] for k in place.tolist()]
+def _watts(numbers: Numbers, load: object) -> float:
+    fields: Mapping[str, str] = getattr(load, "fields", {})
+    return float(value_of(numbers.values[fields["power"]])) if "power" in fields else 0.0
 
 
-def _wires(flat: Flat, of: Mapping[str, Card], hubs: frozenset[str], within: bool) -> Iterator[str]:
-    """Yield one line for every two nodes that are joined, between cards or within one, with the conductors in its tip."""
-    cards = tuple(dict.fromkeys(of.values()))
-    joined: dict[tuple[str, str], list[FlatConductor]] = {}
-    for c in flat.conductors:
-        a, b = sorted(c.ends)
-        if a in of and b in of and a != b and not {a, b} & hubs:
-            joined.setdefault((a, b), []).append(c)
-    for (a, b), conductors in joined.items():
-        (x1, y1), (x2, y2) = of[a].row(a), of[b].row(b)
-        if (of[a] is of[b]) is not within:
+def _badges(shown: _Drawing, inner: Collection[str], plan: MapPlaces) -> dict[str, list[_Badge]]:
+    """Return node -> what it is joined to that has no line."""
+    out: dict[str, list[_Badge]] = {}
+    most = max(map(abs, shown.heat.values()), default=0.0)
+    for (a, b), own in shown.joined.items():
+        for node, other, sign in ((a, b, 1.0), (b, a, -1.0)):
+            hub = other in plan.hubs and node not in plan.hubs and plan.docks.get(node) != other
+            if node in inner and (other not in inner or hub or (other in plan.hubs and node in plan.hubs and node < other)):
+                heat = sign * shown.heat[a, b] if shown.heat else None
+                out.setdefault(node, []).append(_Badge(other, heat, shown.tip(own), heat is not None and abs(heat) < FAINT * most))
+    return out
+
+
+def _style(conductors: Sequence[FlatConductor]) -> str:
+    return STYLES.get(conductors[0].kind, ("solid", ""))[0]
+
+
+def _most(drawing: _Drawing, plan: MapPlaces) -> float:
+    """Return the most heat that a line carries. [W]"""
+    return max((abs(drawing.heat[pair]) for pair in _drawn(drawing, plan) if pair in drawing.heat), default=0.0)
+
+
+def _drawn(drawing: _Drawing, plan: MapPlaces) -> list[tuple[str, str]]:
+    """Return the pairs of nodes that a line joins, between cards or within one."""
+    return [p for p in drawing.joined if p in plan.lines or plan.docks.get(p[0]) == p[1] or plan.docks.get(p[1]) == p[0]]
+
+
+def _wide(drawing: _Drawing, pair: tuple[str, str], most: float) -> str:
+    return f' style="stroke-width:{1.0 + (THICK - 1.0) * abs(drawing.heat[pair]) / most:.1f}"' if drawing.heat and most > 0.0 else ""
+
+
+def _lines(drawing: _Drawing, plan: MapPlaces) -> Iterator[str]:
+    """Yield a line for every two nodes of different cards that are joined, with the conductors in its tip, and where its heat goes."""
+    most = _most(drawing, plan)
+    for pair, points in plan.lines.items():
+        own = drawing.joined[pair]
+        style = _style(own)
+        dash = f' stroke-dasharray="{DASHES[style]}"' if DASHES[style] else ""
+        mark = drawing.mark("path", own[0].path)
+        tip = f"<title>{escape(drawing.tip(own))}</title>"
+        yield f'<path class="wire {style}" d="{_way(points)}"{dash}{_wide(drawing, pair, most)}{mark}>{tip}</path>'
+        if drawing.heat and abs(drawing.heat[pair]) > FAINT * most:
+            yield _arrow(points if drawing.heat[pair] >= 0.0 else points[::-1], abs(drawing.heat[pair]) / most)
+
+
+def _way(points: Sequence[Point]) -> str:
+    """Return a line through points with rounded corners, as SVG writes it."""
+    out, soft = [f"M{points[0][0]:.1f} {points[0][1]:.1f}"], 30.0 if len(points) == 3 else 8.0
+    for before, here, after in zip(points, points[1:], points[2:], strict=False):
+        a, p, b = np.array(before), np.array(here), np.array(after)
+        ways = [(q - p) / max(float(np.hypot(*(q - p))), 1e-9) * min(soft, 0.5 * float(np.hypot(*(q - p)))) for q in (a, b)]
+        (x1, y1), (x2, y2) = p + ways[0], p + ways[1]
+        out.append(f"L{x1:.1f} {y1:.1f}Q{p[0]:.1f} {p[1]:.1f} {x2:.1f} {y2:.1f}")
+    return "".join([*out, f"L{points[-1][0]:.1f} {points[-1][1]:.1f}"])
+
+
+def _arrow(points: Sequence[Point], share: float) -> str:
+    """Return the head of an arrow at the end of a line that carries a share of the most heat."""
+    end, before = np.array(points[-1]), np.array(points[-2])
+    along = (end - before) / max(float(np.hypot(*(end - before))), 1e-9)
+    across, size = np.array([-along[1], along[0]]), 9.0 + THICK * share
+    corners = [end, end - size * along + 0.6 * size * across, end - size * along - 0.6 * size * across]
+    return f'<path class="head" d="M{"L".join(f"{p[0]:.1f} {p[1]:.1f}" for p in corners)}z"/>'
+
+
+def _card(drawing: _Drawing, card: Card, plan: MapPlaces) -> Iterator[str]:
+    """Yield a card: its node, and those docked in it, with loads, temperatures and badges."""
+    hub = " hub" if plan.hubs & set(card.nodes) else ""
+    yield f'<rect class="card{hub}" x="{card.x:g}" y="{card.y:g}" width="{card.width:g}" height="{card.height:g}" rx="6"/>'
+    most = _most(drawing, plan)
+    for node, deep in card.rows:
+        item, y = drawing.items[node], card.row(node)
+        left = card.x + 6.0 + 14.0 * deep
+        if deep:
+            pair = (min(node, plan.docks[node]), max(node, plan.docks[node]))
+            tip = f"<title>{escape(drawing.tip(drawing.joined[pair]))}</title>"
+            way = f"M{left - 8:.1f} {card.row(plan.docks[node]) + 7:.1f}V{y:.1f}H{left:.1f}"
+            path = drawing.mark("path", drawing.joined[pair][0].path)
+            yield f'<path class="wire {_style(drawing.joined[pair])}" d="{way}"{_wide(drawing, pair, most)}{path}>{tip}</path>'
+        tinted = "" if item.kelvin is None else f' style="fill:{tint(item.kelvin, drawing.tinted)}"'
+        dark = "" if item.kelvin is None else " dark"
+        key = drawing.mark("part" if item.part else "path", node)
+        size = f'x="{left:.1f}" y="{y - 8.5:.1f}" width="{card.x + card.width - 6 - left:.1f}" height="17" rx="3"'
+        kind = "node massless" if item.massless and not tinted else "node"
+        yield f'<rect class="{kind}" {size}{tinted}{key}><title>{escape(node)}</title></rect>'
+        yield from _row(item, left + 6.0, y, dark, key, bold=not deep)
+
+
+def _row(item: _Item, x: float, y: float, dark: str, key: str, bold: bool) -> Iterator[str]:
+    """Yield the texts and badges of a node, one beside the other."""
+    yield _text(x, y + 4.0, item.name, NAME, f"{'name' if bold else ''}{dark}", item.name, key)
+    x += _room(item.name, NAME, bold) + 8.0
+    for words, kind, tip in ((item.power, "load", item.loads), (item.celsius, "", "")):
+        if words:
+            yield _text(x, y + 4.0, words, NAME, kind + dark, tip)
+            x += _room(words, NAME) + 8.0
+    for badge in item.badges:
+        yield f'<rect class="badge" x="{x:.1f}" y="{y - 7:.1f}" width="{badge.width:.1f}" height="14" rx="7"/>'
+        yield _text(x + 5.0, y + 3.5, badge.text, SMALLEST, "", badge.tip)
+        x += badge.width + 5.0
+    if item.more:
+        yield _text(x, y + 3.5, f"+{item.more}", SMALLEST, f"m-soft{dark}")
+
+
+def _labels(drawing: _Drawing, plan: MapPlaces) -> Iterator[str]:
+    """Yield the heat of lines, the largest first, where it lies on no card and on no other label."""
+    taken = [(c.x, c.y, c.x + c.width, c.y + c.height) for c in plan.cards]
+    most = _most(drawing, plan)
+    pairs = sorted((p for p in plan.lines if p in drawing.heat), key=lambda p: -abs(drawing.heat[p]))
+    for pair in pairs:
+        if abs(drawing.heat[pair]) <= FAINT * most:
             continue
-        if within:  # along the right edge of the card
-            x1 = x2 = of[a].x + of[a].width - 5.0
-        style = STYLES.get(conductors[0].kind, ("solid", ""))[0]
-        dash = f' stroke-dasharray="{DASHES[style]}"' if DASHES.get(style) else ""
-        tip = "; ".join(f"{c.path} ({c.kind})" for c in conductors)
-        bent = "" if within else _bent((x1, y1), (x2, y2), [card for card in cards if card not in (of[a], of[b])])
-        yield f'<path class="wire" d="M{x1:.1f} {y1:.1f}{bent or "L"}{x2:.1f} {y2:.1f}"{dash}><title>{escape(tip)}</title></path>'
+        words = quantity(abs(drawing.heat[pair]), "W", 2)
+        wide = _room(words, SMALLEST) + 8.0
+        for x, y in _along(plan.lines[pair]):
+            box = (x - 0.5 * wide, y - 8.0, x + 0.5 * wide, y + 7.0)
+            inside = box[0] >= 0.0 and box[2] <= plan.width and box[1] >= 0.0
+            if inside and all(box[2] <= t[0] or t[2] <= box[0] or box[3] <= t[1] or t[3] <= box[1] for t in taken):
+                taken.append(box)
+                place = f'x="{x:.1f}" y="{y + 3.5:.1f}" text-anchor="middle" font-size="{SMALLEST:g}"'
+                yield f'<text {place} class="halo label">{escape(words)}</text>'
+                break
 
 
-def _bent(a: tuple[float, float], b: tuple[float, float], others: Sequence[Card]) -> str:
-    """Return how a line goes from a to b past the cards between: straight (empty), or by the least bend that meets the fewest."""
-    start, end = np.array(a), np.array(b)
-    middle, way = 0.5 * (start + end), end - start
-    across = np.array([-way[1], way[0]]) / float(np.hypot(*way))
-    along = np.linspace(0.0, 1.0, 41)[1:-1, None]
-    low = np.array([(c.x, c.y) for c in others]).reshape(-1, 1, 2)
-    high = low + np.array([(c.width, c.height) for c in others]).reshape(-1, 1, 2)
-    best, met = "", math.inf
-    for bend in BENDS:
-        control = middle + 2.0 * bend * across
-        points = (1 - along) ** 2 * start + 2 * along * (1 - along) * control + along**2 * end
-        hits = int(((points > low) & (points < high)).all(axis=2).any(axis=1).sum())
-        if hits < met:
-            best, met = (f"Q{control[0]:.1f} {control[1]:.1f} " if bend else ""), hits
-    return best
+def _along(points: Sequence[Point]) -> Iterator[Point]:
+    """Yield places along a line, from its middle outwards."""
+    fine = np.concatenate([np.linspace(p, q, 9) for p, q in pairwise(points)])
+    middle = len(fine) // 2
+    for k in sorted(range(len(fine)), key=lambda k: abs(k - middle)):
+        yield float(fine[k, 0]), float(fine[k, 1])
 
 
-def _card(flat: Flat, card: Card, of: Mapping[str, Card], hubs: frozenset[str]) -> Iterator[str]:
-    """Yield a card: its name, its nodes with their loads, its badges."""
-    hub = " hub" if hubs & set(card.nodes) else ""
-    yield f'<rect class="card{hub}" x="{card.x:.1f}" y="{card.y:.1f}" width="{card.width:.1f}" height="{card.height:.1f}" rx="6"/>'
-    if len(card.nodes) > 1:
-        yield _text(card.x + 8.0, card.y + 13.0, clipped(card.name, card.width - 14.0, 11.0), 11.0, "name")
-    values = flat.parameters.evaluate({})
-    for node in card.nodes:
-        _, y = card.row(node)
-        if len(card.nodes) > 1:
-            yield f'<rect class="node" x="{card.x + 6:.1f}" y="{y - 8:.1f}" width="{card.width - 18:.1f}" height="16" rx="3"/>'
-        watts = sum(float(values[x.fields["power"]]) for x in flat.loads if x.node == node and "power" in x.fields)
-        said = f"  {quantity(watts, 'W')}" if watts else ""
-        name = node.removeprefix(f"{card.name}.") if len(card.nodes) > 1 else node
-        yield _text(card.x + 10.0, y + 4.0, clipped(name + said, card.width - 24.0, 11.0), 11.0, tip=node)
-    far = {e for c in flat.conductors for e in c.ends if set(card.nodes) & set(c.ends)} - set(card.nodes)
-    badges = sorted(e for e in far if e not in of or e in hubs)
-    words = ("to " + ", ".join(badges)) if badges else "named on what it joins" if hub else ""
-    if words:
-        yield _text(card.x + 8.0, card.y + card.height - 5.0, clipped(words, card.width - 12.0, SMALLEST), SMALLEST, "soft", tip=words)
-
-
-def _text(x: float, y: float, words: str, size: float, kind: str = "", tip: str = "") -> str:
+def _text(x: float, y: float, words: str, size: float, kind: str = "", tip: str = "", key: str = "") -> str:
     hint = f"<title>{escape(tip)}</title>" if tip else ""
-    return f'<text x="{x:.1f}" y="{y:.1f}" font-size="{size:g}" class="{kind}">{escape(words)}{hint}</text>'
+    return f'<text x="{x:.1f}" y="{y:.1f}" font-size="{size:g}" class="{kind.strip()}"{key}>{escape(words)}{hint}</text>'
 
 
-def _legend(model: Model, flat: Flat, hubs: frozenset[str]) -> Iterator[str]:
-    """Yield title, counts and the styles of the lines that are drawn."""
+def _legend(drawing: _Drawing, plan: MapPlaces, title: str) -> Iterator[str]:
+    """Yield title and counts, the styles of the lines that are drawn, and the scales of temperature and heat with both ends."""
+    flat, y = drawing.plain.flat, plan.height - FOOT
     given = ", ".join(flat.names.boundaries) or "none"
-    many = f"; connected to many nodes and named on their cards: {', '.join(sorted(hubs))}" if hubs else ""
-    said = f"{model.title}: {len(flat.nodes)} nodes, {len(flat.conductors)} heat paths; given temperatures: {given}{many}"
-    yield _text(14.0, PAGE[1] - 28.0, clipped(said, PAGE[0] - 30.0, 13.0), 13.0, "name")
+    many = f"; named on what they join: {', '.join(sorted(plan.hubs))}" if plan.hubs else ""
+    said = f"{title}: {len(flat.nodes)} nodes, {len(flat.conductors)} heat paths; given temperatures: {given}{many}"
+    yield _text(14.0, y + 16.0, clipped(said, plan.width - 28.0, 1.15 * NAME), NAME, "name", said)
     x = 14.0
-    for style, word in dict.fromkeys(STYLES.get(c.kind, ("solid", c.kind)) for c in flat.conductors):
-        dash = f' stroke-dasharray="{DASHES[style]}"' if DASHES.get(style) else ""
-        yield f'<path class="wire" d="M{x:.1f} {PAGE[1] - 12:.1f}h26"{dash}/>'
-        yield _text(x + 32.0, PAGE[1] - 8.0, word, 11.0, "soft")
-        x += 52.0 + 6.2 * len(word)
+    kinds = (c.kind for pair in _drawn(drawing, plan) for c in drawing.joined[pair][:1])
+    for style, word in dict.fromkeys(STYLES.get(kind, ("solid", kind)) for kind in kinds):
+        dash = f' stroke-dasharray="{DASHES[style]}"' if DASHES[style] else ""
+        if x + 52.0 + width_of(word, NAME) > plan.width:
+            break
+        yield f'<path class="wire {style}" d="M{x:.1f} {y + 32:.1f}h26"{dash}/>'
+        yield _text(x + 32.0, y + 36.0, word, NAME, "m-soft")
+        x += 50.0 + width_of(word, NAME)
+    x, y = 14.0, y + 55.0
+    known = drawing.tinted.values()
+    if known:
+        low, high = min(known), max(known)
+        ends = [f"{t - ICE_POINT:.1f} °C" for t in (low, high)]
+        yield _text(x, y, ends[0], NAME, "m-soft")
+        x += width_of(ends[0], NAME) + 8.0
+        for k in range(24):
+            colour = tint(low + (high - low) * k / 23, {"low": low, "high": high})
+            yield f'<rect x="{x + 4 * k:.1f}" y="{y - 9:.1f}" width="4.3" height="11" style="fill:{colour}"/>'
+        yield _text(x + 104.0, y, ends[1], NAME, "m-soft")
+        x += 124.0 + width_of(ends[1], NAME)
+    most = _most(drawing, plan)
+    if most > 0.0:
+        yield f'<path class="wire" d="M{x:.1f} {y - 4:.1f}h26" style="stroke-width:1"/>' + _text(x + 32.0, y, "0 W", NAME, "m-soft")
+        yield f'<path class="wire" d="M{x + 70:.1f} {y - 4:.1f}h26" style="stroke-width:{THICK}"/>'
+        yield _text(x + 104.0, y, quantity(most, "W", 2), NAME, "m-soft")

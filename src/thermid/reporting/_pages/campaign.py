@@ -23,11 +23,24 @@ from thermid.inference.criticism import criticise
 from thermid.inference.diagnosis import energy_balance
 from thermid.inference.intervals import identifiability
 from thermid.model.tree import Model, Names
-from thermid.reporting._blocks.content import DASH, Cell, Graphic, Head, Line, Table, duration, number, plain, pretty, significant, tall
+from thermid.reporting._blocks.content import (
+    DASH,
+    Cell,
+    Graphic,
+    Head,
+    Line,
+    Table,
+    duration,
+    number,
+    oversized,
+    plain,
+    pretty,
+    significant,
+)
 from thermid.reporting._blocks.extras import check_page, tables_folder, write_page
 from thermid.reporting._blocks.numbering import Sheets, check_audience
-from thermid.reporting._diagrams.diagram import diagram
 from thermid.reporting._diagrams.heat import heat_map
+from thermid.reporting._diagrams.map import network_map
 from thermid.reporting._pages import tables
 from thermid.reporting._pages.courses import drives as driving
 from thermid.reporting._pages.front import VERDICTS_TABLE, front
@@ -149,7 +162,7 @@ def _stage(key: str, c: Calibration, campaign: Campaign, sheets: Sheets) -> Part
         "inputs": tables.inputs(c),
     }
     logged = {load for e in c.experiments for load in (*e.scenario.loads, *e.scenario.commands)}
-    picture = _inline(diagram(c.fitted_model, logged=logged, title=f"{c.stage}: the model with its fitted values"))
+    picture = _inline(network_map(c.fitted_model, logged=logged, title=f"{c.stage}: the model with its fitted values"))
     annex = [(title, shown[name]) for name, title in ANNEX if shown[name].rows]
     if sheets.audience != "all":
         for title, table in annex:
@@ -161,8 +174,8 @@ def _stage(key: str, c: Calibration, campaign: Campaign, sheets: Sheets) -> Part
         "model": c.model,
         "facts": facts,
         "warnings": c.warnings,
-        "diagram": picture if whole or not tall(picture) else "",
-        "tall": tall(picture),
+        "diagram": picture if whole or not oversized(picture) else "",
+        "oversized": oversized(picture),
         "traces": _traces(c.blocks, f"{key}-trace", fits={id(b): c for b in c.blocks}, most=figures.MOST_TRACES if whole else BRIEF),
         "tables": shown,
         "annex": annex if whole else [],
@@ -292,8 +305,8 @@ def _prediction(key: str, title: str, solution: Solution, campaign: Campaign) ->
     flows = {name: float(w[-1]) for name, w in solution.heat_flows.items()}
     pictures = []
     for m in _models_of(solution, campaign):
-        drawn_whole = _inline(diagram(m, temperatures=final, powers=powers, title=end))
-        pictures.append(heat_map(m, final, flows, powers, title=end) if tall(drawn_whole) else drawn_whole)
+        drawn_whole = _inline(network_map(m, temperatures=final, flows=flows, powers=powers, title=end))
+        pictures.append(heat_map(m, final, flows, powers, title=end) if oversized(drawn_whole) else drawn_whole)
     length = duration(float(solution.times[-1] - solution.times[0]))
     return {
         "key": key,

@@ -22,6 +22,7 @@ from thermid.app.studio.courses import outcome_object
 from thermid.app.studio.orders import project_object
 from thermid.app.studio.project import Project
 from thermid.app.studio.work import Work
+from thermid.base.errors import DeckError
 from thermid.inference.criticism import Mistakes
 from thermid.prediction.bands import filed
 from thermid.reporting.objects import clean, fit_object
@@ -201,3 +202,24 @@ def test_what_is_saved_after_a_fit_of_some_are_the_curves(project: Project) -> N
     found = fit_object(project.fit("pair", {"plate.capacitance": 1300.0}, ("x.skin.effective_htc",)))
     values = {p: v["value"] for p, v in found["values"].items()} | found["others"]
     assert saved(project, "pair", {"plate.capacitance": 1300.0, **values}) < 1e-9
+
+
+def test_what_is_written_into_the_deck_after_its_difference_was_seen_are_the_values_in_force(tmp_path: Path) -> None:
+    """Fitted, inherited and moved: a simulation of the deck alone is as the curves' model; only lines of these values are changed."""
+    work = opened(planted(tmp_path, "met"))
+    work.run("whole", below=True)
+    project = idle(work)._project
+    for name, values in (("pair", {"foot_x.conductance": 0.9}), ("whole", {"base.capacitance": 2600.0})):
+        desk, file = project.desk(name), tmp_path / f"{name}.toml"
+        before = file.read_bytes()
+        _, diff = project.written_back(name, values)
+        assert file.read_bytes() == before
+        assert all(line.startswith(("+", "-", " ", "@")) for line in diff.splitlines())
+        with pytest.raises(DeckError, match="changed since the difference was shown"):
+            project.write_back(name, values, diff + " ")
+        assert project.write_back(name, values, diff) == file
+        course = td.Scenario("on", boundaries={"air": "22 [degC]"}, start="22 [degC]", duration="3 [h]")
+        ends = [td.simulate(m, course) for m in (desk.tuned(values), td.load_model(file))]
+        assert max(np.abs(ends[0][n].celsius - ends[1][n].celsius).max() for n in ends[0].nodes) < 1e-9
+        with pytest.raises(DeckError, match="has these values already"):
+            project.written_back(name, values)

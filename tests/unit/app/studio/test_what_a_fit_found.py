@@ -20,7 +20,7 @@ from thermid.simulation.runs import prepare
 
 EXAMPLES = Path(__file__).parents[4] / "examples"
 TIMES = 50
-LOAD = re.compile(r"<title>([\w.]+) into ([\w.]+): ([^<,]*) W</title>")
+LOAD = re.compile(r"(?<=[>\s])([\w.]+) into ([\w.]+): ([^<,;]*) W(?=[;<])")
 
 
 @pytest.fixture(scope="module")

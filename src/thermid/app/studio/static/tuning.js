@@ -40,4 +40,11 @@ export async function fitted(job) {
   at("fit-result").replaceChildren(make("h3", { text: `Fitted, ${job.result.evaluations} evaluations, ${shown(job.seconds, 2)} s` }), make("ul", {}, ...rows), ...warnings([...loud, ...job.result.warnings]), make("details", {}, make("summary", { text: "The whole report" }), make("pre", { text: nice(job.result.text), tabindex: "0" })));
 }
 export const warnings = (list) => list.map((w) => make("p", { class: "warning", text: `warning: ${nice(w)}` }));
+// the difference is seen before anything is written, and what is written is what was seen
+at("write-back").addEventListener("click", () => tried(async () => {
+  const body = { stage: s.stage, values: s.values }, { diff } = await ask("/api/difference", body), close = () => at("fit-result").replaceChildren();
+  const write = make("button", { type: "button", id: "write-now", text: "Write", onclick: () => tried(async () => { const found = await ask("/api/write", { ...body, diff }); close(); at("status").textContent = `written: ${found.file}`; }) });
+  at("fit-result").replaceChildren(make("h3", { text: "What is changed in the deck" }), make("pre", { class: "diff", text: diff, tabindex: "0" }), make("div", { class: "bar" }, write, make("button", { type: "button", text: "Cancel", onclick: close })));
+  write.focus();
+}));
 at("save").addEventListener("submit", (e) => { e.preventDefault(); tried(async () => { const found = await ask("/api/save", { stage: s.stage, values: s.values, name: at("save-name").value }); at("status").textContent = `saved as results/${found.file}`; }); });
