@@ -1,0 +1,159 @@
+"""Linear-Gaussian core of the model of error, on arrays alone: derivatives and readings in, posterior, evidence and bands out.
+
+Legend, as in Rasmussen and Williams, Gaussian Processes for Machine Learning (MIT Press 2006), ch. 2 and Särkkä, Bayesian Filtering and
+Smoothing (Cambridge 2013), ch. 4:
+
+    y = H z + w + e     readings less what the model says (m,), unknowns z (q,), their responses H (m, q)
+    z ~ N(mu, L L')     prior of the unknowns
+    w                   Ornstein-Uhlenbeck: cov(w(t), w(t')) = s^2 exp(-|t - t'| / tau)
+    e ~ N(0, sigma^2)   white
+    S_k                 variance of the k-th innovation
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from scipy.linalg import solve_triangular
+
+from thermid.base.linear_algebra import Array
+
+
+@dataclass(frozen=True)
+class Wander:
+    """An Ornstein-Uhlenbeck process.
+
+    Parameters
+    ----------
+    size : float    Its standard deviation. [K]
+    time : float    Its time constant. [s]
+    """
+
+    size: float
+    time: float
+
+    def covariance(self, times: Array) -> Array:
+        """Return the covariance (times, times) of its values. [K^2]"""
+        return np.asarray(self.size**2 * np.exp(-np.abs(times[:, None] - times) / self.time))
+
+
+def innovations(times: Array, columns: Array, noise: Array, wander: Wander) -> tuple[Array, float]:
+    """Return columns made white, and the logarithm of the determinant of the covariance that they were divided by.
+
+    Readings with an Ornstein-Uhlenbeck process and white noise are passed through the Kalman filter of the process; innovation k over
+    ``sqrt(S_k)`` is white and of variance one. What is done to the readings is done to the columns of H.
+
+    Parameters
+    ----------
+    times : array (m,)      Increasing. [s]
+    columns : array (m, k)  [K]
+    noise : array (m,)      Standard deviation of the white noise. [K]
+    """
+    if wander.size == 0.0:
+        return np.asarray(columns / noise[:, None]), 2.0 * float(np.log(noise).sum())
+    memory = np.exp(-np.diff(times, prepend=times[0]) / wander.time)
+    out, state, variance, log_det = np.empty_like(columns), np.zeros(columns.shape[1]), wander.size**2, 0.0
+    for k, (kept, own) in enumerate(zip(memory.tolist(), (noise**2).tolist(), strict=True)):
+        state = kept * state
+        variance = kept**2 * variance + wander.size**2 * (1.0 - kept**2)
+        total = variance + own
+        apart = columns[k] - state
+        out[k] = apart / total**0.5
+        log_det += float(np.log(total))
+        state = state + (variance / total) * apart
+        variance = variance * own / total
+    return out, log_det
+
+
+@dataclass(frozen=True, eq=False)
+class WhiteRows:
+    """What white rows say of z, in as few rows as hold the same.
+
+    Parameters
+    ----------
+    triangle : array (r, q)     R of the rows of H.
+    rotated : array (r,)        Q'y.
+    rest : float                Square of what of y no z reaches. [-]
+    log_det : float             Of the covariance by which the rows were made white.
+    count : int                 Readings.
+    """
+
+    triangle: Array
+    rotated: Array
+    rest: float
+    log_det: float
+    count: int
+
+    @classmethod
+    def of(cls, rows: Array, values: Array, log_det: float) -> WhiteRows:
+        """Return white rows (m, q) and values (m,) in short."""
+        joined = np.linalg.qr(np.column_stack([rows, values]), mode="r")
+        size = rows.shape[1]
+        rest = float(joined[size, size] ** 2) if joined.shape[0] > size else 0.0
+        return cls(joined[:size, :size], joined[:size, size], rest, log_det, values.size)
+
+
+@dataclass(frozen=True, eq=False)
+class Mixture:
+    """A mixture of normal answers (times,): what is averaged over sizes, and over what carries the heat.
+
+    Parameters
+    ----------
+    weights : array (members,)          Sum one.
+    means : array (members, times)      [K]
+    variances : array (members, times)  [K^2]
+    """
+
+    weights: Array
+    means: Array
+    variances: Array
+
+    @property
+    def mean(self) -> Array:
+        """Mean (times,). [K]"""
+        return np.asarray(self.weights @ self.means)
+
+    @property
+    def variance(self) -> Array:
+        """Variance (times,): of the members, and of their means. [K^2]"""
+        return np.asarray(self.weights @ (self.variances + (self.means - self.mean) ** 2))
+
+
+def weights_of(log_evidence: Sequence[float] | Array) -> Array:
+    """Return the probabilities (members,) of members that are as likely before, by ln of their evidence."""
+    logs = np.asarray(log_evidence, dtype=float)
+    weights = np.exp(logs - logs.max())
+    return np.asarray(weights / weights.sum())
+
+
+def squared_exponential(first: Array, second: Array, lengths: Array) -> Array:
+    """Return k(x, x') (n, m) of points (n, d) and (m, d): ``exp(-|(x - x') / l|^2 / 2)``."""
+    apart = (first[:, None, :] - second[None, :, :]) / lengths
+    return np.asarray(np.exp(-0.5 * np.sum(apart**2, axis=2)))
+
+
+def pivots(points: Array, lengths: Array, left: float, most: int) -> Array:
+    """Return the points (r, d) that a pivoted Cholesky factor of k takes until so much of the largest variance is left.
+
+    Source: Harbrecht, Peters and Schneider, Appl. Numer. Math. 62 (2012) 428.
+    """
+    diagonal = np.ones(len(points))
+    columns: list[Array] = []
+    chosen: list[int] = []
+    while len(chosen) < min(most, len(points)) and diagonal.max() > left:
+        k = int(diagonal.argmax())
+        own = squared_exponential(points, points[[k]], lengths)[:, 0]
+        own = (own - sum((c * c[k] for c in columns), np.zeros(len(points)))) / np.sqrt(diagonal[k])
+        columns.append(own)
+        chosen.append(k)
+        diagonal = np.maximum(diagonal - own**2, 0.0)
+    return points[chosen]
+
+
+def features(points: Array, at: Array, lengths: Array) -> Array:
+    """Return the features (n, r) of points whose coefficients are N(0, 1) and independent: ``Phi Phi'`` is k at the pivots `at`."""
+    inner = squared_exponential(at, at, lengths) + 1e-10 * np.eye(len(at))
+    lower = np.linalg.cholesky(inner)
+    return np.asarray(solve_triangular(lower, squared_exponential(points, at, lengths).T, lower=True).T)
