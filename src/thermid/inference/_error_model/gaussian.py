@@ -17,6 +17,8 @@ from dataclasses import dataclass
 
 import numpy as np
 from scipy.linalg import solve_triangular
+from scipy.special import ndtr
+from scipy.stats import norm
 
 from thermid.base.linear_algebra import Array
 
@@ -119,6 +121,24 @@ class Mixture:
     def variance(self) -> Array:
         """Variance (times,): of the members, and of their means. [K^2]"""
         return np.asarray(self.weights @ (self.variances + (self.means - self.mean) ** 2))
+
+    def interval(self, level: float = 0.95) -> tuple[Array, Array]:
+        """Return the ends (times,) of the central interval of a probability, by halving. [K]"""
+        spread = np.sqrt(self.variances)
+        ends = []
+        for probability in (0.5 - 0.5 * level, 0.5 + 0.5 * level):
+            wide = norm.ppf(probability) * spread
+            low, high = (self.means + wide).min(axis=0), (self.means + wide).max(axis=0)
+            for _ in range(HALVINGS):
+                middle = 0.5 * (low + high)
+                below = self.weights @ ndtr((middle - self.means) / np.where(spread > 0.0, spread, np.inf)) < probability
+                low, high = np.where(below, middle, low), np.where(below, high, middle)
+            ends.append(0.5 * (low + high))
+        return ends[0], ends[1]
+
+
+HALVINGS = 20
+"""Halvings of what the members span: to a millionth of it."""
 
 
 def weights_of(log_evidence: Sequence[float] | Array) -> Array:

@@ -3,8 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
-from statistics import NormalDist
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
@@ -31,7 +30,7 @@ from thermid.inference._error_model.elements import (
 from thermid.inference._error_model.gaussian import Mixture, Wander, weights_of
 from thermid.inference._error_model.posterior import Members, RunRows, members_of
 from thermid.inference._error_model.runs import Column, Departures, Trace, departures_of, white_rows, widened
-from thermid.inference._error_model.sizes import COUNTED, DRAWN, LEFT_SIZES, LEFT_TIMES, REACH, SHARES_OF_RUN, STEPS, TABLE
+from thermid.inference._error_model.sizes import AGAIN, COUNTED, DRAWN, LEFT_SIZES, LEFT_TIMES, LIKELY, REACH, SHARES_OF_RUN, STEPS, TABLE
 from thermid.simulation.runs import Simulator, network_for, output_times
 from thermid.simulation.scenarios import Scenario
 from thermid.simulation.solver import Engine, Options, Wiring
@@ -181,19 +180,31 @@ def fitted_way(problem: Problem, fitted: Array, way: Way, points: Mapping[str, A
 def _averaged(problem: Problem, runs: _Linearised, way: Way, laws: Mapping[str, ElementLaw], at: Array, centre: Array) -> FittedWay:
     """Return the posterior at all sizes that count."""
     scale = TABLE["left"].value
-    tried = [(s, p) for s in LEFT_SIZES for p in LEFT_TIMES]
-    prior = {(s, p): -0.5 * s**2 for s, p in tried}
-    sizes = drawn_sizes(DRAWN)
-    logs, means, roots, every, left = [], [], [], [], []
-    for s, p in tried:
-        found = _posterior(problem, runs, at, centre, sizes, (scale * s, p))
-        logs.append(found.log_evidence + prior[s, p])
-        means.append(found.mean)
-        roots.append(found.root)
-        every.append(sizes)
-        left += [Wander(scale * s, p * max(runs.spans))] * len(sizes)
-    members = Members(np.concatenate(logs), np.concatenate(means), np.concatenate(roots))
-    return FittedWay(way, laws, at, runs.departures, runs.columns, members, np.concatenate(every), tuple(left))
+    prior = left_prior()
+    first = {key: _posterior(problem, runs, at, centre, drawn_sizes(DRAWN), (scale * key[0], key[1])) for key in prior}
+    logs = {key: log + _mean_of(first[key].log_evidence) for key, log in prior.items()}
+    likely = dict(zip(logs, weights_of(list(logs.values())), strict=True))
+    sizes = drawn_sizes(AGAIN)
+    parts, left = [], []
+    for size, part in (key for key, share in likely.items() if share > LIKELY):
+        again = _posterior(problem, runs, at, centre, sizes, (scale * size, part))
+        parts.append(replace(again, log_evidence=again.log_evidence + prior[size, part]))
+        left += [Wander(scale * size, part * max(runs.spans))] * AGAIN
+    members = Members(*(np.concatenate([getattr(p, name) for p in parts]) for name in ("log_evidence", "mean", "root")))
+    return FittedWay(way, laws, at, runs.departures, runs.columns, members, np.tile(sizes, (len(parts), 1)), tuple(left))
+
+
+def left_prior() -> dict[tuple[float, float], float]:
+    """Return (size, time) of what no element explains, in parts -> ln of its probability."""
+    edges = np.r_[0.0, 0.5 * (np.array(LEFT_SIZES[1:]) + LEFT_SIZES[:-1]), np.inf]
+    mass = 2.0 * np.diff(norm.cdf(edges))
+    out = {(0.0, LEFT_TIMES[0]): float(np.log(mass[0]))}
+    return out | {(s, t): float(np.log(m / len(LEFT_TIMES))) for s, m in zip(LEFT_SIZES[1:], mass[1:], strict=True) for t in LEFT_TIMES}
+
+
+def _mean_of(logs: Array) -> float:
+    """Return ln of the mean of what has these logarithms."""
+    return float(logs.max() + np.log(np.mean(np.exp(logs - logs.max()))))
 
 
 @dataclass(frozen=True, eq=False)
@@ -221,7 +232,8 @@ class ErrorBand:
     @property
     def half_width(self) -> Array:
         """Half-width (times,) of the 95 % band. [K]"""
-        return NormalDist().inv_cdf(0.975) * np.sqrt(self.mixture.variance)
+        low, high = self.mixture.interval()
+        return 0.5 * (high - low)
 
 
 @dataclass(frozen=True, eq=False)

@@ -24,7 +24,7 @@ from thermid.inference._error_model.elements import (
     room_heats,
 )
 from thermid.inference._error_model.gaussian import Wander, WhiteRows, features, innovations, pivots
-from thermid.inference._error_model.sizes import ASIDE, COLUMNS, LEFT_OVER, LENGTHS, READINGS, ROOM_TIME
+from thermid.inference._error_model.sizes import ASIDE, COLUMNS, EVERY, HEATED, LEFT_OVER, LENGTHS, READINGS, ROOM_TIME
 from thermid.model.laws import TableSignal
 from thermid.model.tree import FlatConductor
 from thermid.simulation.network import Network
@@ -69,7 +69,8 @@ class Smooth:
     def of(cls, c: FlatConductor, at: OperatingPoint, kind: str, courses: Sequence[Course]) -> Smooth:
         """Return the smooth departure of a conductor over the runs of a fit."""
         runs = [r for r in courses if c.path in r.flows]
-        every = np.concatenate([places(r, c, at)[::10] for r in runs])
+        most = max(float(np.abs(r.flows[c.path]).max()) for r in runs)
+        every = np.concatenate([places(r, c, at)[np.abs(r.flows[c.path]) > HEATED * most][::EVERY] for r in runs])
         aside = np.array(ASIDE) * np.array(LENGTHS)
         wide = np.concatenate([every + aside * (i, j) for i in (-1, 0, 1) for j in (-1, 0, 1)])
         found = pivots(wide, np.array(LENGTHS), LEFT_OVER, COLUMNS)
@@ -78,11 +79,11 @@ class Smooth:
         return cls(at, kind, found, heat @ features(where, found, np.array(LENGTHS)) / heat.sum())
 
     def along(self, c: FlatConductor, course: Course) -> tuple[Array, float]:
-        """Return the centred features along a run (times, r), and what of the variance lies outside of them, at most. [-]"""
+        """Return the centred features along a run (times, r), and what of the variance lies outside of them, weighted by heat. [-]"""
         phi = features(places(course, c, self.at), self.pivots, np.array(LENGTHS))
-        flowing = np.abs(course.flows[c.path]) > 0.0
-        rest = 1.0 - np.sum(phi**2, axis=1)
-        return phi - self.centre, float(np.clip(rest[flowing], 0.0, 1.0).max(initial=0.0))
+        heat = np.abs(course.flows[c.path])
+        rest = np.clip(1.0 - np.sum(phi**2, axis=1), 0.0, 1.0)
+        return phi - self.centre, float(heat @ rest / max(heat.sum(), 1e-300))
 
 
 @dataclass(frozen=True, eq=False)

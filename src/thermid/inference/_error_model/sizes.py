@@ -43,7 +43,7 @@ LENGTHS: Final = (0.7, 40.0)
 """Lengths over which a departure changes: of ln(difference), a factor of two [-], and of the level [K]; prior."""
 ASIDE: Final = (1.0, 1.0)
 """How far beyond the conditions of a fit features of departures reach, in lengths; what lies further off is independent. [-]"""
-LEFT_OVER, COLUMNS = 0.01, 8
+LEFT_OVER, COLUMNS = 0.01, 10
 """Part of the variance of a departure that its features may leave, and how many there may be."""
 EXPONENT: Final = 4.0 / 15.0
 """Mean exponent of natural convection with the difference: evenly between 1/5 and 1/3 (Incropera and others 2011, 9.6). [-]"""
@@ -58,18 +58,22 @@ LEVELS, LEVEL_POINTS = (150.0, 600.0), 181
 SHARES_OF_RUN: Final = (1.0 / 30.0, 1.0 / 10.0)
 """Time constants of hidden masses, in parts of the longest run. [-]"""
 LEFT_TIMES: Final = (1.0 / 30.0, 1.0 / 10.0, 1.0 / 3.0)
-"""Time constants of what no element explains, in parts of the run; the same weight each. [-]"""
-LEFT_SIZES: Final = (0.0, 0.2, 0.6, 1.2, 2.0)
-"""Sizes of the same that are tried, in parts of the scale of their half-normal prior. [-]"""
+"""Time constants of what no element explains, in parts of the run; as likely each. [-]"""
+LEFT_SIZES: Final = (0.0, 0.3, 1.0, 2.0)
+"""Sizes of the same that are tried, in parts of the scale of their half-normal prior; each stands for all sizes nearer to it. [-]"""
+HEATED, EVERY = 0.1, 10
+"""Part of the largest heat of an element from which its conditions count where features are laid [-], and every which sample is looked at."""
 POINTS: Final = 301
 """Samples of a run along which departures are drawn."""
 KNOTS: Final = 24
 """Hats that hold a wandering room in a run, at most; a room that wanders faster is smoothed."""
-DRAWN: Final = 32
-"""Sets of sizes for each of the sizes and times of what no element explains."""
+DRAWN, AGAIN = 16, 256
+"""Sets of sizes at every size and time of what no element explains, and again at those that count."""
+LIKELY: Final = 0.01
+"""Probability from which a size and time of what no element explains counts. [-]"""
 READINGS: Final = 200
 """Readings of a sensor in a run; more are averaged over equal stretches."""
-STEPS: Final = 4
+STEPS: Final = 3
 """Newton steps in values, exponents and shares."""
 REACH: Final = 3.0
 """Standard deviation of a logarithm without a prior or bounds. [-]"""
