@@ -97,6 +97,7 @@ class RealSet:
     modes : tuple       How the surroundings are known.
     fitted : function   Runs that may be used -> the fit.
     predicted : function    Fit, run, mode -> the prediction of it.
+    record : function   Run -> its record.
     """
 
     name: str
@@ -104,22 +105,28 @@ class RealSet:
     modes: tuple[str, ...]
     fitted: Callable[[Sequence[str]], Calibration]
     predicted: Callable[[Calibration, str, str], RecordPrediction]
+    record: Callable[[str], td.Record]
+
+    def without(self, kind: str) -> Calibration | str:
+        """Return the fit of all kinds but one, or why there is none."""
+        try:
+            return self.fitted([n for k, several in self.kinds.items() if k != kind for n in several])
+        except ThermidError as error:
+            return str(error)
 
     def runs(self) -> list[Run]:
         """Return every run, predicted from the other kinds alone."""
         out = []
         for kind, names in self.kinds.items():
-            try:
-                found: Calibration | str = self.fitted([n for k, several in self.kinds.items() if k != kind for n in several])
-            except ThermidError as error:
-                found = str(error)
+            found = self.without(kind)
             for name in names:
                 for mode in self.modes:
-                    out.append(self._run(kind, name, mode, found))
+                    out.append(self.run(kind, name, mode, found))
             print(f"{self.name}, without {kind}: {len(names)} runs", file=sys.stderr)
         return out
 
-    def _run(self, kind: str, name: str, mode: str, found: Calibration | str) -> Run:
+    def run(self, kind: str, name: str, mode: str, found: Calibration | str) -> Run:
+        """Return one run of a kind, as a fit of the others predicts it."""
         if isinstance(found, str):
             return Run(self.name, kind, name, mode, (), (), found)
         try:
@@ -146,7 +153,11 @@ def tclab_kind(name: str) -> str:
     return "0 to 50 %, 2200 s" if "0to50" in name else f"random {name.split('Identification')[1].split('_')[0]}"
 
 
-def tclabsp(data: Path) -> RealSet:
+Bands = Callable[..., RecordPrediction]
+"""What predicts a record: `predict_record`, or another with its arguments and a result that has bands as it has."""
+
+
+def tclabsp(data: Path, bands: Bands = predict_record) -> RealSet:
     """Return the TCLab runs of Sao Paulo: the decks and the joint fit of examples/tclab, every run with a room of its own."""
     model = td.load_model(ROOT / "examples" / "tclab" / "board.toml")
     records = {}
@@ -179,22 +190,22 @@ def tclabsp(data: Path) -> RealSet:
         if mode == "room fitted":
             own: dict[str, Any] = {"room": {"start": "22.5 [degC]", "sd": "2 [K]"}}
             own |= {"initial.pcb": {"start": passive(name), "sd": "5 [K]"}} if hot(name) else {}
-            return predict_record(found, records[name], scenario=start, local=own)
+            return bands(found, records[name], scenario=start, local=own)
         if not hot(name):
-            return predict_record(found, records[name], scenario=start, readings={"room": "T1_C"})
+            return bands(found, records[name], scenario=start, readings={"room": "T1_C"})
         # a run that starts hot shows no reading of the room
-        return predict_record(found, records[name], scenario=warm.with_(boundaries={"room": "23 [degC]"}))
+        return bands(found, records[name], scenario=warm.with_(boundaries={"room": "23 [degC]"}))
 
     kinds: dict[str, list[str]] = {}
     for name in records:
         kinds.setdefault(tclab_kind(name), []).append(name)
-    return RealSet("tclabsp", kinds, ("room fitted", "first readings"), fitted, predicted)
+    return RealSet("tclabsp", kinds, ("room fitted", "first readings"), fitted, predicted, records.__getitem__)
 
 
 MOTOR = {"run 1": "Run1-Throttle4", "run 2": "Run2-Throttle100", "run 3": "Run3-Throttle48"}
 
 
-def motor(data: Path) -> RealSet:
+def motor(data: Path, bands: Bands = predict_record) -> RealSet:
     """Return the motor's runs without cooling, as examples/motor has them: three powers, a kind each; the room is logged."""
     example = runpy.run_path(str(ROOT / "examples" / "motor" / "run.py"))
     folder = data / "motor_bldc_tass"
@@ -204,10 +215,10 @@ def motor(data: Path) -> RealSet:
         return found
 
     def predicted(found: Calibration, name: str, mode: str) -> RecordPrediction:
-        return predict_record(found, example["joined"](folder, name), scenario=example["START"])
+        return bands(found, example["joined"](folder, name), scenario=example["START"])
 
     kinds = {f"{name} (throttle {MOTOR[name].partition('Throttle')[2]} %)": [name] for name in MOTOR}
-    return RealSet("motor", kinds, ("room logged",), fitted, predicted)
+    return RealSet("motor", kinds, ("room logged",), fitted, predicted, lambda name: example["joined"](folder, name))
 
 
 CUBE = {"air": ("exp02", 7, 33), "thin air": ("exp03", 6, 32)}
@@ -216,7 +227,7 @@ HEAT, AREA = 300.0, 0.06
 """Capacitance that the fits assume, J/K, and outside of a cube of 10 cm, m^2; see tests/recovery/test_lhs1.py."""
 
 
-def lhs1(data: Path) -> RealSet:
+def lhs1(data: Path, bands: Bands = predict_record) -> RealSet:
     """Return the cooling curves of a cube in air and at low pressure, one sensor each: of the other pressure alone, a fit has one run."""
     runs = {f"{where}, {column}": (where, column) for where in CUBE for column in ("T_bmp_C", "T_mcp_C")}
 
@@ -242,14 +253,13 @@ def lhs1(data: Path) -> RealSet:
 
     def predicted(found: Calibration, name: str, mode: str) -> RecordPrediction:
         record, scenario = curve(name)
-        return predict_record(found, record, scenario=scenario)
+        return bands(found, record, scenario=scenario)
 
-    return RealSet(
-        "lhs1", {where: [n for n, (w, _) in runs.items() if w == where] for where in CUBE}, ("lowest reading",), fitted, predicted
-    )
+    kinds = {where: [n for n, (w, _) in runs.items() if w == where] for where in CUBE}
+    return RealSet("lhs1", kinds, ("lowest reading",), fitted, predicted, lambda name: curve(name)[0])
 
 
-SETS: dict[str, Callable[[Path], RealSet]] = {"tclabsp": tclabsp, "motor": motor, "lhs1": lhs1}
+SETS: dict[str, Callable[..., RealSet]] = {"tclabsp": tclabsp, "motor": motor, "lhs1": lhs1}
 FOLDERS = {"tclabsp": "tclabsp", "motor": "motor_bldc_tass", "lhs1": "lhs1_vacuum_cooling"}
 REPORTED = {
     "uconsole_cm5_enclosure": "no power is logged: nothing can be fitted but time constants",
