@@ -18,9 +18,11 @@ from thermid.fit.discrepancy import FREE_AIR, STREAM, OperatingPoint, constant_c
 from thermid.inference._error_model.sizes import (
     EXPONENT,
     EXPONENT_SD,
+    FINISH,
     FLOWLESS,
     KNOTS,
     LARGEST_SHARE,
+    LEAST_SHARE,
     LEVEL_POINTS,
     LEVELS,
     POINTS,
@@ -72,16 +74,19 @@ class SurfaceLaw:
         apart = np.maximum(np.abs(first - second), FLOWLESS * self.at.difference) / self.at.difference
         return np.log(apart), (first**2 + second**2) * (first + second) / (4.0 * self.at.level**3)
 
-    def heats(self, flow: Array, first: Array, second: Array) -> dict[str, Array]:
-        """Return the heat (times,) that one more of n and of s adds to a flow. [W]"""
-        log, warmer = self.growth(first, second)
-        grown = np.exp(self.exponent * log)
-        plain = flow / ((1.0 - self.share) * grown + self.share * warmer)
-        return {EXPONENT_OF: plain * (1.0 - self.share) * grown * log, SHARE_OF: plain * (warmer - grown)}
+    def heats(self, course: Course, path: str, ends: tuple[str, str]) -> dict[str, Array]:
+        """Return the heat (times,) that one more of n and of s adds along a run. [W]"""
+        log, _ = self.growth(*(course.kelvin[end] for end in ends))
+        radiated = course.radiated.get(path, np.zeros(course.times.size))
+        convected = course.flows[path] - radiated
+        out = {EXPONENT_OF: convected * log}
+        return out | ({SHARE_OF: radiated / self.share - convected / (1.0 - self.share)} if self.share else {})
 
     def moved(self, by: Mapping[str, float]) -> SurfaceLaw:
         """Return the law with another exponent and share, kept to what is possible."""
-        share = float(np.clip(self.share + by.get(SHARE_OF, 0.0), 0.0, LARGEST_SHARE))
+        if not self.share:
+            return replace(self, exponent=max(self.exponent + by.get(EXPONENT_OF, 0.0), 0.0))
+        share = float(np.clip(self.share + by.get(SHARE_OF, 0.0), LEAST_SHARE, LARGEST_SHARE))
         return replace(self, exponent=max(self.exponent + by.get(EXPONENT_OF, 0.0), 0.0), share=share)
 
     @property
@@ -122,11 +127,13 @@ class JointLaw:
         below = 1.0 / (1.0 - np.minimum(x, 0.0))
         return np.where(x < 0.0, below, 1.0 + x), self.trend * np.where(x < 0.0, below**2, 1.0)
 
-    def heats(self, flow: Array, first: Array, second: Array) -> dict[str, Array]:
-        """Return the heat (times,) that one more of c adds to a flow. [W K]"""
-        apart = 0.5 * (first + second) - self.at.level
+    def heats(self, course: Course, path: str, ends: tuple[str, str]) -> dict[str, Array]:
+        """Return the heat (times,) that one more of c adds along a run. [W K]"""
+        apart = np.mean([course.kelvin[end] for end in ends], axis=0) - self.at.level
         x = self.trend * apart
-        return {TREND_OF: flow * apart * np.where(x < 0.0, 1.0 / (1.0 - np.minimum(x, 0.0)), 1.0 / (1.0 + np.maximum(x, 0.0)))}
+        return {
+            TREND_OF: course.flows[path] * apart * np.where(x < 0.0, 1.0 / (1.0 - np.minimum(x, 0.0)), 1.0 / (1.0 + np.maximum(x, 0.0)))
+        }
 
     def moved(self, by: Mapping[str, float]) -> JointLaw:
         """Return the law with another trend."""
@@ -157,19 +164,21 @@ class Way:
     sizes: Mapping[tuple[str, str], tuple[str, float]] = field(default_factory=dict)
 
 
-def ways_of(network: Network, at: Mapping[str, OperatingPoint], coefficients: Mapping[str, float]) -> tuple[Way, ...]:
+def ways_of(
+    network: Network, at: Mapping[str, OperatingPoint], coefficients: Mapping[str, float], emissivities: Mapping[str, float]
+) -> tuple[Way, ...]:
     """Return what may carry the heat of a network's surfaces: one way where the deck says it, free air and a stream where it does not.
 
     Parameters
     ----------
     at : dict               Conductor -> where it was found.
     coefficients : dict     Conductor -> its coefficient there. [W/(m^2 K)]
+    emissivities : dict     Conductor -> the emissivity that the deck gives its surface.
     """
     surfaces = {p: c for p, c in constant_coefficients(network).items() if p in at and c.kind in ("effective", "convection")}
     joints = {c.path: c for c in network.flat.conductors if c.path in at and c.kind in SOLIDS and len(_laws_of(network, c)) == 1}
     joints = {p: c for p, c in joints.items() if _laws_of(network, c)[0].form == "linear"}
     unsaid = [p for p, c in surfaces.items() if CARRIED_BY not in c.words]
-    lit = {c.path.removesuffix(".radiation") for c in network.flat.conductors if c.kind == "radiation"}
     out = []
     for carrier in (FREE_AIR, STREAM) if unsaid else ("as the deck says",):
         laws: dict[str, ElementLaw] = {p: JointLaw(at[p], 0.0, c.recipe or _linear(c)) for p, c in joints.items()}
@@ -179,7 +188,7 @@ def ways_of(network: Network, at: Mapping[str, OperatingPoint], coefficients: Ma
             if carried not in (FREE_AIR, STREAM):
                 continue
             free = carried == FREE_AIR
-            share, spread = _radiation(c, coefficients[path], at[path]) if path not in lit and c.kind == "effective" else (0.0, 0.0)
+            share, spread = (0.0, 0.0) if c.kind != "effective" else _radiation(coefficients[path], at[path], emissivities.get(path))
             laws[path] = SurfaceLaw(at[path], EXPONENT if free else 0.0, share, c.recipe or _linear(c))
             sizes |= {(path, EXPONENT_OF): ("", EXPONENT_SD)} if free else {}
             sizes |= {(path, SHARE_OF): ("", spread)} if spread else {}
@@ -193,9 +202,13 @@ def _linear(c: FlatConductor) -> Any:
     return lambda fields: plain.laws(fields)[0]
 
 
-def _radiation(c: FlatConductor, coefficient: float, at: OperatingPoint) -> tuple[float, float]:
-    """Return mean and standard deviation of the share of radiation: any emissivity up to the blackest is as likely, before any reading."""
-    most = min(LARGEST_SHARE, LARGEST_SHARE * 4.0 * STEFAN_BOLTZMANN * at.level**3 / max(coefficient, 1e-9))
+def _radiation(coefficient: float, at: OperatingPoint, emissivity: float | None) -> tuple[float, float]:
+    """Return mean and standard deviation of the share of radiation: of a stated emissivity, else any up to the blackest is as likely."""
+    black = 4.0 * STEFAN_BOLTZMANN * at.level**3 / max(coefficient, 1e-9)
+    if emissivity is not None:
+        share = min(LARGEST_SHARE, emissivity * black)
+        return share, FINISH * share
+    most = min(LARGEST_SHARE, LARGEST_SHARE * black)
     return 0.5 * most, most / 12.0**0.5
 
 
@@ -206,7 +219,9 @@ def with_laws(network: Network, laws: Mapping[str, ElementLaw]) -> Network:
         law = laws.get(c.path)
         return c if law is None else replace(c, recipe=law, curve=law.curve if isinstance(law, JointLaw) else c.curve)
 
-    own = tuple(map(laid, network.flat.conductors))
+    # the radiation that an effective coefficient holds is a part of its law here
+    held = {f"{path}.radiation" for path, law in laws.items() if isinstance(law, SurfaceLaw) and law.share}
+    own = tuple(laid(c) for c in network.flat.conductors if c.path not in held)
     return replace(network, flat=replace(network.flat, conductors=own))
 
 
@@ -222,6 +237,7 @@ class Course:
     follows : dict              Boundary -> conductor -> what one more kelvin of it adds to that heat (times,). [W/K]
     stores : dict               Node -> heat that it takes up (times,), and its capacitance [J/K]. [W]
     powers : dict               Load -> the node, and its power as the scenario gives it.
+    radiated : dict             Conductor -> what of its heat is radiation (times,). [W]
     """
 
     times: Array
@@ -230,6 +246,7 @@ class Course:
     follows: Mapping[str, Mapping[str, Array]]
     stores: Mapping[str, tuple[Array, float]]
     powers: Mapping[str, tuple[str, Any]]
+    radiated: Mapping[str, Array]
 
 
 def course_of(wiring: Wiring, engine: Engine, x: Array | None, options: Options) -> Course:
@@ -253,7 +270,8 @@ def course_of(wiring: Wiring, engine: Engine, x: Array | None, options: Options)
     powers = {
         load.path: (load.node, wiring.scenario.loads[load.path]) for load in wiring.network.flat.loads if load.path in wiring.scenario.loads
     }
-    return Course(times, known, flows, follows, stores, powers)
+    shining = replace(a.numbers, conductors=tuple(row for row in a.numbers.conductors if row.form == "radiation"))
+    return Course(times, known, flows, follows, stores, powers, wiring.conductor_flows(shining, known, times, shares))
 
 
 @dataclass(frozen=True, eq=False)

@@ -91,7 +91,7 @@ class WhiteRows:
     @classmethod
     def of(cls, rows: Array, values: Array, log_det: float) -> WhiteRows:
         """Return white rows (m, q) and values (m,) in short."""
-        joined = np.linalg.qr(np.column_stack([rows, values]), mode="r")
+        joined: Array = np.asarray(np.linalg.qr(np.column_stack([rows, values]), mode="r"))
         size = rows.shape[1]
         rest = float(joined[size, size] ** 2) if joined.shape[0] > size else 0.0
         return cls(joined[:size, :size], joined[:size, size], rest, log_det, values.size)

@@ -58,15 +58,17 @@ class Smooth:
     kind : str              Its class.
     pivots : array (r, 2)   Of ln(difference) and level, from where it was found.
     centre : array (r,)     Mean of the features over the runs of the fit, weighted by heat.
+    thinned : bool          Whether its gas was another there than air on the ground.
     """
 
     at: OperatingPoint
     kind: str
     pivots: Array
     centre: Array
+    thinned: bool
 
     @classmethod
-    def of(cls, c: FlatConductor, at: OperatingPoint, kind: str, courses: Sequence[Course]) -> Smooth:
+    def of(cls, c: FlatConductor, at: OperatingPoint, kind: str, courses: Sequence[Course], thinned: bool) -> Smooth:
         """Return the smooth departure of a conductor over the runs of a fit."""
         runs = [r for r in courses if c.path in r.flows]
         most = max(float(np.abs(r.flows[c.path]).max()) for r in runs)
@@ -76,11 +78,14 @@ class Smooth:
         found = pivots(wide, np.array(LENGTHS), LEFT_OVER, COLUMNS)
         heat = np.concatenate([np.abs(r.flows[c.path]) for r in runs])
         where = np.concatenate([places(r, c, at) for r in runs])
-        return cls(at, kind, found, heat @ features(where, found, np.array(LENGTHS)) / heat.sum())
+        return cls(at, kind, found, heat @ features(where, found, np.array(LENGTHS)) / heat.sum(), thinned)
 
-    def along(self, c: FlatConductor, course: Course) -> tuple[Array, float]:
-        """Return the centred features along a run (times, r), and what of the variance lies outside of them, weighted by heat. [-]"""
-        phi = features(places(course, c, self.at), self.pivots, np.array(LENGTHS))
+    def along(self, c: FlatConductor, course: Course, thinned: bool) -> tuple[Array, float]:
+        """Return the centred features along a run (times, r), and what of the variance lies outside of them, weighted by heat. [-]
+
+        In another gas an element departs anew: nothing of what was found in the first says how.
+        """
+        phi = features(places(course, c, self.at), self.pivots, np.array(LENGTHS)) * float(thinned == self.thinned)
         heat = np.abs(course.flows[c.path])
         rest = np.clip(1.0 - np.sum(phi**2, axis=1), 0.0, 1.0)
         return phi - self.centre, float(heat @ rest / max(heat.sum(), 1e-300))
@@ -113,11 +118,10 @@ class Departures:
                 out.append((Column(told, group, size, c.path), moved_heat(told, network, c.ends, course.times, watts)))
 
             if path in laws:
-                a, b = (course.kelvin[end] for end in c.ends)
-                for kind, watts in laws[path].heats(heat, a, b).items():
+                for kind, watts in laws[path].heats(course, path, c.ends).items():
                     if (path, kind) in way.sizes:
                         add(kind, *way.sizes[path, kind], watts)
-            phi, _ = own.along(c, course)
+            phi, _ = own.along(c, course, thinned(network, c))
             for k, column in enumerate(phi.T):
                 add(f"departure {k}", own.kind, 1.0, heat * column)
         for node in course.stores:
@@ -147,7 +151,12 @@ class Departures:
     def beyond(self, network: Network, course: Course) -> dict[str, tuple[str, float]]:
         """Return conductor -> its class, and what of its variance lies further off than its features reach. [-]"""
         every = conductors_of(network, course)
-        return {p: (s.kind, s.along(every[p], course)[1]) for p, s in self.smooth.items() if p in every}
+        return {p: (s.kind, s.along(every[p], course, thinned(network, every[p]))[1]) for p, s in self.smooth.items() if p in every}
+
+
+def thinned(network: Network, c: FlatConductor) -> bool:
+    """Return whether the gas of a conductor is another than air on the ground."""
+    return bool(c.gas) and network.media.changed(c.gas)
 
 
 def departures_of(
@@ -157,7 +166,9 @@ def departures_of(
     every: dict[str, FlatConductor] = {}
     for course in courses:
         every |= conductors_of(network, course)
-    return Departures({p: Smooth.of(c, points[p], class_of(c, network), courses) for p, c in every.items() if p in points}, hidden)
+    return Departures(
+        {p: Smooth.of(c, points[p], class_of(c, network), courses, thinned(network, c)) for p, c in every.items() if p in points}, hidden
+    )
 
 
 def widened(problem: Problem, i: int, network: Network, scenario: Any, heats: Sequence[Heat]) -> Problem:

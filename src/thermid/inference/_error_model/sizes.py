@@ -51,6 +51,10 @@ EXPONENT_SD: Final = (1.0 / 3.0 - 1.0 / 5.0) / 12.0**0.5
 """Standard deviation of the same. [-]"""
 LARGEST_SHARE: Final = 0.95
 """Largest emissivity, and largest share of radiation in a coefficient. [-]"""
+LEAST_SHARE: Final = 0.01
+"""Least share of radiation where there may be some. [-]"""
+FINISH: Final = 0.15
+"""What an emissivity of a deck is good to, relative; as in a fit's discrepancy. [-]"""
 FLOWLESS: Final = 1e-3
 """Part of the difference of a fit below which no heat flows. [-]"""
 LEVELS, LEVEL_POINTS = (150.0, 600.0), 181
@@ -62,11 +66,13 @@ LEFT_TIMES: Final = (1.0 / 30.0, 1.0 / 10.0, 1.0 / 3.0)
 LEFT_SIZES: Final = (0.0, 0.3, 1.0, 2.0)
 """Sizes of the same that are tried, in parts of the scale of their half-normal prior; each stands for all sizes nearer to it. [-]"""
 HEATED, EVERY = 0.1, 10
-"""Part of the largest heat of an element from which its conditions count where features are laid [-], and every which sample is looked at."""
+"""Part of the largest heat of an element from which its conditions count where features are laid [-]; of those every tenth is taken."""
 POINTS: Final = 301
 """Samples of a run along which departures are drawn."""
 KNOTS: Final = 24
 """Hats that hold a wandering room in a run, at most; a room that wanders faster is smoothed."""
+USUAL_LEFT: Final = (0.3, 1.0 / 10.0)
+"""Size and time of the same while values are looked for."""
 DRAWN, AGAIN = 16, 256
 """Sets of sizes at every size and time of what no element explains, and again at those that count."""
 LIKELY: Final = 0.01
