@@ -19,7 +19,7 @@ from thermid.inference._error_model.elements import course_of, ways_of, with_hea
 from thermid.inference._error_model.gaussian import Mixture, weights_of
 from thermid.inference._error_model.model import GROUPS, FittedWay, deviations, fitted_way, points_of
 from thermid.inference._error_model.runs import Column
-from thermid.inference._error_model.sizes import COUNTED
+from thermid.inference._error_model.sizes import COUNTED, FAR_SIZE, OUTSIDE, TABLE
 from thermid.simulation.network import Network
 from thermid.simulation.runs import Simulator, network_for, output_times
 from thermid.simulation.scenarios import Scenario
@@ -131,6 +131,25 @@ class ErrorModel:
         return dict(zip(GROUPS, np.sqrt(total).tolist(), strict=True))
 
     @property
+    def misfit(self) -> float:
+        """Root mean square of the readings over what the model of error allows; one is expected. [-]"""
+        return float(np.sqrt(sum(share @ w.members.square for w, share in zip(self.ways, self.weights, strict=True))))
+
+    @property
+    def contradiction(self) -> str:
+        """What of the readings no departure of a usual size explains, in words; empty where all is explained."""
+        if self.misfit > OUTSIDE:
+            return f"the readings lie {self.misfit:.2g} times further from the model than noise and all departures allow"
+        parts = {group: size / TABLE[group].value for group, size in self.sizes.items()}
+        worst = max(parts, key=parts.__getitem__)
+        if parts[worst] > FAR_SIZE:
+            return (
+                f"the readings ask for {parts[worst]:.2g} times the usual {TABLE[worst].effect} "
+                f"({self.sizes[worst]:.2g} {TABLE[worst].unit} beside {TABLE[worst].value:g} {TABLE[worst].unit})"
+            )
+        return ""
+
+    @property
     def unknowns(self) -> tuple[str, ...]:
         """Values of the fit that `covariance` has, in order."""
         return tuple(self.fit.fitted)
@@ -169,7 +188,18 @@ class ErrorModel:
         every, times            When, as in `simulate`.
         as_logged : bool        Whether rooms and powers of the scenario are what the instruments of the fit would read, constant errors
                                 and all, and not what they are.
+
+        Raises
+        ------
+        IdentificationError   When no departure of a usual size explains the readings (`contradiction`), or the scenario changes the gas in a
+                              joint of which no log says how much is gas.
         """
+        if self.contradiction:
+            raise IdentificationError(
+                f"{self.contradiction}, so nothing is predicted. A column, a unit, a power or a noise of the logs is wrong, or an element "
+                "is missing. `thermid criticise` looks for it.",
+                self.fit.stage,
+            )
         wanted = output_times(scenario, every, times)
         heaviest = max(float(s.max()) for s in self.weights)
         shares, answers = [], []

@@ -200,7 +200,7 @@ def _averaged(runs: RunsOfFit, way: Way, laws: Mapping[str, ElementLaw], centre:
     likely = [left for left, share in zip(logs, weights_of(list(logs.values())), strict=True) if share > LIKELY]
     parts = [runs.posterior(centre, sizes, left) for left in likely]
     parts = [replace(p, log_evidence=p.log_evidence + prior[left]) for p, left in zip(parts, likely, strict=True)]
-    members = Members(*(np.concatenate([getattr(p, name) for p in parts]) for name in ("log_evidence", "mean", "root")))
+    members = Members(*(np.concatenate([getattr(p, name) for p in parts]) for name in ("log_evidence", "mean", "root", "square")))
     sizes_left = np.repeat([TABLE["left"].value * size for size, _ in likely], AGAIN)
     return FittedWay(way, laws, runs.fitted, runs.departures, runs.columns, members, np.tile(sizes, (len(parts), 1)), sizes_left)
 

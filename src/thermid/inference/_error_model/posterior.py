@@ -69,11 +69,14 @@ class Members:
     log_evidence : array (members,)
     mean : array (members, s)
     root : array (members, s, s)        Roots of the covariances, ``A A'``.
+    square : array (members,)           ``y' S^-1 y`` of the readings over a reading, S their covariance before they were read; one is
+                                        what it is where the model of error is right. [-]
     """
 
     log_evidence: Array
     mean: Array
     root: Array
+    square: Array
 
 
 def members_of(runs: Sequence[RunRows], centre: Array, sizes: Array, own: Sequence[Array]) -> Members:
@@ -101,5 +104,6 @@ def members_of(runs: Sequence[RunRows], centre: Array, sizes: Array, own: Sequen
     root = sizes[:, :, None] * np.swapaxes(inverse, 1, 2)
     mean = centre + (root @ half[:, :, None])[:, :, 0]
     log_det += 2.0 * np.log(np.diagonal(lower, axis1=1, axis2=2)).sum(axis=1)
-    evidence = -0.5 * (square - np.sum(half**2, axis=1) + log_det + readings * np.log(2.0 * np.pi))
-    return Members(evidence, mean, root)
+    square = square - np.sum(half**2, axis=1)
+    evidence = -0.5 * (square + log_det + readings * np.log(2.0 * np.pi))
+    return Members(evidence, mean, root, square / max(readings, 1))

@@ -83,5 +83,10 @@ STEPS: Final = 3
 """Newton steps in values, exponents and shares."""
 REACH: Final = 3.0
 """Standard deviation of a logarithm without a prior or bounds. [-]"""
+OUTSIDE: Final = 2.0
+"""Root mean square of readings over what the model of error allows, from which nothing is predicted: then a log, its noise or a column is
+wrong. One is expected, with a standard deviation of a few per cent. [-]"""
+FAR_SIZE: Final = 3.0
+"""Size of a departure in scales of its prior, from which nothing is predicted either: it then stands for something else. [-]"""
 COUNTED: Final = 1e-3
 """Weight of a member beside the heaviest, below which it is left out. [-]"""
