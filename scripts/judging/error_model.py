@@ -6,8 +6,7 @@ from dataclasses import replace
 from unittest.mock import patch
 
 from thermid.base.errors import ThermidError
-from thermid.inference._error_model import model, sizes
-from thermid.inference.error_model import ErrorModel
+from thermid.inference.error_model import SIZES, ErrorModel
 
 from .rules import fitted
 from .tasks import Answer, Question, Refusal, Task
@@ -22,9 +21,9 @@ def error_model(task: Task, question: Question, without: tuple[str, ...] = ()) -
     fit = fitted(task)
     if isinstance(fit, ThermidError):
         return Refusal(str(fit))
-    none = {g: replace(sizes.TABLE[g], value=NOTHING) for part in without for g in ABLATIONS[part]}
+    none = {g: replace(SIZES[g], value=NOTHING) for part in without for g in ABLATIONS[part]}
     try:
-        with patch.dict(model.TABLE, none):
+        with patch.dict(SIZES, none):
             of = task.once(("error model", without), lambda: ErrorModel.of(fit))  # type: ignore[arg-type]
             told = of.band(question.scenario, question.nodes, times=question.times, as_logged=True)
     except ThermidError as error:

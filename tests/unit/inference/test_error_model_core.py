@@ -9,16 +9,17 @@ from scipy.optimize import brentq
 from scipy.stats import multivariate_normal, norm
 
 from thermid.inference._error_model.gaussian import (
-    Mixture,
+    NormalMixture,
+    RunRows,
     Wander,
     WhiteRows,
     features,
     innovations,
+    members_of,
     pivots,
     squared_exponential,
     weights_of,
 )
-from thermid.inference._error_model.posterior import RunRows, members_of
 
 Array = NDArray[np.float64]
 SHARED, OWN, READINGS = 4, 3, 40
@@ -99,7 +100,7 @@ def test_far_from_all_pivots_features_vanish() -> None:
 
 def test_interval_of_a_mixture_is_where_its_distribution_says() -> None:
     weights, means, sds = np.array([0.3, 0.7]), np.array([[0.0], [3.0]]), np.array([[1.0], [0.5]])
-    low, high = Mixture(weights, means, sds**2).interval()
+    low, high = NormalMixture(weights, means, sds**2).interval()
     for end, p in ((low[0], 0.025), (high[0], 0.975)):
         exact = brentq(lambda x, p=p: float(weights @ norm.cdf((x - means[:, 0]) / sds[:, 0])) - p, -9.0, 9.0)
         assert end == pytest.approx(exact, abs=1e-4)

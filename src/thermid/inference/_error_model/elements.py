@@ -16,16 +16,16 @@ from thermid.base.dual import value_of
 from thermid.base.linear_algebra import Array
 from thermid.fit.discrepancy import FREE_AIR, STREAM, OperatingPoint, constant_coefficients
 from thermid.inference._error_model.sizes import (
-    EXPONENT,
-    EXPONENT_SD,
     FINISH,
     FLOWLESS,
-    KNOTS,
+    FREE_EXPONENT,
+    FREE_EXPONENT_SD,
     LARGEST_SHARE,
     LEAST_SHARE,
     LEVEL_POINTS,
     LEVELS,
     POINTS,
+    ROOM_KNOTS,
     SHARES_OF_RUN,
 )
 from thermid.model.elements import CARRIED_BY, Law
@@ -74,7 +74,7 @@ class SurfaceLaw:
         apart = np.maximum(np.abs(first - second), FLOWLESS * self.at.difference) / self.at.difference
         return np.log(apart), (first**2 + second**2) * (first + second) / (4.0 * self.at.level**3)
 
-    def heats(self, course: Course, path: str, ends: tuple[str, str]) -> dict[str, Array]:
+    def heats(self, course: ElementCourse, path: str, ends: tuple[str, str]) -> dict[str, Array]:
         """Return the heat (times,) that one more of n and of s adds along a run. [W]"""
         log, _ = self.growth(*(course.kelvin[end] for end in ends))
         radiated = course.radiated.get(path, np.zeros(course.times.size))
@@ -127,7 +127,7 @@ class JointLaw:
         below = 1.0 / (1.0 - np.minimum(x, 0.0))
         return np.where(x < 0.0, below, 1.0 + x), self.trend * np.where(x < 0.0, below**2, 1.0)
 
-    def heats(self, course: Course, path: str, ends: tuple[str, str]) -> dict[str, Array]:
+    def heats(self, course: ElementCourse, path: str, ends: tuple[str, str]) -> dict[str, Array]:
         """Return the heat (times,) that one more of c adds along a run. [W K]"""
         apart = np.mean([course.kelvin[end] for end in ends], axis=0) - self.at.level
         x = self.trend * apart
@@ -189,8 +189,8 @@ def ways_of(
                 continue
             free = carried == FREE_AIR
             share, spread = (0.0, 0.0) if c.kind != "effective" else _radiation(coefficients[path], at[path], emissivities.get(path))
-            laws[path] = SurfaceLaw(at[path], EXPONENT if free else 0.0, share, c.recipe or _linear(c))
-            sizes |= {(path, EXPONENT_OF): ("", EXPONENT_SD)} if free else {}
+            laws[path] = SurfaceLaw(at[path], FREE_EXPONENT if free else 0.0, share, c.recipe or _linear(c))
+            sizes |= {(path, EXPONENT_OF): ("", FREE_EXPONENT_SD)} if free else {}
             sizes |= {(path, SHARE_OF): ("", spread)} if spread else {}
         out.append(Way(carrier, laws, sizes))
     return tuple(out)
@@ -226,7 +226,7 @@ def with_laws(network: Network, laws: Mapping[str, ElementLaw]) -> Network:
 
 
 @dataclass(frozen=True, eq=False)
-class Course:
+class ElementCourse:
     """A run as its elements see it.
 
     Parameters
@@ -249,7 +249,7 @@ class Course:
     radiated: Mapping[str, Array]
 
 
-def course_of(wiring: Wiring, engine: Engine, x: Array | None, options: Options) -> Course:
+def course_of(wiring: Wiring, engine: Engine, x: Array | None, options: Options) -> ElementCourse:
     """Return the course of a run at some values of its free names."""
     end = wiring.scenario.seconds
     times = np.linspace(0.0, end, POINTS)
@@ -271,11 +271,11 @@ def course_of(wiring: Wiring, engine: Engine, x: Array | None, options: Options)
         load.path: (load.node, wiring.scenario.loads[load.path]) for load in wiring.network.flat.loads if load.path in wiring.scenario.loads
     }
     shining = replace(a.numbers, conductors=tuple(row for row in a.numbers.conductors if row.form == "radiation"))
-    return Course(times, known, flows, follows, stores, powers, wiring.conductor_flows(shining, known, times, shares))
+    return ElementCourse(times, known, flows, follows, stores, powers, wiring.conductor_flows(shining, known, times, shares))
 
 
 @dataclass(frozen=True, eq=False)
-class Heat:
+class DepartureHeat:
     """What a unit of a departure puts into nodes along a run.
 
     Parameters
@@ -293,13 +293,13 @@ class Heat:
         return tuple(f"{self.name} into {node}" for node, _ in self.into)
 
 
-def moved_heat(name: str, network: Network, ends: tuple[str, str], times: Array, watts: Array) -> Heat:
+def moved_heat(name: str, network: Network, ends: tuple[str, str], times: Array, watts: Array) -> DepartureHeat:
     """Return heat taken from a first end and put into a second."""
     pairs = zip(ends, (-watts, watts), strict=True)
-    return Heat(name, tuple((n, TableSignal(times, w, False)) for n, w in pairs if n not in network.boundaries))
+    return DepartureHeat(name, tuple((n, TableSignal(times, w, False)) for n, w in pairs if n not in network.boundaries))
 
 
-def with_heats(network: Network, scenario: Scenario, heats: Iterable[Heat]) -> tuple[Network, Scenario]:
+def with_heats(network: Network, scenario: Scenario, heats: Iterable[DepartureHeat]) -> tuple[Network, Scenario]:
     """Return a network and its scenario with loads of zero size; ``scale.<load>`` frees their size."""
     loads, powers = [], {}
     for h in heats:
@@ -309,7 +309,7 @@ def with_heats(network: Network, scenario: Scenario, heats: Iterable[Heat]) -> t
     return replace(network, flat=replace(network.flat, loads=(*network.flat.loads, *loads))), scenario.with_(loads=powers)
 
 
-def conductors_of(network: Network, course: Course) -> dict[str, FlatConductor]:
+def conductors_of(network: Network, course: ElementCourse) -> dict[str, FlatConductor]:
     """Return the conductors that may depart: those through which heat flows both ways, and whose ends are two."""
     return {
         c.path: c
@@ -331,7 +331,7 @@ def _laws_of(network: Network, c: FlatConductor) -> tuple[Law, ...]:
     return c.laws({name: values[path] for name, path in c.fields.items()})
 
 
-def point_of(courses: Sequence[Course], c: FlatConductor) -> OperatingPoint | None:
+def point_of(courses: Sequence[ElementCourse], c: FlatConductor) -> OperatingPoint | None:
     """Return where an element was over runs: geometric mean difference and mean level, weighted by its heat; None where none flows."""
     runs = [r for r in courses if c.path in r.flows]
     if not runs:
@@ -344,14 +344,14 @@ def point_of(courses: Sequence[Course], c: FlatConductor) -> OperatingPoint | No
     return OperatingPoint(float(np.exp(heat @ np.log(apart) / heat.sum())), float(heat @ (0.5 * (a + b)) / heat.sum()))
 
 
-def places(course: Course, c: FlatConductor, at: OperatingPoint) -> Array:
+def places(course: ElementCourse, c: FlatConductor, at: OperatingPoint) -> Array:
     """Return where an element is along a run (times, 2): ln of its difference over that where it was found, and level less that there."""
     a, b = (course.kelvin[end] for end in c.ends)
     apart = np.maximum(np.abs(a - b), FLOWLESS * at.difference) / at.difference
     return np.column_stack([np.log(apart), 0.5 * (a + b) - at.level])
 
 
-def hidden_mass(name: str, course: Course, node: str, time: float) -> Heat:
+def hidden_mass(name: str, course: ElementCourse, node: str, time: float) -> DepartureHeat:
     """Return what a mass of the size of a node's own takes up behind it, with a time constant: ``C (T - T_h) / tau``."""
     kelvin, t = course.kelvin[node], course.times
     capacitance = course.stores[node][1]
@@ -359,16 +359,16 @@ def hidden_mass(name: str, course: Course, node: str, time: float) -> Heat:
     behind[0] = kelvin[0]
     for k, kept in enumerate(steps.tolist()):
         behind[k + 1] = kept * behind[k] + (1.0 - kept) * 0.5 * (kelvin[k] + kelvin[k + 1])
-    return Heat(name, ((node, TableSignal(t, -capacitance * (kelvin - behind) / time, False)),))
+    return DepartureHeat(name, ((node, TableSignal(t, -capacitance * (kelvin - behind) / time, False)),))
 
 
-def knots_of(course: Course, time: float) -> Array:
-    """Return the instants of hats that hold a process with a time constant: two a time constant, at most `KNOTS` a run. [s]"""
+def knots_of(course: ElementCourse, time: float) -> Array:
+    """Return the instants of hats that hold a process with a time constant: two a time constant, at most `ROOM_KNOTS` a run. [s]"""
     end = float(course.times[-1])
-    return np.linspace(0.0, end, int(np.clip(np.ceil(2.0 * end / time), 2, KNOTS)) + 1)
+    return np.linspace(0.0, end, int(np.clip(np.ceil(2.0 * end / time), 2, ROOM_KNOTS)) + 1)
 
 
-def room_heats(network: Network, course: Course, boundary: str, time: float) -> list[Heat]:
+def room_heats(network: Network, course: ElementCourse, boundary: str, time: float) -> list[DepartureHeat]:
     """Return what a room puts into nodes that departs as an Ornstein-Uhlenbeck process, per independent normal number. [1 K]"""
     knots = knots_of(course, time)
     root = np.linalg.cholesky(np.exp(-np.abs(knots[:, None] - knots) / time) + 1e-12 * np.eye(knots.size))
@@ -383,11 +383,14 @@ def room_heats(network: Network, course: Course, boundary: str, time: float) -> 
         if first not in network.boundaries and not one_way:
             gains[first] = gains.get(first, 0.0) - slope
     name = f"{boundary} wanders"
-    return [
-        Heat(f"{name} {k}", tuple((n, TableSignal(course.times, g * s, False)) for n, g in gains.items())) for k, s in enumerate(shapes)
-    ]
+    name = f"{boundary} wanders"
+
+    def heat(k: int, shape: Array) -> DepartureHeat:
+        return DepartureHeat(f"{name} {k}", tuple((n, TableSignal(course.times, g * shape, False)) for n, g in gains.items()))
+
+    return [heat(k, shape) for k, shape in enumerate(shapes)]
 
 
-def hidden_times(course: Course) -> tuple[float, ...]:
+def hidden_times(course: ElementCourse) -> tuple[float, ...]:
     """Return the time constants of hidden masses that are tried. [s]"""
     return tuple(part * float(course.times[-1]) for part in SHARES_OF_RUN)

@@ -7,30 +7,38 @@ from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
-from scipy.stats import norm, qmc
 
 from thermid.base.linear_algebra import Array
 from thermid.fit.discrepancy import OperatingPoint
 from thermid.fit.problem import Problem, Unknown, prior_rows
-from thermid.inference._error_model.elements import Course, ElementLaw, Heat, Way, conductors_of, course_of, point_of, with_heats, with_laws
-from thermid.inference._error_model.gaussian import Wander, weights_of
-from thermid.inference._error_model.posterior import Members, RunRows, members_of
-from thermid.inference._error_model.runs import Column, Departures, Trace, departures_of, white_rows, widened
+from thermid.inference._error_model.elements import (
+    DepartureHeat,
+    ElementCourse,
+    ElementLaw,
+    Way,
+    conductors_of,
+    course_of,
+    point_of,
+    with_heats,
+    with_laws,
+)
+from thermid.inference._error_model.gaussian import Members, RunRows, Wander, members_of, weights_of
+from thermid.inference._error_model.runs import Departures, SensorRows, UnknownColumn, departures_of, white_rows, widened
 from thermid.inference._error_model.sizes import (
-    AGAIN,
-    DRAWN,
+    FIRST_SETS,
     LEFT_SIZES,
     LEFT_TIMES,
     LIKELY,
-    REACH,
+    NEWTON_STEPS,
+    SETS,
     SHARES_OF_RUN,
-    STEPS,
-    TABLE,
+    SIZES,
+    UNBOUNDED,
     USUAL_LEFT,
 )
 from thermid.simulation.network import Network
 
-GROUPS = tuple(name for name in TABLE if name != "left")
+GROUPS = tuple(name for name in SIZES if name != "left")
 """Sizes that are drawn, in order."""
 
 
@@ -44,7 +52,7 @@ class FittedWay:
     laws : dict                 Conductor -> its law where the derivatives were taken.
     fitted : array (values,)    Values of the fit there, in the fitted form.
     departures : Departures
-    columns : tuple of Column   Unknowns beside the values.
+    columns : tuple of UnknownColumn   Unknowns beside the values.
     members : Members           Of values, less `fitted`, and of columns.
     sizes : array (members, groups)     Of each member, in the order of `GROUPS`.
     left : array (members,)     Size of what no element explains. [K]
@@ -54,7 +62,7 @@ class FittedWay:
     laws: Mapping[str, ElementLaw]
     fitted: Array
     departures: Departures
-    columns: tuple[Column, ...]
+    columns: tuple[UnknownColumn, ...]
     members: Members
     sizes: Array
     left: Array
@@ -62,11 +70,14 @@ class FittedWay:
 
 def drawn_sizes(count: int) -> Array:
     """Return sizes (count, groups) of departures, evenly over their half-normal priors: points of Sobol's sequence (a power of two)."""
+    from scipy.special import ndtri
+    from scipy.stats import qmc
+
     points = qmc.Sobol(len(GROUPS), scramble=True, seed=0).random(count)
-    return np.asarray(norm.ppf(0.5 + 0.5 * points) * [TABLE[g].value for g in GROUPS])
+    return np.asarray(ndtri(0.5 + 0.5 * points) * [SIZES[g].value for g in GROUPS])
 
 
-def deviations(columns: Sequence[Column], sizes: Array) -> Array:
+def deviations(columns: Sequence[UnknownColumn], sizes: Array) -> Array:
     """Return the prior's standard deviations (members, columns) of unknowns at sizes (members, groups)."""
     out = np.empty((len(sizes), len(columns)))
     for k, c in enumerate(columns):
@@ -80,7 +91,7 @@ def reach(u: Unknown) -> float:
     whole = float(high) - float(low)
     if np.isfinite(whole):
         return whole / float(12.0**0.5)
-    return REACH if u.log else REACH * float(u.scale)
+    return UNBOUNDED if u.log else UNBOUNDED * float(u.scale)
 
 
 @dataclass(frozen=True, eq=False)
@@ -92,7 +103,7 @@ class RunsOfFit:
     problem : Problem           The fit's.
     fitted : array (values,)    Where.
     departures : Departures
-    columns : tuple of Column   What all runs share beside the values.
+    columns : tuple of UnknownColumn   What all runs share beside the values.
     own : tuple                 What each run has for itself, per run.
     traces : tuple              Sensors, per run; unknowns are values, columns and own columns.
     spans : tuple of float      Durations. [s]
@@ -101,9 +112,9 @@ class RunsOfFit:
     problem: Problem
     fitted: Array
     departures: Departures
-    columns: tuple[Column, ...]
-    own: tuple[tuple[Column, ...], ...]
-    traces: tuple[tuple[Trace, ...], ...]
+    columns: tuple[UnknownColumn, ...]
+    own: tuple[tuple[UnknownColumn, ...], ...]
+    traces: tuple[tuple[SensorRows, ...], ...]
     spans: tuple[float, ...]
 
     @classmethod
@@ -126,15 +137,16 @@ class RunsOfFit:
         own = tuple(tuple(c for c, _ in alone) for _, alone in parts)
         traces = []
         for i, (network, (shared, alone)) in enumerate(zip(networks, parts, strict=True)):
-            heats = {c.name: h for c, h in shared}
-            traces.append(_traces(problem, i, network, [*(heats.get(n, Heat(n, ())) for n in columns), *(h for _, h in alone)], fitted))
+            by_name = {c.name: h for c, h in shared}
+            heats = [*(by_name.get(n, DepartureHeat(n, ())) for n in columns), *(h for _, h in alone)]
+            traces.append(_traces(problem, i, network, heats, fitted))
         return cls(problem, fitted, known, tuple(columns.values()), own, tuple(traces), spans)
 
     def posterior(self, centre: Array, sizes: Array, left: tuple[float, float]) -> Members:
         """Return values and columns given the readings, at sizes (members, groups) and a size and time of what no element explains."""
         values = self.fitted.size
         shared = values + len(self.columns)
-        size, part = TABLE["left"].value * left[0], left[1]
+        size, part = SIZES["left"].value * left[0], left[1]
         rows = [RunRows.of(white_rows(t, Wander(size, part * span)), shared) for t, span in zip(self.traces, self.spans, strict=True)]
         wide = np.array([reach(u) for u in self.problem.unknowns])
         every = np.column_stack([np.broadcast_to(wide, (len(sizes), values)), deviations(self.columns, sizes)])
@@ -148,14 +160,14 @@ class RunsOfFit:
         return RunRows(joined.T @ joined, rows.shape[1] + len(self.columns), 0.0, 0)
 
 
-def course_in_fit(problem: Problem, i: int, network: Network, fitted: Array) -> Course:
+def course_in_fit(problem: Problem, i: int, network: Network, fitted: Array) -> ElementCourse:
     """Return the course of a run of a fit with another network."""
     bare = widened(problem, i, network, problem.experiments[i].scenario, ())
     bench = bare.benches()[0]
     return course_of(bench.wiring, bench.engine, bare.inputs(0, fitted)[0], problem.options)
 
 
-def _traces(problem: Problem, i: int, network: Network, heats: Sequence[Heat], fitted: Array) -> tuple[Trace, ...]:
+def _traces(problem: Problem, i: int, network: Network, heats: Sequence[DepartureHeat], fitted: Array) -> tuple[SensorRows, ...]:
     """Return the sensors of a run, with derivatives by every value and heat."""
     wide = widened(problem, i, *with_heats(network, problem.experiments[i].scenario, heats), heats)
     at = np.concatenate([fitted, np.zeros(len(heats))])
@@ -163,16 +175,16 @@ def _traces(problem: Problem, i: int, network: Network, heats: Sequence[Heat], f
     out = []
     for k, (o, block) in enumerate(zip(wide.experiments[0].observations, wide.blocks_of(0, at), strict=True)):
         noise = np.full(block.times.size, block.noise)
-        out.append(Trace(block.times, block.residuals, noise, -slopes[o.index, k, :] * block.noise).averaged())
+        out.append(SensorRows(block.times, block.residuals, noise, -slopes[o.index, k, :] * block.noise).averaged())
     return tuple(out)
 
 
 def fitted_way(problem: Problem, fitted: Array, way: Way, points: Mapping[str, OperatingPoint]) -> FittedWay:
     """Return the posterior where the heat is carried in one way: Newton steps in values and laws at usual sizes, then at all sizes."""
-    values, usual = fitted.size, np.array([[TABLE[g].value for g in GROUPS]])
+    values, usual = fitted.size, np.array([[SIZES[g].value for g in GROUPS]])
     bounds = np.array([u.fitted_bounds() for u in problem.unknowns]).reshape(values, 2)
     at, laws, departures = fitted.copy(), dict(way.laws), None
-    for step in range(STEPS + 1):
+    for step in range(NEWTON_STEPS + 1):
         runs = RunsOfFit.of(problem, at, way, laws, points, departures)
         departures = runs.departures
         place = {c.name: values + k for k, c in enumerate(runs.columns)}
@@ -182,7 +194,7 @@ def fitted_way(problem: Problem, fitted: Array, way: Way, points: Mapping[str, O
             for what, mean in law.shape.items():
                 if (name := f"{what} of {path}") in place:
                     centre[place[name]] = mean - laws[path].shape[what]
-        if step == STEPS:
+        if step == NEWTON_STEPS:
             break
         found = runs.posterior(centre, usual, USUAL_LEFT).mean[0]
         at = np.clip(at + found[:values], bounds[:, 0], bounds[:, 1])
@@ -194,21 +206,23 @@ def fitted_way(problem: Problem, fitted: Array, way: Way, points: Mapping[str, O
 
 def _averaged(runs: RunsOfFit, way: Way, laws: Mapping[str, ElementLaw], centre: Array) -> FittedWay:
     """Return the posterior at all sizes that count."""
-    prior, sizes = left_prior(), drawn_sizes(AGAIN)
-    first = {left: runs.posterior(centre, drawn_sizes(DRAWN), left).log_evidence for left in prior}
+    prior, sizes = left_prior(), drawn_sizes(SETS)
+    first = {left: runs.posterior(centre, drawn_sizes(FIRST_SETS), left).log_evidence for left in prior}
     logs = {left: log + first[left].max() + float(np.log(np.mean(np.exp(first[left] - first[left].max())))) for left, log in prior.items()}
     likely = [left for left, share in zip(logs, weights_of(list(logs.values())), strict=True) if share > LIKELY]
     parts = [runs.posterior(centre, sizes, left) for left in likely]
     parts = [replace(p, log_evidence=p.log_evidence + prior[left]) for p, left in zip(parts, likely, strict=True)]
     members = Members(*(np.concatenate([getattr(p, name) for p in parts]) for name in ("log_evidence", "mean", "root", "square")))
-    sizes_left = np.repeat([TABLE["left"].value * size for size, _ in likely], AGAIN)
+    sizes_left = np.repeat([SIZES["left"].value * size for size, _ in likely], SETS)
     return FittedWay(way, laws, runs.fitted, runs.departures, runs.columns, members, np.tile(sizes, (len(parts), 1)), sizes_left)
 
 
 def left_prior() -> dict[tuple[float, float], float]:
     """Return (size, time) of what no element explains, in parts of its scale and of the run -> ln of its probability."""
+    from scipy.special import ndtr
+
     edges = np.r_[0.0, 0.5 * (np.array(LEFT_SIZES[1:]) + LEFT_SIZES[:-1]), np.inf]
-    mass = 2.0 * np.diff(norm.cdf(edges))
+    mass = 2.0 * np.diff(ndtr(edges))
     out = {(0.0, LEFT_TIMES[0]): float(np.log(mass[0]))}
     return out | {(s, t): float(np.log(m / len(LEFT_TIMES))) for s, m in zip(LEFT_SIZES[1:], mass[1:], strict=True) for t in LEFT_TIMES}
 

@@ -12,9 +12,9 @@ from thermid.base.linear_algebra import Array
 from thermid.fit.discrepancy import OperatingPoint
 from thermid.fit.problem import Influence, Problem, Unknown
 from thermid.inference._error_model.elements import (
-    Course,
+    DepartureHeat,
+    ElementCourse,
     ElementLaw,
-    Heat,
     Way,
     class_of,
     conductors_of,
@@ -31,7 +31,7 @@ from thermid.simulation.network import Network
 
 
 @dataclass(frozen=True)
-class Column:
+class UnknownColumn:
     """An unknown beside the values of a fit.
 
     Parameters
@@ -68,7 +68,7 @@ class Smooth:
     thinned: bool
 
     @classmethod
-    def of(cls, c: FlatConductor, at: OperatingPoint, kind: str, courses: Sequence[Course], thinned: bool) -> Smooth:
+    def of(cls, c: FlatConductor, at: OperatingPoint, kind: str, courses: Sequence[ElementCourse], thinned: bool) -> Smooth:
         """Return the smooth departure of a conductor over the runs of a fit."""
         runs = [r for r in courses if c.path in r.flows]
         most = max(float(np.abs(r.flows[c.path]).max()) for r in runs)
@@ -80,7 +80,7 @@ class Smooth:
         where = np.concatenate([places(r, c, at) for r in runs])
         return cls(at, kind, found, heat @ features(where, found, np.array(LENGTHS)) / heat.sum(), thinned)
 
-    def along(self, c: FlatConductor, course: Course, thinned: bool) -> tuple[Array, float]:
+    def along(self, c: FlatConductor, course: ElementCourse, thinned: bool) -> tuple[Array, float]:
         """Return the centred features along a run (times, r), and what of the variance lies outside of them, weighted by heat. [-]
 
         In another gas an element departs anew: nothing of what was found in the first says how.
@@ -104,9 +104,11 @@ class Departures:
     smooth: Mapping[str, Smooth]
     hidden: tuple[float, ...]
 
-    def shared(self, network: Network, course: Course, way: Way, laws: Mapping[str, ElementLaw]) -> list[tuple[Column, Heat]]:
+    def shared(
+        self, network: Network, course: ElementCourse, way: Way, laws: Mapping[str, ElementLaw]
+    ) -> list[tuple[UnknownColumn, DepartureHeat]]:
         """Return what all runs share, with its heats along one."""
-        out: list[tuple[Column, Heat]] = []
+        out: list[tuple[UnknownColumn, DepartureHeat]] = []
         for path, c in conductors_of(network, course).items():
             own = self.smooth.get(path)
             if own is None:
@@ -115,7 +117,7 @@ class Departures:
 
             def add(name: str, group: str, size: float, watts: Array, c: FlatConductor = c) -> None:
                 told = f"{name} of {c.path}"
-                out.append((Column(told, group, size, c.path), moved_heat(told, network, c.ends, course.times, watts)))
+                out.append((UnknownColumn(told, group, size, c.path), moved_heat(told, network, c.ends, course.times, watts)))
 
             if path in laws:
                 for kind, watts in laws[path].heats(course, path, c.ends).items():
@@ -127,28 +129,28 @@ class Departures:
         for node in course.stores:
             for time in self.hidden:
                 name = f"mass behind {node} ({time:.3g} s)"
-                out.append((Column(name, "hidden", 1.0, node), hidden_mass(name, course, node, time)))
+                out.append((UnknownColumn(name, "hidden", 1.0, node), hidden_mass(name, course, node, time)))
         return out
 
-    def own(self, network: Network, course: Course) -> list[tuple[Column, Heat]]:
+    def own(self, network: Network, course: ElementCourse) -> list[tuple[UnknownColumn, DepartureHeat]]:
         """Return what each run has for itself, with its heats."""
-        out: list[tuple[Column, Heat]] = []
+        out: list[tuple[UnknownColumn, DepartureHeat]] = []
         for path, c in conductors_of(network, course).items():
             name = f"{path} in this run"
-            out.append((Column(name, "run", 1.0, path), moved_heat(name, network, c.ends, course.times, course.flows[path])))
+            out.append((UnknownColumn(name, "run", 1.0, path), moved_heat(name, network, c.ends, course.times, course.flows[path])))
         for node, (watts, _) in course.stores.items():
             name = f"{node} in this run"
-            out.append((Column(name, "run", 1.0, node), Heat(name, ((node, TableSignal(course.times, -watts, False)),))))
+            out.append((UnknownColumn(name, "run", 1.0, node), DepartureHeat(name, ((node, TableSignal(course.times, -watts, False)),))))
         for load, (node, power) in course.powers.items():
             name = f"{load} in this run"
-            out.append((Column(name, "run", 0.5, load), Heat(name, ((node, power),))))
+            out.append((UnknownColumn(name, "run", 0.5, load), DepartureHeat(name, ((node, power),))))
         for boundary in course.follows:
             if course.follows[boundary]:
                 heats = room_heats(network, course, boundary, ROOM_TIME)
-                out += [(Column(h.name, "room", 1.0, boundary), h) for h in heats]
+                out += [(UnknownColumn(h.name, "room", 1.0, boundary), h) for h in heats]
         return out
 
-    def beyond(self, network: Network, course: Course) -> dict[str, tuple[str, float]]:
+    def beyond(self, network: Network, course: ElementCourse) -> dict[str, tuple[str, float]]:
         """Return conductor -> its class, and what of its variance lies further off than its features reach. [-]"""
         every = conductors_of(network, course)
         return {p: (s.kind, s.along(every[p], course, thinned(network, every[p]))[1]) for p, s in self.smooth.items() if p in every}
@@ -160,7 +162,7 @@ def thinned(network: Network, c: FlatConductor) -> bool:
 
 
 def departures_of(
-    network: Network, courses: Sequence[Course], points: Mapping[str, OperatingPoint], hidden: tuple[float, ...]
+    network: Network, courses: Sequence[ElementCourse], points: Mapping[str, OperatingPoint], hidden: tuple[float, ...]
 ) -> Departures:
     """Return what may depart of a network, by the runs of a fit."""
     every: dict[str, FlatConductor] = {}
@@ -171,7 +173,7 @@ def departures_of(
     )
 
 
-def widened(problem: Problem, i: int, network: Network, scenario: Any, heats: Sequence[Heat]) -> Problem:
+def widened(problem: Problem, i: int, network: Network, scenario: Any, heats: Sequence[DepartureHeat]) -> Problem:
     """Return a problem of one experiment, with heats as further unknowns."""
     experiment = replace(problem.experiments[i], network=network, scenario=scenario)
     own = [replace(u, targets=tuple(replace(t, experiment=0) for t in u.targets if t.experiment == i)) for u in problem.unknowns]
@@ -180,7 +182,7 @@ def widened(problem: Problem, i: int, network: Network, scenario: Any, heats: Se
 
 
 @dataclass(frozen=True, eq=False)
-class Trace:
+class SensorRows:
     """A sensor of a run: residuals and their derivatives.
 
     Parameters
@@ -194,7 +196,7 @@ class Trace:
     noise: Array
     rows: Array
 
-    def averaged(self) -> Trace:
+    def averaged(self) -> SensorRows:
         """Return means over equal stretches where there are more readings than a run needs."""
         size = self.times.size
         if size <= READINGS:
@@ -205,7 +207,7 @@ class Trace:
         def mean(x: Array) -> Array:
             return np.asarray(np.add.reduceat(x, edges[:-1], axis=0) / (count if x.ndim == 1 else count[:, None]))
 
-        return Trace(mean(self.times), mean(self.residuals), np.sqrt(mean(self.noise**2) / count), mean(self.rows))
+        return SensorRows(mean(self.times), mean(self.residuals), np.sqrt(mean(self.noise**2) / count), mean(self.rows))
 
     def white(self, wander: Wander) -> tuple[Array, Array, float]:
         """Return white rows and residuals, and ln det of what they were divided by."""
@@ -213,7 +215,7 @@ class Trace:
         return out[:, :-1], out[:, -1], log_det
 
 
-def white_rows(traces: Sequence[Trace], wander: Wander) -> WhiteRows:
+def white_rows(traces: Sequence[SensorRows], wander: Wander) -> WhiteRows:
     """Return the white rows of a run's sensors."""
     parts = [t.white(wander) for t in traces]
     rows, values = np.concatenate([p[0] for p in parts]), np.concatenate([p[1] for p in parts])

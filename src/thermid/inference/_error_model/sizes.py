@@ -10,7 +10,7 @@ from typing import Final
 
 
 @dataclass(frozen=True)
-class Constant:
+class SizePrior:
     """A number of the model of error.
 
     Parameters
@@ -25,15 +25,15 @@ class Constant:
     effect: str
 
 
-TABLE: Final = {
-    "surface": Constant(0.05, "1", "prior", "size of the smooth departure of a constant coefficient about its physical mean"),
-    "joint": Constant(0.03, "1", "prior", "the same of a constant conductance of a joint or a solid"),
-    "law": Constant(0.05, "1", "prior", "the same of radiation and of correlations"),
-    "trend": Constant(0.005, "1/K", "prior", "growth of a joint with its level"),
-    "hidden": Constant(0.1, "1", "prior", "mass behind a node that no deck has, in parts of the node's own"),
-    "run": Constant(0.01, "1", "prior", "departure of a coefficient, conductance, mass or power from run to run"),
-    "room": Constant(0.2, "K", "prior", "wandering of a room about its logged or stated temperature"),
-    "left": Constant(0.1, "K", "prior", "what no element explains, at a sensor"),
+SIZES: Final = {
+    "surface": SizePrior(0.05, "1", "prior", "size of the smooth departure of a constant coefficient about its physical mean"),
+    "joint": SizePrior(0.03, "1", "prior", "the same of a constant conductance of a joint or a solid"),
+    "law": SizePrior(0.05, "1", "prior", "the same of radiation and of correlations"),
+    "trend": SizePrior(0.005, "1/K", "prior", "growth of a joint with its level"),
+    "hidden": SizePrior(0.1, "1", "prior", "mass behind a node that no deck has, in parts of the node's own"),
+    "run": SizePrior(0.01, "1", "prior", "departure of a coefficient, conductance, mass or power from run to run"),
+    "room": SizePrior(0.2, "K", "prior", "wandering of a room about its logged or stated temperature"),
+    "left": SizePrior(0.1, "K", "prior", "what no element explains, at a sensor"),
 }
 """Scales of the half-normal priors of sizes."""
 
@@ -45,9 +45,9 @@ ASIDE: Final = (1.0, 1.0)
 """How far beyond the conditions of a fit features of departures reach, in lengths; what lies further off is independent. [-]"""
 LEFT_OVER, COLUMNS = 0.01, 10
 """Part of the variance of a departure that its features may leave, and how many there may be."""
-EXPONENT: Final = 4.0 / 15.0
+FREE_EXPONENT: Final = 4.0 / 15.0
 """Mean exponent of natural convection with the difference: evenly between 1/5 and 1/3 (Incropera and others 2011, 9.6). [-]"""
-EXPONENT_SD: Final = (1.0 / 3.0 - 1.0 / 5.0) / 12.0**0.5
+FREE_EXPONENT_SD: Final = (1.0 / 3.0 - 1.0 / 5.0) / 12.0**0.5
 """Standard deviation of the same. [-]"""
 LARGEST_SHARE: Final = 0.95
 """Largest emissivity, and largest share of radiation in a coefficient. [-]"""
@@ -69,19 +69,19 @@ HEATED, EVERY = 0.1, 10
 """Part of the largest heat of an element from which its conditions count where features are laid [-]; of those every tenth is taken."""
 POINTS: Final = 301
 """Samples of a run along which departures are drawn."""
-KNOTS: Final = 24
+ROOM_KNOTS: Final = 24
 """Hats that hold a wandering room in a run, at most; a room that wanders faster is smoothed."""
 USUAL_LEFT: Final = (0.3, 1.0 / 10.0)
 """Size and time of the same while values are looked for."""
-DRAWN, AGAIN = 16, 256
+FIRST_SETS, SETS = 16, 256
 """Sets of sizes at every size and time of what no element explains, and again at those that count."""
 LIKELY: Final = 0.01
 """Probability from which a size and time of what no element explains counts. [-]"""
 READINGS: Final = 200
 """Readings of a sensor in a run; more are averaged over equal stretches."""
-STEPS: Final = 3
+NEWTON_STEPS: Final = 3
 """Newton steps in values, exponents and shares."""
-REACH: Final = 3.0
+UNBOUNDED: Final = 3.0
 """Standard deviation of a logarithm without a prior or bounds. [-]"""
 OUTSIDE: Final = 2.0
 """Root mean square of readings over what the model of error allows, from which nothing is predicted: then a log, its noise or a column is
