@@ -51,6 +51,15 @@ VALUES, STRUCTURE, RUN, ROOM, UNEXPLAINED, AVERAGED = (
     "sizes, and what carries the heat",
 )
 """What a band comes from."""
+NARROWS = {
+    VALUES: "a run that determines the values better, or stated spreads",
+    STRUCTURE: "a run at conditions nearer to those that are asked",
+    RUN: "further runs: they tell how much elements differ from run to run",
+    ROOM: "a room that is logged better, or held",
+    UNEXPLAINED: "an element that explains what the residuals show: criticise looks for it",
+    AVERAGED: "a deck that says what carries the heat (carried_by), or a run at another difference",
+}
+"""Source -> what would narrow a band that comes from it."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -92,11 +101,18 @@ class ErrorBand:
         whole = sum(sizes.values())
         return {source: v / whole if whole > 0.0 else 0.0 for source, v in sizes.items()}
 
+    @property
+    def narrowed_by(self) -> str:
+        """What would narrow the band most."""
+        shares = self.shares
+        return NARROWS[max(shares, key=shares.__getitem__)]
+
     def __str__(self) -> str:
-        """Return its end, and where the band comes from, the largest first."""
+        """Return its end, where the band comes from, the largest first, and what would narrow it."""
         low, high = (float(x[-1]) - 273.15 for x in self.interval())
         told = ", ".join(f"{source} {100 * s:.0f} %" for source, s in sorted(self.shares.items(), key=lambda i: -i[1]) if s >= 0.005)
-        return f"{self.node}: {float(self.kelvin[-1]) - 273.15:.2f} degC, 95 % {low:.2f} .. {high:.2f}, from {told}"
+        end = f"{self.node}: {float(self.kelvin[-1]) - 273.15:.2f} degC, 95 % {low:.2f} .. {high:.2f}"
+        return f"{end}, from {told}. Narrower by: {self.narrowed_by}"
 
 
 @dataclass(frozen=True, eq=False)
@@ -369,7 +385,10 @@ def _acting(fit: Calibration, way: FittedWay, network: Network, scenario: Scenar
         if u.kind == "parameter":
             out |= {n: (u.to_value(at), k, u.slope(at)) for n in (u.name, *u.also)}
         elif u.kind == "shared" and as_logged:
-            names = {t.name: t.factor for t in u.targets}
+            factors = {t.name: t.factor for t in u.targets}
             loads = {f"scale.{load}" for load in scenario.loads}
-            out |= {n: (f * u.to_value(at), k, f * u.slope(at)) for n, f in names.items() if n in network.boundaries or n in loads}
+            plain = Wiring(network, scenario)
+            # of a room what is added to its temperature, of a power a factor on it
+            starts = {n: plain.nominal(n, start=False) for n in factors if n in network.boundaries} | dict.fromkeys(loads & {*factors}, 0.0)
+            out |= {n: (start + factors[n] * u.to_value(at), k, factors[n] * u.slope(at)) for n, start in starts.items()}
     return out

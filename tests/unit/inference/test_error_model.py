@@ -134,6 +134,10 @@ def test_the_error_of_a_meter_cancels_where_the_scenario_is_what_it_reads(model:
     assert _band(model, 6.0, as_logged=True).half_width[-1] < 0.97 * _band(model, 6.0).half_width[-1]
 
 
+def test_a_constant_room_that_an_instrument_reads_is_still_a_temperature(model: ErrorModel) -> None:
+    assert _band(model, 6.0, as_logged=True).kelvin[0] == pytest.approx(307.15, abs=1.0)
+
+
 def test_sizes_stay_near_their_priors_where_runs_say_little(model: ErrorModel) -> None:
     assert set(model.sizes) == set(SIZES) - {"left"}
     assert all(0.05 < size / SIZES[g].value < 3.0 for g, size in model.sizes.items())
