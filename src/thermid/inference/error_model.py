@@ -57,7 +57,7 @@ NARROWS = {
     RUN: "further runs: they tell how much elements differ from run to run",
     ROOM: "a room that is logged better, or held",
     UNEXPLAINED: "an element that explains what the residuals show: criticise looks for it",
-    AVERAGED: "a deck that says what carries the heat (carried_by), or a run at another difference",
+    AVERAGED: "a deck that states what carries the heat (carried_by), or a run at another difference",
 }
 """Source -> what would narrow a band that comes from it."""
 
@@ -359,7 +359,7 @@ def _refuse_unsaid_gas(fit: Calibration, network: Network) -> None:
     joints = losing_gas(network, network.media, kept.separated if kept is not None else ())
     if joints:
         raise IdentificationError(
-            f"'{joints[0].path}' was fitted in air, and the scenario changes its gas. No log says how much of it is conduction through "
+            f"'{joints[0].path}' was fitted in air, and the scenario changes its gas. No log shows how much of it is conduction through "
             "gas. Give the joint a gap in the deck, or fit a record at low pressure.",
             fit.stage,
             code="prediction.gas-of-joint-unsaid",

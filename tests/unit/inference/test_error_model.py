@@ -152,5 +152,5 @@ def test_logs_that_no_departure_explains_predict_nothing() -> None:
     """The deck's power of 4 W throughout, in logs that switch it off and halve it."""
     unmetered = [r.select("T", "ROOM") for r in _logs("free air")]
     wrong = ErrorModel.of(td.calibrate(box(), unmetered, [HTC, MASS], search="local"))
-    with pytest.raises(IdentificationError, match=r"the readings ask for .* times the usual wandering of a room"):
+    with pytest.raises(IdentificationError, match=r"the readings ask for .* times the usual drift of a room"):
         _band(wrong, 6.0)

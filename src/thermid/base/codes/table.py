@@ -357,7 +357,7 @@ CODES: Final[Mapping[str, CodeMeaning]] = {
     ),
     "prediction.gas-of-joint-unsaid": CodeMeaning(
         "error",
-        "A scenario changes the gas in a joint that was fitted in air, and no log says how much of it is gas.",
+        "A scenario changes the gas in a joint that was fitted in air, and no log shows how much of it is gas.",
         "Give the joint a gap in the deck, or fit a record at low pressure.",
     ),
     "prediction.readings-unexplained": CodeMeaning(

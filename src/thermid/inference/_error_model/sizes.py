@@ -32,7 +32,7 @@ SIZES: Final = {
     "trend": SizePrior(0.005, "1/K", "prior", "growth of a joint with its level"),
     "hidden": SizePrior(0.1, "1", "prior", "mass behind a node that no deck has, in parts of the node's own"),
     "run": SizePrior(0.01, "1", "prior", "departure of a coefficient, conductance, mass or power from run to run"),
-    "room": SizePrior(0.2, "K", "prior", "wandering of a room about its logged or stated temperature"),
+    "room": SizePrior(0.2, "K", "prior", "drift of a room about its logged or stated temperature"),
     "left": SizePrior(0.1, "K", "prior", "what no element explains, at a sensor"),
 }
 """Scales of the half-normal priors of sizes."""
