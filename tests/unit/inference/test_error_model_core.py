@@ -149,6 +149,9 @@ def test_widths_of_a_bent_case_are_those_of_sampling() -> None:
             at, here = to, there
         drawn.append(at)
     chain = np.array(drawn)[20_000:]
+    blocks = chain.reshape(100, -1, 3).mean(axis=1)
+    effective = 100.0 * chain.var(axis=0) / blocks.var(axis=0)
+    assert effective.min() > 5000.0
     told = np.array([answer(one, asked) for one in chain[::10]])
     assert straight[0] == pytest.approx(told[:, 0].std(), rel=0.03)
     assert straight[1] == pytest.approx(told[:, 1].std(), rel=0.10)
