@@ -81,6 +81,8 @@ _NAMESPACES = {
         "Posterior": "inference.intervals",
         "evidence": "inference.intervals",
         "Evidence": "inference.intervals",
+        "ErrorModel": "inference.error_model",
+        "ErrorBand": "inference.error_model",
         "estimate": "fit.estimation",
         "Estimation": "fit.estimation",
         "joint": "campaign.stages",

@@ -2,8 +2,10 @@
 
 from thermid.fit._discrepancy.discrepancy import (
     EXPECTED as EXPECTED,
+    FREE_AIR as FREE_AIR,
     KEY as KEY,
     MOST as MOST,
+    STREAM as STREAM,
     CoefficientMode as CoefficientMode,
     Discrepancy as Discrepancy,
     ExpectedHeat as ExpectedHeat,

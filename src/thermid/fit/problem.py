@@ -42,6 +42,7 @@ from thermid.fit._problem.residuals import (
     Unknown as Unknown,
     loss_of as loss_of,
     parameter_unknown as parameter_unknown,
+    prior_rows as prior_rows,
     starting_point as starting_point,
     wanders as wanders,
 )

@@ -16,6 +16,7 @@ from thermid.inference.diagnosis import (
     energy_balance as energy_balance,
     plausibility as plausibility,
 )
+from thermid.inference.error_model import ErrorBand as ErrorBand, ErrorModel as ErrorModel
 from thermid.inference.intervals import (
     Evidence as Evidence,
     Identifiability as Identifiability,

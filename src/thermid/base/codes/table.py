@@ -360,6 +360,21 @@ CODES: Final[Mapping[str, CodeMeaning]] = {
         "A formula is used outside the range in which its source vouches for it.",
         "Take the formula that the message names, or stay inside.",
     ),
+    "prediction.error-not-followed": CodeMeaning(
+        "error",
+        "The model of error cannot follow a fit: its logs have two clocks, its model is somebody else's program, or it comes from a file.",
+        "Fit again from logs with one clock, or use the bands of predict.",
+    ),
+    "prediction.gas-of-joint-unsaid": CodeMeaning(
+        "error",
+        "A scenario changes the gas in a joint that was fitted in air, and no log shows how much of it is gas.",
+        "Give the joint a gap in the deck, or fit a record at low pressure.",
+    ),
+    "prediction.readings-unexplained": CodeMeaning(
+        "error",
+        "No departure of a usual size explains the readings of a fit, so nothing is predicted from it.",
+        "Check columns, units, powers and noise of the logs; criticise looks for a missing element.",
+    ),
     "record.damaged": CodeMeaning(
         "error",
         "The file of a log is cut short, or is not of the format that its name says.",

@@ -71,7 +71,7 @@ class FlatConductor:
     emissivity: str = ""
     sees: str = ""
     where: str = ""
-    recipe: Callable[[Mapping[str, Any]], Law] | None = None
+    recipe: Callable[[Mapping[str, Any]], Law | tuple[Law, ...]] | None = None
     words: Mapping[str, str] = field(default_factory=dict)
     controls: tuple[str, ...] = ()
     reversible: bool = False

@@ -1,0 +1,275 @@
+"""Linear-Gaussian core of the model of error, on arrays alone: derivatives and readings in, posterior, evidence and bands out.
+
+Legend, as in Rasmussen and Williams, Gaussian Processes for Machine Learning (MIT Press 2006), ch. 2 and Särkkä, Bayesian Filtering and
+Smoothing (Cambridge 2013), ch. 4:
+
+    y = H z + w + e     readings less what the model says (m,), unknowns z (q,), their responses H (m, q)
+    z ~ N(mu, L L')     prior of the unknowns
+    w                   Ornstein-Uhlenbeck: cov(w(t), w(t')) = s^2 exp(-|t - t'| / tau)
+    e ~ N(0, sigma^2)   white
+    S_k                 variance of the k-th innovation
+
+Unknowns of one run alone are integrated out run by run. With the rows of a run ``[A_s A_o]`` for shared and own unknowns in units of their
+priors, ``M_o = I + A_o'A_o``, what the run says of the shared ones is ``A_s'(I + A_o A_o')^-1 A_s = A_s'A_s - A_s'A_o M_o^-1 A_o'A_s``
+(Woodbury), and its ``ln det`` grows by ``ln |M_o|``.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from thermid.base.linear_algebra import Array
+
+
+@dataclass(frozen=True)
+class Wander:
+    """An Ornstein-Uhlenbeck process.
+
+    Parameters
+    ----------
+    size : float    Its standard deviation. [K]
+    time : float    Its time constant. [s]
+    """
+
+    size: float
+    time: float
+
+    def covariance(self, times: Array) -> Array:
+        """Return the covariance (times, times) of its values. [K^2]"""
+        return np.asarray(self.size**2 * np.exp(-np.abs(times[:, None] - times) / self.time))
+
+
+def innovations(times: Array, columns: Array, noise: Array, wander: Wander) -> tuple[Array, float]:
+    """Return columns made white, and the logarithm of the determinant of the covariance that they were divided by.
+
+    Readings with an Ornstein-Uhlenbeck process and white noise are passed through the Kalman filter of the process; innovation k over
+    ``sqrt(S_k)`` is white and of variance one. What is done to the readings is done to the columns of H.
+
+    Parameters
+    ----------
+    times : array (m,)      Increasing. [s]
+    columns : array (m, k)  [K]
+    noise : array (m,)      Standard deviation of the white noise. [K]
+    """
+    if wander.size == 0.0:
+        return np.asarray(columns / noise[:, None]), 2.0 * float(np.log(noise).sum())
+    memory = np.exp(-np.diff(times, prepend=times[0]) / wander.time)
+    out, state, variance, log_det = np.empty_like(columns), np.zeros(columns.shape[1]), wander.size**2, 0.0
+    for k, (kept, own) in enumerate(zip(memory.tolist(), (noise**2).tolist(), strict=True)):
+        state = kept * state
+        variance = kept**2 * variance + wander.size**2 * (1.0 - kept**2)
+        total = variance + own
+        apart = columns[k] - state
+        out[k] = apart / total**0.5
+        log_det += float(np.log(total))
+        state = state + (variance / total) * apart
+        variance = variance * own / total
+    return out, log_det
+
+
+@dataclass(frozen=True, eq=False)
+class WhiteRows:
+    """What white rows say of z, in as few rows as hold the same.
+
+    Parameters
+    ----------
+    triangle : array (r, q)     R of the rows of H.
+    rotated : array (r,)        Q'y.
+    rest : float                Square of what of y no z reaches. [-]
+    log_det : float             Of the covariance by which the rows were made white.
+    count : int                 Readings.
+    """
+
+    triangle: Array
+    rotated: Array
+    rest: float
+    log_det: float
+    count: int
+
+    @classmethod
+    def of(cls, rows: Array, values: Array, log_det: float) -> WhiteRows:
+        """Return white rows (m, q) and values (m,) in short."""
+        joined: Array = np.asarray(np.linalg.qr(np.column_stack([rows, values]), mode="r"))
+        size = rows.shape[1]
+        rest = float(joined[size, size] ** 2) if joined.shape[0] > size else 0.0
+        return cls(joined[:size, :size], joined[:size, size], rest, log_det, values.size)
+
+
+@dataclass(frozen=True, eq=False)
+class NormalMixture:
+    """A mixture of normal answers (times,): what is averaged over sizes, and over what carries the heat.
+
+    Parameters
+    ----------
+    weights : array (members,)          Sum one.
+    means : array (members, times)      [K]
+    variances : array (members, times)  [K^2]
+    """
+
+    weights: Array
+    means: Array
+    variances: Array
+
+    @property
+    def mean(self) -> Array:
+        """Mean (times,). [K]"""
+        return np.asarray(self.weights @ self.means)
+
+    @property
+    def variance(self) -> Array:
+        """Variance (times,): of the members, and of their means. [K^2]"""
+        return np.asarray(self.weights @ (self.variances + (self.means - self.mean) ** 2))
+
+    def interval(self, level: float = 0.95) -> tuple[Array, Array]:
+        """Return the ends (times,) of the central interval of a probability, by halving. [K]"""
+        from scipy.special import ndtr, ndtri
+
+        spread = np.sqrt(self.variances)
+        ends = []
+        for probability in (0.5 - 0.5 * level, 0.5 + 0.5 * level):
+            wide = ndtri(probability) * spread
+            low, high = (self.means + wide).min(axis=0), (self.means + wide).max(axis=0)
+            for _ in range(INTERVAL_HALVINGS):
+                middle = 0.5 * (low + high)
+                below = self.weights @ ndtr((middle - self.means) / np.where(spread > 0.0, spread, np.inf)) < probability
+                low, high = np.where(below, middle, low), np.where(below, high, middle)
+            ends.append(0.5 * (low + high))
+        return ends[0], ends[1]
+
+
+INTERVAL_HALVINGS = 20
+"""Halvings of what the members span: to a millionth of it."""
+
+
+def weights_of(log_evidence: Sequence[float] | Array) -> Array:
+    """Return the probabilities (members,) of members that are as likely before, by ln of their evidence."""
+    logs = np.asarray(log_evidence, dtype=float)
+    weights = np.exp(logs - logs.max())
+    return np.asarray(weights / weights.sum())
+
+
+def squared_exponential(first: Array, second: Array, lengths: Array) -> Array:
+    """Return k(x, x') (n, m) of points (n, d) and (m, d): ``exp(-|(x - x') / l|^2 / 2)``."""
+    apart = (first[:, None, :] - second[None, :, :]) / lengths
+    return np.asarray(np.exp(-0.5 * np.sum(apart**2, axis=2)))
+
+
+def pivots(points: Array, lengths: Array, left: float, most: int) -> Array:
+    """Return the points (r, d) that a pivoted Cholesky factor of k takes until so much of the largest variance is left.
+
+    Source: Harbrecht, Peters and Schneider, Appl. Numer. Math. 62 (2012) 428.
+    """
+    diagonal = np.ones(len(points))
+    columns: list[Array] = []
+    chosen: list[int] = []
+    while len(chosen) < min(most, len(points)) and diagonal.max() > left:
+        k = int(diagonal.argmax())
+        own = squared_exponential(points, points[[k]], lengths)[:, 0]
+        own = (own - sum((c * c[k] for c in columns), np.zeros(len(points)))) / np.sqrt(diagonal[k])
+        columns.append(own)
+        chosen.append(k)
+        diagonal = np.maximum(diagonal - own**2, 0.0)
+    return points[chosen]
+
+
+def features(points: Array, at: Array, lengths: Array) -> Array:
+    """Return the features (n, r) of points whose coefficients are N(0, 1) and independent: ``Phi Phi'`` is k at the pivots `at`."""
+    inner = squared_exponential(at, at, lengths) + 1e-10 * np.eye(len(at))
+    lower = np.linalg.cholesky(inner)
+    return np.asarray(np.linalg.solve(lower, squared_exponential(points, at, lengths).T).T)
+
+
+@dataclass(frozen=True, eq=False)
+class RunRows:
+    """What a run says of shared unknowns and of its own: products of its white rows.
+
+    Parameters
+    ----------
+    gram : array (s + o + 1, s + o + 1)     ``[H y]'[H y]``, shared unknowns first, then those of the run, then the readings.
+    shared : int                            s.
+    log_det : float                         Of the covariance by which the rows were made white.
+    count : int                             Readings.
+    """
+
+    gram: Array
+    shared: int
+    log_det: float
+    count: int
+
+    @classmethod
+    def of(cls, rows: WhiteRows, shared: int) -> RunRows:
+        """Return the products of white rows."""
+        upper = np.column_stack([rows.triangle, rows.rotated])
+        gram = upper.T @ upper
+        gram[-1, -1] += rows.rest
+        return cls(gram, shared, rows.log_det, rows.count)
+
+    def without_own(self, sizes: Array) -> tuple[Array, Array]:
+        """Return the products of shared unknowns and readings with the run's own integrated out, and ln |M_o|, for members of sizes.
+
+        Parameters
+        ----------
+        sizes : array (members, o)  Standard deviations of the run's own unknowns.
+        """
+        keep = [*range(self.shared), self.gram.shape[0] - 1]
+        own = slice(self.shared, self.gram.shape[0] - 1)
+        base = np.broadcast_to(self.gram[np.ix_(keep, keep)], (len(sizes), len(keep), len(keep)))
+        if not sizes.shape[1]:
+            return base, np.zeros(len(sizes))
+        inner = np.eye(sizes.shape[1]) + sizes[:, :, None] * self.gram[own, own] * sizes[:, None, :]
+        lower = np.linalg.cholesky(inner)
+        across = np.linalg.solve(lower, sizes[:, :, None] * self.gram[own][:, keep])
+        grown = 2.0 * np.log(np.diagonal(lower, axis1=1, axis2=2)).sum(axis=1)
+        return base - np.swapaxes(across, 1, 2) @ across, grown
+
+
+@dataclass(frozen=True, eq=False)
+class Members:
+    """Posteriors of shared unknowns at sets of sizes.
+
+    Parameters
+    ----------
+    log_evidence : array (members,)
+    mean : array (members, s)
+    root : array (members, s, s)        Roots of the covariances, ``A A'``.
+    square : array (members,)           ``y' S^-1 y`` of the readings over a reading, S their covariance before they were read; one is
+                                        what it is where the model of error is right. [-]
+    """
+
+    log_evidence: Array
+    mean: Array
+    root: Array
+    square: Array
+
+
+def members_of(runs: Sequence[RunRows], centre: Array, sizes: Array, own: Sequence[Array]) -> Members:
+    """Return the posteriors of the shared unknowns at members of sizes.
+
+    Parameters
+    ----------
+    centre : array (s,)                     Mean of their prior.
+    sizes : array (members, s)              Standard deviations of their prior.
+    own : sequence of array (members, o)    The same of the unknowns of each run.
+    """
+    count, s = sizes.shape
+    total, log_det, readings = np.zeros((count, s + 1, s + 1)), np.zeros(count), 0
+    for run, each in zip(runs, own, strict=True):
+        gram, grown = run.without_own(each)
+        total = total + gram
+        log_det += grown + run.log_det
+        readings += run.count
+    inner, cross, square = total[:, :s, :s], total[:, :s, s], total[:, s, s]
+    cross = cross - inner @ centre
+    square = square - 2.0 * total[:, :s, s] @ centre + np.einsum("i,mij,j->m", centre, inner, centre)
+    lower = np.linalg.cholesky(np.eye(s) + sizes[:, :, None] * inner * sizes[:, None, :])
+    half = np.linalg.solve(lower, (sizes * cross)[:, :, None])[:, :, 0]
+    inverse = np.linalg.inv(lower)
+    root = sizes[:, :, None] * np.swapaxes(inverse, 1, 2)
+    mean = centre + (root @ half[:, :, None])[:, :, 0]
+    log_det += 2.0 * np.log(np.diagonal(lower, axis1=1, axis2=2)).sum(axis=1)
+    square = square - np.sum(half**2, axis=1)
+    evidence = -0.5 * (square + log_det + readings * np.log(2.0 * np.pi))
+    return Members(evidence, mean, root, square / max(readings, 1))

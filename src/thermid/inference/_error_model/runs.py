@@ -1,0 +1,222 @@
+"""Responses of runs to everything that is not known: those of a fit, at its readings, and that of a question, at its times."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
+from typing import Any
+
+import numpy as np
+
+from thermid.base.linear_algebra import Array
+from thermid.fit.discrepancy import OperatingPoint
+from thermid.fit.problem import Influence, Problem, Unknown
+from thermid.inference._error_model.elements import (
+    DepartureHeat,
+    ElementCourse,
+    ElementLaw,
+    Way,
+    class_of,
+    conductors_of,
+    hidden_mass,
+    moved_heat,
+    places,
+    room_heats,
+)
+from thermid.inference._error_model.gaussian import Wander, WhiteRows, features, innovations, pivots
+from thermid.inference._error_model.sizes import ASIDE, COLUMNS, EVERY, HEATED, LEFT_OVER, LENGTHS, READINGS, ROOM_TIME
+from thermid.model.laws import TableSignal
+from thermid.model.tree import FlatConductor
+from thermid.simulation.network import Network
+
+
+@dataclass(frozen=True)
+class UnknownColumn:
+    """An unknown beside the values of a fit.
+
+    Parameters
+    ----------
+    name : str      ``exponent skin``
+    group : str     Which size its prior's standard deviation is a multiple of; empty for none.
+    size : float    That multiple, or the standard deviation itself.
+    source : str    What a reader is told that it belongs to.
+    """
+
+    name: str
+    group: str
+    size: float
+    source: str
+
+
+@dataclass(frozen=True, eq=False)
+class Smooth:
+    """The smooth departure of a conductor: where it was found, and the features of its random function.
+
+    Parameters
+    ----------
+    at : OperatingPoint     Where it was found.
+    kind : str              Its class.
+    pivots : array (r, 2)   Of ln(difference) and level, from where it was found.
+    centre : array (r,)     Mean of the features over the runs of the fit, weighted by heat.
+    thinned : bool          Whether its gas was another there than air on the ground.
+    """
+
+    at: OperatingPoint
+    kind: str
+    pivots: Array
+    centre: Array
+    thinned: bool
+
+    @classmethod
+    def of(cls, c: FlatConductor, at: OperatingPoint, kind: str, courses: Sequence[ElementCourse], thinned: bool) -> Smooth:
+        """Return the smooth departure of a conductor over the runs of a fit."""
+        runs = [r for r in courses if c.path in r.flows]
+        most = max(float(np.abs(r.flows[c.path]).max()) for r in runs)
+        every = np.concatenate([places(r, c, at)[np.abs(r.flows[c.path]) > HEATED * most][::EVERY] for r in runs])
+        aside = np.array(ASIDE) * np.array(LENGTHS)
+        wide = np.concatenate([every + aside * (i, j) for i in (-1, 0, 1) for j in (-1, 0, 1)])
+        found = pivots(wide, np.array(LENGTHS), LEFT_OVER, COLUMNS)
+        heat = np.concatenate([np.abs(r.flows[c.path]) for r in runs])
+        where = np.concatenate([places(r, c, at) for r in runs])
+        return cls(at, kind, found, heat @ features(where, found, np.array(LENGTHS)) / heat.sum(), thinned)
+
+    def along(self, c: FlatConductor, course: ElementCourse, thinned: bool) -> tuple[Array, float]:
+        """Return the centred features along a run (times, r), and what of the variance lies outside of them, weighted by heat. [-]
+
+        In another gas an element departs anew: nothing of what was found in the first says how.
+        """
+        phi = features(places(course, c, self.at), self.pivots, np.array(LENGTHS)) * float(thinned == self.thinned)
+        heat = np.abs(course.flows[c.path])
+        rest = np.clip(1.0 - np.sum(phi**2, axis=1), 0.0, 1.0)
+        return phi - self.centre, float(heat @ rest / max(heat.sum(), 1e-300))
+
+
+@dataclass(frozen=True, eq=False)
+class Departures:
+    """What may depart of a model, as a fit's runs show it.
+
+    Parameters
+    ----------
+    smooth : dict           Conductor -> its smooth departure.
+    hidden : tuple          Time constants of hidden masses. [s]
+    """
+
+    smooth: Mapping[str, Smooth]
+    hidden: tuple[float, ...]
+
+    def shared(
+        self, network: Network, course: ElementCourse, way: Way, laws: Mapping[str, ElementLaw]
+    ) -> list[tuple[UnknownColumn, DepartureHeat]]:
+        """Return what all runs share, with its heats along one."""
+        out: list[tuple[UnknownColumn, DepartureHeat]] = []
+        for path, c in conductors_of(network, course).items():
+            own = self.smooth.get(path)
+            if own is None:
+                continue
+            heat = course.flows[path]
+
+            def add(name: str, group: str, size: float, watts: Array, c: FlatConductor = c) -> None:
+                told = f"{name} of {c.path}"
+                out.append((UnknownColumn(told, group, size, c.path), moved_heat(told, network, c.ends, course.times, watts)))
+
+            if path in laws:
+                for kind, watts in laws[path].heats(course, path, c.ends).items():
+                    if (path, kind) in way.sizes:
+                        add(kind, *way.sizes[path, kind], watts)
+            phi, _ = own.along(c, course, thinned(network, c))
+            for k, column in enumerate(phi.T):
+                add(f"departure {k}", own.kind, 1.0, heat * column)
+        for node in course.stores:
+            for time in self.hidden:
+                name = f"mass behind {node} ({time:.3g} s)"
+                out.append((UnknownColumn(name, "hidden", 1.0, node), hidden_mass(name, course, node, time)))
+        return out
+
+    def own(self, network: Network, course: ElementCourse) -> list[tuple[UnknownColumn, DepartureHeat]]:
+        """Return what each run has for itself, with its heats."""
+        out: list[tuple[UnknownColumn, DepartureHeat]] = []
+        for path, c in conductors_of(network, course).items():
+            name = f"{path} in this run"
+            out.append((UnknownColumn(name, "run", 1.0, path), moved_heat(name, network, c.ends, course.times, course.flows[path])))
+        for node, (watts, _) in course.stores.items():
+            name = f"{node} in this run"
+            out.append((UnknownColumn(name, "run", 1.0, node), DepartureHeat(name, ((node, TableSignal(course.times, -watts, False)),))))
+        for load, (node, power) in course.powers.items():
+            name = f"{load} in this run"
+            out.append((UnknownColumn(name, "run", 0.5, load), DepartureHeat(name, ((node, power),))))
+        for boundary in course.follows:
+            if course.follows[boundary]:
+                heats = room_heats(network, course, boundary, ROOM_TIME)
+                out += [(UnknownColumn(h.name, "room", 1.0, boundary), h) for h in heats]
+        return out
+
+    def beyond(self, network: Network, course: ElementCourse) -> dict[str, tuple[str, float]]:
+        """Return conductor -> its class, and what of its variance lies further off than its features reach. [-]"""
+        every = conductors_of(network, course)
+        return {p: (s.kind, s.along(every[p], course, thinned(network, every[p]))[1]) for p, s in self.smooth.items() if p in every}
+
+
+def thinned(network: Network, c: FlatConductor) -> bool:
+    """Return whether the gas of a conductor is another than air on the ground."""
+    return bool(c.gas) and network.media.changed(c.gas)
+
+
+def departures_of(
+    network: Network, courses: Sequence[ElementCourse], points: Mapping[str, OperatingPoint], hidden: tuple[float, ...]
+) -> Departures:
+    """Return what may depart of a network, by the runs of a fit."""
+    every: dict[str, FlatConductor] = {}
+    for course in courses:
+        every |= conductors_of(network, course)
+    return Departures(
+        {p: Smooth.of(c, points[p], class_of(c, network), courses, thinned(network, c)) for p, c in every.items() if p in points}, hidden
+    )
+
+
+def widened(problem: Problem, i: int, network: Network, scenario: Any, heats: Sequence[DepartureHeat]) -> Problem:
+    """Return a problem of one experiment, with heats as further unknowns."""
+    experiment = replace(problem.experiments[i], network=network, scenario=scenario)
+    own = [replace(u, targets=tuple(replace(t, experiment=0) for t in u.targets if t.experiment == i)) for u in problem.unknowns]
+    more = [Unknown(h.name, "pattern", tuple(Influence(0, f"scale.{n}") for n in h.loads), 0.0) for h in heats]
+    return replace(problem, experiments=(experiment,), unknowns=(*own, *more), coupled=())
+
+
+@dataclass(frozen=True, eq=False)
+class SensorRows:
+    """A sensor of a run: residuals and their derivatives.
+
+    Parameters
+    ----------
+    times, residuals, noise : array (m,)    [s], [K], [K]
+    rows : array (m, unknowns)              What a unit of each unknown adds to a reading. [K]
+    """
+
+    times: Array
+    residuals: Array
+    noise: Array
+    rows: Array
+
+    def averaged(self) -> SensorRows:
+        """Return means over equal stretches where there are more readings than a run needs."""
+        size = self.times.size
+        if size <= READINGS:
+            return self
+        edges = np.linspace(0, size, READINGS + 1).astype(int)
+        count = np.diff(edges)
+
+        def mean(x: Array) -> Array:
+            return np.asarray(np.add.reduceat(x, edges[:-1], axis=0) / (count if x.ndim == 1 else count[:, None]))
+
+        return SensorRows(mean(self.times), mean(self.residuals), np.sqrt(mean(self.noise**2) / count), mean(self.rows))
+
+    def white(self, wander: Wander) -> tuple[Array, Array, float]:
+        """Return white rows and residuals, and ln det of what they were divided by."""
+        out, log_det = innovations(self.times, np.column_stack([self.rows, self.residuals]), self.noise, wander)
+        return out[:, :-1], out[:, -1], log_det
+
+
+def white_rows(traces: Sequence[SensorRows], wander: Wander) -> WhiteRows:
+    """Return the white rows of a run's sensors."""
+    parts = [t.white(wander) for t in traces]
+    rows, values = np.concatenate([p[0] for p in parts]), np.concatenate([p[1] for p in parts])
+    return WhiteRows.of(rows, values, sum(p[2] for p in parts))

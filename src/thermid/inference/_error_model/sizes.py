@@ -1,0 +1,92 @@
+"""Every number of the model of error that decides what a user is told, with its unit, its source and what it does.
+
+Sizes of departures are scales of half-normal priors, by class of element; they are first priors, not learned from public tests yet.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Final
+
+
+@dataclass(frozen=True)
+class SizePrior:
+    """A number of the model of error.
+
+    Parameters
+    ----------
+    value : float
+    unit, source, effect : str
+    """
+
+    value: float
+    unit: str
+    source: str
+    effect: str
+
+
+SIZES: Final = {
+    "surface": SizePrior(0.05, "1", "prior", "size of the smooth departure of a constant coefficient about its physical mean"),
+    "joint": SizePrior(0.03, "1", "prior", "the same of a constant conductance of a joint or a solid"),
+    "law": SizePrior(0.05, "1", "prior", "the same of radiation and of correlations"),
+    "trend": SizePrior(0.005, "1/K", "prior", "growth of a joint with its level"),
+    "hidden": SizePrior(0.1, "1", "prior", "mass behind a node that no deck has, in parts of the node's own"),
+    "run": SizePrior(0.01, "1", "prior", "departure of a coefficient, conductance, mass or power from run to run"),
+    "room": SizePrior(0.2, "K", "prior", "drift of a room about its logged or stated temperature"),
+    "left": SizePrior(0.1, "K", "prior", "what no element explains, at a sensor"),
+}
+"""Scales of the half-normal priors of sizes."""
+
+ROOM_TIME: Final = 3600.0
+"""Time constant with which a room wanders; prior. [s]"""
+LENGTHS: Final = (0.7, 40.0)
+"""Lengths over which a departure changes: of ln(difference), a factor of two [-], and of the level [K]; prior."""
+ASIDE: Final = (1.0, 1.0)
+"""How far beyond the conditions of a fit features of departures reach, in lengths; what lies further off is independent. [-]"""
+LEFT_OVER, COLUMNS = 0.01, 10
+"""Part of the variance of a departure that its features may leave, and how many there may be."""
+FREE_EXPONENT: Final = 4.0 / 15.0
+"""Mean exponent of natural convection with the difference: evenly between 1/5 and 1/3 (Incropera and others 2011, 9.6). [-]"""
+FREE_EXPONENT_SD: Final = (1.0 / 3.0 - 1.0 / 5.0) / 12.0**0.5
+"""Standard deviation of the same. [-]"""
+LARGEST_SHARE: Final = 0.95
+"""Largest emissivity, and largest share of radiation in a coefficient. [-]"""
+LEAST_SHARE: Final = 0.01
+"""Least share of radiation where there may be some. [-]"""
+FINISH: Final = 0.15
+"""What an emissivity of a deck is good to, relative; as in a fit's discrepancy. [-]"""
+FLOWLESS: Final = 1e-3
+"""Part of the difference of a fit below which no heat flows. [-]"""
+LEVELS, LEVEL_POINTS = (150.0, 600.0), 181
+"""Levels over which the growth of a joint is tabulated [K], and how many; constant beyond."""
+SHARES_OF_RUN: Final = (1.0 / 30.0, 1.0 / 10.0)
+"""Time constants of hidden masses, in parts of the longest run. [-]"""
+LEFT_TIMES: Final = (1.0 / 30.0, 1.0 / 10.0, 1.0 / 3.0)
+"""Time constants of what no element explains, in parts of the run; as likely each. [-]"""
+LEFT_SIZES: Final = (0.0, 0.3, 1.0, 2.0)
+"""Sizes of the same that are tried, in parts of the scale of their half-normal prior; each stands for all sizes nearer to it. [-]"""
+HEATED, EVERY = 0.1, 10
+"""Part of the largest heat of an element from which its conditions count where features are laid [-]; of those every tenth is taken."""
+POINTS: Final = 301
+"""Samples of a run along which departures are drawn."""
+ROOM_KNOTS: Final = 24
+"""Hats that hold a wandering room in a run, at most; a room that wanders faster is smoothed."""
+USUAL_LEFT: Final = (0.3, 1.0 / 10.0)
+"""Size and time of the same while values are looked for."""
+FIRST_SETS, SETS = 16, 256
+"""Sets of sizes at every size and time of what no element explains, and again at those that count."""
+LIKELY: Final = 0.01
+"""Probability from which a size and time of what no element explains counts. [-]"""
+READINGS: Final = 200
+"""Readings of a sensor in a run; more are averaged over equal stretches."""
+NEWTON_STEPS: Final = 3
+"""Newton steps in values, exponents and shares."""
+UNBOUNDED: Final = 3.0
+"""Standard deviation of a logarithm without a prior or bounds. [-]"""
+OUTSIDE: Final = 2.0
+"""Root mean square of readings over what the model of error allows, from which nothing is predicted: then a log, its noise or a column is
+wrong. One is expected, with a standard deviation of a few per cent. [-]"""
+FAR_SIZE: Final = 3.0
+"""Size of a departure in scales of its prior, from which nothing is predicted either: it then stands for something else. [-]"""
+COUNTED: Final = 1e-3
+"""Weight of a member beside the heaviest, below which it is left out. [-]"""

@@ -1,0 +1,156 @@
+"""The model of error of a fit: bands of other runs, where they come from, and what they do not depend on."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from typing import Any
+
+import numpy as np
+import pytest
+
+import thermid as td
+from thermid.base.errors import IdentificationError
+from thermid.inference.error_model import SIZES, ErrorModel
+from thermid.model.laws import TableSignal
+from unit.fit.bench import BOX, HTC, MASS, box, deck, log, metered
+
+POWERS = (4.0, 2.0)
+"""Of the two fitted runs. [W]"""
+
+
+def _truth(carried: str) -> td.Model:
+    """A box in free air with a dull skin, or behind a fan with a bright one: neither follows a constant coefficient."""
+    free = carried == "free air"
+    made: dict[str, Any] = deck(base=BOX)
+    made["nodes"]["case"]["mass"] = "1.5 [kg]"
+    skin = {"of": "case", "to": "air", "area": "0.05 [m^2]", "emissivity": 0.8 if free else 0.05}
+    htc: Any = {"coefficient": "1.5 [W/(m^2 K)]", "exponent": 0.25} if free else "7 [W/(m^2 K)]"
+    return td.model_from_dict({**made, "surfaces": {"skin": {**skin, "htc": htc}}})
+
+
+def _logs(carried: str, synthetic: bool = True) -> list[td.Record]:
+    logs = []
+    for k, power in enumerate(POWERS):
+        watts = np.where(np.arange(121) < 73, power, 0.0)
+        on = TableSignal(np.linspace(0.0, 18000.0, 121), watts, hold=True)
+        bare = log(_truth(carried), {}, {"T": "case"}, name=f"run {k}", loads={"heat": on}, noise=0.05, accuracy=0.1, samples=121, seed=k)
+        one = metered(bare, "heat", watts.tolist(), 0.01 * power)
+        logs.append(replace(one, origin=replace(one.origin, synthetic=synthetic)))
+    return logs
+
+
+def _fit(carried: str, said: str = "", synthetic: bool = True) -> td.Calibration:
+    model = box({"surfaces/skin/carried_by": said}) if said else box()
+    return td.calibrate(model, _logs(carried, synthetic), [HTC, MASS], search="local")
+
+
+def _asked(power: float, room: float = 34.0) -> td.Scenario:
+    at = f"{room} [degC]"
+    return td.Scenario("asked", boundaries={"air": at}, loads={"heat": f"{power} [W]"}, start=at, duration="5 [h]")
+
+
+@pytest.fixture(scope="module")
+def fit() -> td.Calibration:
+    return _fit("free air")
+
+
+@pytest.fixture(scope="module")
+def model(fit: td.Calibration) -> ErrorModel:
+    return ErrorModel.of(fit)
+
+
+@pytest.fixture(scope="module")
+def blown() -> ErrorModel:
+    return ErrorModel.of(_fit("fan"))
+
+
+def _band(of: ErrorModel, power: float, **options: Any) -> td.inference.ErrorBand:
+    return of.band(_asked(power), ["case"], times=np.linspace(0.0, 18000.0, 31), **options)["case"]
+
+
+@pytest.mark.parametrize("power", [3.0, 6.0, 8.0])
+def test_band_holds_the_truth_of_a_law_that_no_deck_has(model: ErrorModel, power: float) -> None:
+    band = _band(model, power)
+    true = td.simulate(_truth("free air"), _asked(power), times=band.times)["case"].kelvin
+    low, high = band.interval()
+    assert np.mean((low <= true) & (true <= high)) > 0.95
+    assert np.abs(band.kelvin - true).max() < 1.0
+    assert band.half_width.max() < 1.5
+
+
+def test_run_with_the_best_values_misses_it(fit: td.Calibration) -> None:
+    """What the mean of free air is worth: a constant coefficient is off by more than the band is wide."""
+    times = np.linspace(0.0, 18000.0, 31)
+    true = td.simulate(_truth("free air"), _asked(8.0), times=times)["case"].kelvin
+    assert np.abs(td.simulate(fit.fitted_model, _asked(8.0), times=times)["case"].kelvin - true).max() > 1.5
+
+
+def test_bands_grow_with_distance(model: ErrorModel) -> None:
+    near, far, further = (_band(model, p).half_width[-1] for p in (3.0, 6.0, 8.0))
+    assert near < far < further
+
+
+def test_readings_tell_free_air_from_a_fan(model: ErrorModel, blown: ErrorModel) -> None:
+    assert model.carriers["free air"] > 0.6
+    assert blown.carriers["fan"] > 0.8
+    assert sum(model.carriers.values()) == pytest.approx(1.0)
+
+
+def test_band_of_a_blown_box_holds_its_truth(blown: ErrorModel) -> None:
+    band = _band(blown, 6.0)
+    true = td.simulate(_truth("fan"), _asked(6.0), times=band.times)["case"].kelvin
+    assert np.mean(np.abs(band.kelvin - true) <= band.half_width) > 0.95
+
+
+def test_a_deck_that_says_what_carries_the_heat_leaves_one_way(fit: td.Calibration) -> None:
+    said = ErrorModel.of(_fit("free air", "free air"))
+    assert list(said.carriers) == ["as the deck says"]
+    assert _band(said, 8.0).half_width[-1] < _band(ErrorModel.of(fit), 8.0).half_width[-1]
+
+
+def test_nothing_depends_on_whether_logs_are_called_synthetic(fit: td.Calibration, model: ErrorModel) -> None:
+    measured = _fit("free air", synthetic=False)
+    assert not measured.synthetic
+    assert fit.synthetic
+    other = _band(ErrorModel.of(measured), 6.0)
+    assert other.kelvin == pytest.approx(_band(model, 6.0).kelvin, abs=1e-6)
+    assert other.half_width == pytest.approx(_band(model, 6.0).half_width, rel=1e-6)
+
+
+def test_sources_add_up_to_the_variance(model: ErrorModel) -> None:
+    band = _band(model, 6.0)
+    assert np.sum(list(band.parts.values()), axis=0) == pytest.approx(band.mixture.variance)
+    assert sum(band.shares.values()) == pytest.approx(1.0)
+    assert "structure at this distance" in str(band)
+
+
+def test_draws_have_the_covariance(model: ErrorModel) -> None:
+    drawn = model.sample(4000)
+    assert np.cov(drawn) == pytest.approx(model.covariance, rel=0.2, abs=0.05 * model.covariance.max())
+
+
+def test_the_error_of_a_meter_cancels_where_the_scenario_is_what_it_reads(model: ErrorModel) -> None:
+    """1 % of the meter is 1 % of the coefficient, which is known no better from a log by itself."""
+    assert _band(model, 6.0, as_logged=True).half_width[-1] < 0.97 * _band(model, 6.0).half_width[-1]
+
+
+def test_a_constant_room_that_an_instrument_reads_is_still_a_temperature(model: ErrorModel) -> None:
+    assert _band(model, 6.0, as_logged=True).kelvin[0] == pytest.approx(307.15, abs=1.0)
+
+
+def test_sizes_stay_near_their_priors_where_runs_say_little(model: ErrorModel) -> None:
+    assert set(model.sizes) == set(SIZES) - {"left"}
+    assert all(0.05 < size / SIZES[g].value < 3.0 for g, size in model.sizes.items())
+
+
+def test_a_calibration_of_a_file_has_no_model_of_error(fit: td.Calibration) -> None:
+    with pytest.raises(IdentificationError, match="does not hold what its fit was asked"):
+        ErrorModel.of(replace(fit, problem=None))
+
+
+def test_logs_that_no_departure_explains_predict_nothing() -> None:
+    """The deck's power of 4 W throughout, in logs that switch it off and halve it."""
+    unmetered = [r.select("T", "ROOM") for r in _logs("free air")]
+    wrong = ErrorModel.of(td.calibrate(box(), unmetered, [HTC, MASS], search="local"))
+    with pytest.raises(IdentificationError, match=r"the readings ask for .* times the usual drift of a room"):
+        _band(wrong, 6.0)
