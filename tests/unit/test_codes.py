@@ -82,7 +82,7 @@ def test_a_warning_becomes_a_remark_with_its_code() -> None:
     with warns_code("physics.not-one-temperature", match=r"0\.4"):
         biot_number(8.0, 0.05, 1.0)
     with pytest.warns(ThermidWarning):
-        found = compare_htc(200.0, 4.0, 340.0, 300.0, 2.0)
+        found = compare_htc(200.0, 4.0, "340 [K]", "300 [K]", 2.0)
     assert {code_of(remark) for remark in found.remarks} == {"physics.outside-range", "htc.differs"}
 
 

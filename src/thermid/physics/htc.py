@@ -184,7 +184,7 @@ def compare_htc(
     --------
     The EleGFO box of the source document, air as printed there:
 
-    >>> found = compare_htc(2.168, 0.082241, 309.088, 297.15, 0.02492, air=(0.026, 1.6e-5, 0.71))
+    >>> found = compare_htc(2.168, 0.082241, "309.088 [K]", "297.15 [K]", 0.02492, air=(0.026, 1.6e-5, 0.71))
     >>> round(found.effective, 3), round(found.error, 2), round(found.theoretical, 3)
     (2.208, 0.13, 6.798)
     """

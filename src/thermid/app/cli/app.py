@@ -257,7 +257,7 @@ EXITS = {
     2: "bad input: an option, file, name, unit, scenario, log; or no extra",
     3: "a run ended before its time, or nothing balances",
     4: "the data cannot decide what was asked",
-    5: "the answer rests on values that are not adequate, or on an incomplete deck",
+    5: "the answer rests on inadequate values or on an incomplete deck",
     INTERRUPTED: "stopped by the interrupt key; files that were complete remain",
 }
 """Exit code -> what it means, for every command; where several hold, 2, 3, 4, 1, 5 is the order of precedence."""
