@@ -55,6 +55,9 @@ def init(
     full_scale: Annotated[
         list[str] | None, typer.Option("--full-scale", help="COLUMN=POWER of a duty at 100 %, such as Q1='1.2 [W]'.")
     ] = None,
+    formula: Annotated[
+        list[str] | None, typer.Option("--formula", help="NAME=FORMULA of columns for a power in watts, such as P='V_IN * I_IN'.")
+    ] = None,
     name: Annotated[str, typer.Option("--name", help="Name of the model.")] = "",
     time: Annotated[str | None, typer.Option("--time", help="The time column, where it cannot be told.")] = None,
     template: Annotated[str, typer.Option("--template", help="Without a log: part, box, chamber or tclab.")] = "",
@@ -76,7 +79,7 @@ def init(
     if template:
         raise ScenarioError("a template is for a project without a log; give one of them.", "--template")
     scales = pairs(full_scale or [], "--full-scale")
-    roles = roles_of(logs[0], temperature or (), surroundings, power or (), scales, time)
+    roles = roles_of(logs[0], temperature or (), surroundings, power or (), scales, time, pairs(formula or [], "--formula"))
     if sys.stdin.isatty() and not as_json:
         roles = _asked(logs[0], roles, time, bool(temperature), bool(power))
     roles, known = _known(roles, accuracy, mass or [], material or [], path or [], deck)
@@ -153,7 +156,7 @@ def _asked(log: Path, roles: Roles, time: str | None, temperatures: bool, powers
             "2 of 5. Surroundings: a column, or a temperature such as 23 [degC]; - if unknown", default=around or "-", err=True
         )
         around = "" if around == "-" else around
-    heats = [f"{p.column}={p.node}" if p.node else p.column for p in roles.powers]
+    heats = [f"{p.column}={p.node}" if p.node else p.column for p in roles.powers if not p.formula]
     if not powers:
         heats = _several("3 of 5. Powers and duties, COLUMN or COLUMN=PART; - for none", heats)
     scales = {p.column: p.full_scale for p in roles.powers if p.full_scale}
@@ -161,7 +164,7 @@ def _asked(log: Path, roles: Roles, time: str | None, temperatures: bool, powers
     if duty:
         answer = typer.prompt(f"4 of 5. Power of '{duty}' at 100 %, such as 1.2 [W]; - if unknown", default="-", err=True)
         scales |= {} if answer == "-" else {duty: answer}
-    return roles_of(log, parts, around, heats, scales, time)
+    return roles_of(log, parts, around, heats, scales, time, {p.column: p.formula for p in roles.powers if p.formula})
 
 
 def _several(question: str, shown: Sequence[str]) -> list[str]:

@@ -279,7 +279,7 @@ def _campaign(
         for name, channel in channels.items():
             if name in record.channels:
                 inline = tomlkit.inline_table()
-                inline.update({k: v for k, v in channel.items() if k not in ("unit", "full_scale")})
+                inline.update({k: v for k, v in channel.items() if k not in ("unit", "full_scale", "power")})
                 inside.add(record[name].column or name, inline)
         if step:
             table.add("prepare", tomlkit.item([{"resample": {"step": f"{step:g} [s]", "switches": True}}]))

@@ -36,6 +36,7 @@ class Power:
     duty : bool         Whether it is in per cent.
     told : bool         Whether its part was told, by somebody or by its name; else the log decides.
     seat : str          The load of a deck that it drives; one named after the column by default.
+    formula : str       How it follows from columns; empty for a column of its own.
     """
 
     column: str
@@ -44,6 +45,7 @@ class Power:
     duty: bool = False
     told: bool = True
     seat: str = ""
+    formula: str = ""
 
     @property
     def load(self) -> str:
@@ -98,6 +100,7 @@ class Roles:
         for power in self.powers:
             out[power.column] = {"command": power.load} if power.anchored else {"load": power.load}
             out[power.column] |= {"full_scale": power.full_scale} if power.full_scale else {}
+            out[power.column] |= {"power": power.formula} if power.formula else {}
         for column, text in self.units.items():
             if column in out:
                 out[column]["unit"] = text
@@ -153,6 +156,7 @@ def roles_of(
     powers: Sequence[str] = (),
     full_scale: Mapping[str, str] | None = None,
     time: str | None = None,
+    formulas: Mapping[str, str] | None = None,
 ) -> Roles:
     """Return what the columns of a log are: as told, and as their names and units say for all else.
 
@@ -164,6 +168,7 @@ def roles_of(
     powers : sequence           Columns, or ``COLUMN=PART``; all that look like powers or duties by default.
     full_scale : dict           Column -> power at 100 %.
     time : str                  The time column, where it cannot be told.
+    formulas : dict             Power -> how it follows from columns, ``V_IN * I_IN``.
 
     Raises
     ------
@@ -194,11 +199,14 @@ def roles_of(
     made = tuple(
         Power(n, node, scales.get(n, ""), n in scales or columns[n].guess == "duty" or columns[n].unit == "%") for n, node in heated
     )
+    given = dict(formulas or {})
+    made = (*made, *(Power(name, formula=text, told=False) for name, text in given.items()))
     taken = {*parts, around, *(p.column for p in made)}
     units = {n: c.unit for n, c in columns.items() if n in taken and c.assumed and c.unit}
     rest = {n: "never on" if _idle(c.values) and c.guess in ("power", "duty") else c.why for n, c in columns.items() if n not in taken}
     rest = {n: w for n, w in rest.items() if columns[n].guess != "time"}
-    questions = tuple(q for n in rest for q in [_power_question(columns[n])] if q)
+    asked = (_power_question(columns[n]) for n in rest if not any(n in text for text in given.values()))
+    questions = tuple(q for q in asked if q)
     return Roles(parts, around, made, units, time, {n: columns[n].why for n in taken if n in columns}, rest, questions=questions)
 
 
@@ -212,16 +220,16 @@ def _power_question(column: Column) -> str:
         return ""
     for slot, (what, how) in _OF_POWER.items():
         if of == unit(slot).dimension:
-            return f"{column.name} is {what} [{column.unit}]: is it a power? If so, it is {how}, in watts."
+            return f"{column.name} is {what} [{column.unit}]: is it a power? If so, give {how}."
     return ""
 
 
 _OF_POWER = {
-    "A": ("a current", "current times voltage"),
-    "A^2": ("the square of a current", "times the resistance in ohm"),
-    "V": ("a voltage", "voltage times current"),
-    "W/m^2": ("a power by area", "times the area that it falls on"),
-    "J": ("an energy", "its increase by time"),
+    "A": ("a current", "--formula P='V * I', with its voltage"),
+    "A^2": ("the square of a current", "--formula P='X * 4.7 [ohm]', with its resistance"),
+    "V": ("a voltage", "--formula P='V * I', with its current"),
+    "W/m^2": ("a power by area", "--formula P='X * 20 [cm^2]', with the area that it falls on"),
+    "J": ("an energy", "power = { energy = ... } of a channel in the campaign"),
 }
 """Unit of a column from which a power may follow -> what it is, and how the power follows."""
 

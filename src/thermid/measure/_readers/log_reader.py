@@ -16,6 +16,7 @@ from thermid.measure._readers.bindings import Binding, bindings, full_scale, uni
 from thermid.measure._readers.columns import decimal_sign, find_column, kelvin_sized, numbers
 from thermid.measure._readers.formats import log_cells
 from thermid.measure._readers.headers import name_and_unit
+from thermid.measure._readers.power_of_columns import RESTARTED, power_readings
 from thermid.measure._readers.questions import hidden_switches, lost_hour, repeated_stamps, unit_question
 from thermid.measure._readers.stamps import Clock, Times, clock_column, read_times
 from thermid.measure._readers.textfile import Cells
@@ -51,7 +52,8 @@ def read_record(
                              ``{"T1": {"node": "h1.sensor", "noise": "0.3 [K]"}}``. A table has one of node,
                              boundary, load, command (a path in the model), and gain, noise, accuracy, resolution, unit; of a
                              temperature sensor also what `SensorPart` and `SensorCertificate` hold. `full_scale`, a power, is what
-                             a load in per cent has at 100 %.
+                             a load in per cent has at 100 %; `power` of a load is a formula of columns, ``"V_IN * I_IN"``, or a table
+                             such as ``{"volts": "V_IN", "amperes": "I_IN"}`` or ``{"energy": "E"}``.
     time : str or None       The time column; by default the only one called time, time_s, t, t_s, timestamp, datetime or seconds, else the
                              only one with another usual name or with stamps. Date and time in two columns are one time.
     noise, accuracy : mapping   Standard deviation of one sample, and of the constant error, by channel name.
@@ -87,7 +89,7 @@ def read_record(
         found = "one sample" if times.size == 1 else f"{times.size} samples with one time stamp"
         raise RecordError(f"the log has {found}; a record needs at least two times.", cells.file, code="record.too-short")
     parsed = [numbers(column, sign) if place not in clock_at.places else times for place, column in enumerate(cells.columns)]
-    read = [(_channel(cells, each, parsed), each) for each in asked]
+    read = [(_channel(cells, each, parsed, times), each) for each in asked]
     sensors = [
         with_sensor(made, each.part, each.certificate or cells.certificates.get(made.column), f"{cells.file}, channels.{each.name}")
         for made, each in read
@@ -138,27 +140,21 @@ def temperature_columns(path: str | Path) -> list[str]:
     return [name for name, unit in named if unit in _SCALES or (unit is None and name[:1] in ("T", "t"))]
 
 
-def _channel(cells: Cells, binding: Binding, parsed: list[FloatArray | int]) -> Channel:
+def _channel(cells: Cells, binding: Binding, parsed: list[FloatArray | int], times: FloatArray) -> Channel:
     """Return one channel in SI.
 
     Raises
     ------
     RecordError   When its column holds text.
     """
+    if binding.power is not None:
+        return _power(cells, binding, parsed, times)
     at = find_column(cells.header, binding.column, f"{cells.file}, channels.{binding.name}")
     column, header_unit = name_and_unit(cells.header[at])
     where = cells.where(None, column)
     unit_text, quantity = unit_and_quantity(binding, header_unit, where)
     watts = full_scale(binding, where)
-    samples = parsed[at]
-    if isinstance(samples, int):
-        text = cells.columns[at][samples]
-        raise RecordError(
-            f"'{text}' is not a number. Write missing samples as empty, NaN or NA; for decimal commas give decimal=','.",
-            cells.where(samples, column),
-            code="record.not-a-number",
-        )
-    samples = np.where(np.abs(samples) >= OVERLOAD, np.inf, samples)
+    samples = _samples(cells, parsed, at)
     stated = binding.unit is not None or header_unit is not None
     if not stated and watts is None:
         _refuse_by_size(samples, quantity, binding.name, where)
@@ -188,6 +184,45 @@ def _channel(cells: Cells, binding: Binding, parsed: list[FloatArray | int]) -> 
         samples=binding.samples,
     )
     return _masked(made, cells.reasons.get(column, {}))
+
+
+def _samples(cells: Cells, parsed: list[FloatArray | int], at: int) -> FloatArray:
+    """Return the readings (samples,) of a column as its cells have them, infinite where an instrument says that it is overloaded."""
+    samples = parsed[at]
+    if isinstance(samples, int):
+        text = cells.columns[at][samples]
+        raise RecordError(
+            f"'{text}' is not a number. Write missing samples as empty, NaN or NA; for decimal commas give decimal=','.",
+            cells.where(samples, name_and_unit(cells.header[at])[0]),
+            code="record.not-a-number",
+        )
+    return np.where(np.abs(samples) >= OVERLOAD, np.inf, samples)
+
+
+def _power(cells: Cells, binding: Binding, parsed: list[FloatArray | int], times: FloatArray) -> Channel:
+    """Return a channel whose power follows from columns. [W]"""
+    where = f"{cells.file}, channels.{binding.name}"
+
+    def column(name: str) -> tuple[FloatArray, str | None]:
+        at = find_column(cells.header, name, where)
+        return _samples(cells, parsed, at), name_and_unit(cells.header[at])[1]
+
+    read = power_readings(binding.power, column, times, where)
+    sizes = {w: amount(g, "W", f"{where}, {w}") for w in ("noise", "accuracy", "resolution") if (g := getattr(binding, w)) is not None}
+    return Channel(
+        binding.name,
+        read.watts,
+        np.isfinite(read.watts),
+        quantity="power",
+        role=binding.role,
+        target=binding.target,
+        column=binding.name,
+        unit="W",
+        prompt=binding.prompt,
+        samples=binding.samples or read.samples,
+        masks={RESTARTED: read.restarted} if read.restarted.any() else {},
+        **sizes,
+    )
 
 
 def _refuse_by_size(samples: FloatArray, quantity: str, name: str, where: str) -> None:

@@ -137,3 +137,14 @@ def test_a_column_that_a_power_may_follow_from_is_asked_about(tmp_path: Path, un
     _, made = said("init", str(log), "--to", str(tmp_path / "p"), "--evaluations", "50")
     (question,) = made["questions"]
     assert question.startswith(f"X is {what} [{unit}]: is it a power?")
+
+
+def test_a_power_by_formula_is_taken_from_volts_and_amperes(tmp_path: Path) -> None:
+    log = plate(tmp_path / "log.csv", "T_plate [degC],T_room [degC],I_IN [A]", scale=1.0 / 24.0)
+    rows = log.read_text().splitlines()
+    log.write_text("\n".join([rows[0] + ",V_IN [V]", *(f"{row},24" for row in rows[1:])]))
+    code, made = said("init", str(log), "--to", str(tmp_path / "p"), "--formula", "P_IN=V_IN * I_IN", "--evaluations", "200")
+    assert code in (0, 4)
+    assert made["questions"] == []
+    _, done = said("calibrate", str(tmp_path / "p" / "campaign.toml"))
+    assert done["stages"][0]["values"]["plate.capacitance"] == pytest.approx(150.0, rel=0.03)
