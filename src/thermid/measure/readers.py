@@ -12,6 +12,7 @@ from thermid.measure._readers.log_reader import (
 )
 from thermid.measure._readers.matlab_objects import objects_of as objects_of, series_of as series_of
 from thermid.measure._readers.questions import (
+    board_restarts as board_restarts,
     hidden_switches as hidden_switches,
     lost_hour as lost_hour,
     repeated_stamps as repeated_stamps,

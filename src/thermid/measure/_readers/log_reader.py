@@ -17,7 +17,7 @@ from thermid.measure._readers.columns import decimal_sign, find_column, kelvin_s
 from thermid.measure._readers.formats import log_cells
 from thermid.measure._readers.headers import name_and_unit
 from thermid.measure._readers.power_of_columns import RESTARTED, power_readings
-from thermid.measure._readers.questions import hidden_switches, lost_hour, repeated_stamps, unit_question
+from thermid.measure._readers.questions import board_restarts, hidden_switches, lost_hour, repeated_stamps, unit_question
 from thermid.measure._readers.stamps import Clock, Times, clock_column, read_times
 from thermid.measure._readers.textfile import Cells
 from thermid.measure._record.channel import BoolArray, Channel, FloatArray, Origin, digest, with_sensor
@@ -95,7 +95,8 @@ def read_record(
         for made, each in read
     ]
     made = [each for each, _ in sensors]
-    origin = replace(_origin(cells, clock_at, read_at, parsed), questions=_questions(times, clock_at, read_at, made))
+    restarts = board_restarts(times, _bare_numbers(cells, clock_at, parsed))
+    origin = replace(_origin(cells, clock_at, read_at, parsed), questions=(*restarts, *_questions(times, clock_at, read_at, made)))
     notes = [*cells.notes, *read_at.notes, *(note for _, said in sensors for note in said)] + (
         [f"read with decimal '{sign}'"] if sign == "," and decimal is None else []
     )
@@ -264,6 +265,13 @@ def _questions(times: FloatArray, clock: Clock, read: Times, made: Sequence[Chan
         *(() if read.zone else lost_hour(times, clock.texts, warm)),
         *hidden_switches(times, {c.name: columns[c.name] for c in made if c.held}),
     )
+
+
+def _bare_numbers(cells: Cells, clock: Clock, parsed: list[FloatArray | int]) -> dict[str, FloatArray]:
+    """Return the columns without a unit that hold numbers, but for the times."""
+    heads = [name_and_unit(header) for header in cells.header]
+    rest = (k for k in range(len(heads)) if k not in clock.places and heads[k][1] is None)
+    return {heads[k][0]: column for k in rest if not isinstance(column := parsed[k], int)}
 
 
 def _origin(cells: Cells, clock: Clock, times: Times, parsed: list[FloatArray | int]) -> Origin:

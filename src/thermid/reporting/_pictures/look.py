@@ -22,6 +22,7 @@ from thermid.measure.readers import (
     Clock,
     Column,
     Times,
+    board_restarts,
     clock_column,
     columns_of,
     decimal_sign,
@@ -96,6 +97,7 @@ class Look(Result):
         out = [*unit_question({c.name: warm[c.name] for c in self.columns if c.name in warm and c.assumed and c.unit == "degC"})]
         if self.times is not None and self.clock is not None:
             times = self.times.values
+            out += board_restarts(times, {c.name: c.values for c in self.columns if c.guess == "ignored" and not c.unit and c.values.size})
             out += repeated_stamps(times, columns)
             out += () if self.times.zone else lost_hour(times, self.clock.texts, warm)
             out += hidden_switches(times, {n: v for n, v in columns.items() if n not in warm})
