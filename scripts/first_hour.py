@@ -91,7 +91,8 @@ class Bench:
             if end <= begin:
                 continue
             run = solve_ivp(self.heat, (begin, end - 1e-6), state, method="LSODA", rtol=1e-8, atol=1e-8, dense_output=True)
-            out[:, inside] = run.sol(times[inside])
+            if inside.any():
+                out[:, inside] = run.sol(times[inside])
             state = run.y[:, -1]
         return {**{p: row - 273.15 for p, row in zip(PARTS, out, strict=True)}, "air": self.room(times) - 273.15}
 
