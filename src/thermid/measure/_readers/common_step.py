@@ -21,8 +21,8 @@ RESPONSES = (8, 5, 12)
 """First-order responses that stand for the way from a power to a thermometer; what they disagree by is an error of the offset. [-]"""
 SHARED = 0.5
 """Part of the shorter log that must overlap the other one. [-]"""
-EXPLAINED = 0.5
-"""Part of the squares that the other course must explain, beyond what a smooth course of its own does. [-]"""
+EXPLAINED = 0.9
+"""Part of the squares that the other course must explain; two courses that wander explain half of each other by chance. [-]"""
 VAGUE = 0.1
 """Error of an offset, in lengths of the shorter log, from which there is no step that both show. [-]"""
 FINER = 3
@@ -45,12 +45,14 @@ class Course:
     power : bool                Whether it is a power, which holds until the next reading; else a temperature.
     times : array (samples,)    From the first sample of its log. [s]
     values : array (samples,)   [W or K]
+    heated : bool               Whether a power may heat it: not the surroundings.
     """
 
     name: str
     power: bool
     times: FloatArray
     values: FloatArray
+    heated: bool = True
 
     @property
     def moves(self) -> bool:
@@ -100,6 +102,8 @@ def common_step(first: Sequence[Course], second: Sequence[Course]) -> CommonStep
 
 def _compared(a: Course, b: Course) -> CommonStep | None:
     """Return the offset between two courses, the second one's clock late on that of the first."""
+    if a.power != b.power and not (a.heated and b.heated):
+        return None
     forward = a.power <= b.power  # what explains is the power, or the second of a kind
     seen, cause, sign = (a, b, 1.0) if forward else (b, a, -1.0)
     shorter = SHARED * min(a.times[-1], b.times[-1])

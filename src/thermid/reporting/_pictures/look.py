@@ -218,7 +218,9 @@ class Look(Result):
         out = []
         for c in (c for c in self.columns if c.guess in _SHOWN and c.good.any()):
             power = c.guess in ("power", "duty")
-            out.append(Course(c.name, power, times[c.good], in_si(c.values[c.good], c.unit or ("W" if power else "degC"))))
+            out.append(
+                Course(c.name, power, times[c.good], in_si(c.values[c.good], c.unit or ("W" if power else "degC")), c.guess != "boundary")
+            )
         pair = self.supply
         if pair is not None:
             watts = in_si(pair[0].values, pair[0].unit) * in_si(pair[1].values, pair[1].unit)
