@@ -36,7 +36,7 @@ def searched(source: CampaignSource, evaluations: int) -> StructureSearch:
     """Return what a search from the plain deck proposes."""
     which = candidates()["plain"]
     names = some(source.pick([p for patterns in TRAINING.values() for p in patterns], "training"))
-    return search_structure(request(source, which, [bound(source, n, which, COARSE) for n in names]), seconds=seconds)
+    return search_structure(request(source, which, [bound(source, n, which, COARSE) for n in names]), evaluations=evaluations)
 
 
 def seated(record: td.Record, like: td.Record) -> td.Record:

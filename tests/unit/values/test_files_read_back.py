@@ -168,7 +168,9 @@ def test_the_values_of_a_fit_are_read_back_by_every_reader(tmp_path: Path, name:
     times = np.linspace(0.0, 7200.0, 41)
     scenario = Scenario("s", boundaries={"air": "20 [degC]"}, start="20 [degC]", duration=7200.0)
     seen = simulate(model.with_values({"strap.conductance": "0.25 [W/K]"}), scenario, times=times)["case"].kelvin
-    readings = Channel.of("T", seen + 0.05 * np.random.default_rng(1).standard_normal(times.size), role="node", target="case", noise=0.05)
+    readings = Channel.of(
+        "T", seen + 0.05 * np.random.default_rng(1).standard_normal(times.size), unit="K", role="node", target="case", noise=0.05
+    )
     log = Record.from_arrays("log", times, {"T": readings})
     fit = calibrate(load_model(tmp_path / "deck.toml"), log, ["strap.conductance"], scenario=scenario)
     file = tmp_path / "v.toml"

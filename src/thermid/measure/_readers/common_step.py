@@ -183,7 +183,7 @@ def _error(seen: Course, made: Made, best: float, step: float) -> float:
     for width in _widths(step, float(seen.times[-1])):
         rise = min(_left(seen, made, best - width), _left(seen, made, best + width)) / base
         if np.log(rise) > 1.0 / count:
-            return max(width, step / 12.0**0.5)
+            return float(max(width, step / 12.0**0.5))
     return float(seen.times[-1])
 
 

@@ -209,7 +209,10 @@ def _power(cells: Cells, binding: Binding, parsed: list[FloatArray | int], times
         return _samples(cells, parsed, at), name_and_unit(cells.header[at])[1]
 
     read = power_readings(binding.power, column, times, where)
-    sizes = {w: amount(g, "W", f"{where}, {w}") for w in ("noise", "accuracy", "resolution") if (g := getattr(binding, w)) is not None}
+
+    def size(given: str | float | None, word: str) -> float | None:
+        return None if given is None else amount(given, "W", f"{where}, {word}")
+
     return Channel(
         binding.name,
         read.watts,
@@ -222,7 +225,9 @@ def _power(cells: Cells, binding: Binding, parsed: list[FloatArray | int], times
         prompt=binding.prompt,
         samples=binding.samples or read.samples,
         masks={RESTARTED: read.restarted} if read.restarted.any() else {},
-        **sizes,
+        noise=size(binding.noise, "noise"),
+        accuracy=size(binding.accuracy, "accuracy"),
+        resolution=size(binding.resolution, "resolution"),
     )
 
 

@@ -12,9 +12,9 @@ from typing import Any, Final, Literal
 
 import numpy as np
 
-from thermid.base.codes import code_of
+from thermid.base.codes import CodedText, code_of
 from thermid.base.dual import value_of
-from thermid.base.errors import CodedText, ThermidError, quoted
+from thermid.base.errors import ThermidError, quoted
 from thermid.model._laws.curves import evaluate
 from thermid.model._parts.controls import named_control
 from thermid.model._parts.kinds import CARRIED_BY
