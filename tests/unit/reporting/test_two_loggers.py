@@ -10,7 +10,7 @@ from types import ModuleType
 import numpy as np
 import pytest
 
-from thermid.measure.readers import Course, common_step
+from thermid.measure.readers import LogCourse, common_step
 from thermid.reporting.pictures import clock_lines, clocks_of, look
 
 
@@ -62,7 +62,7 @@ def test_two_thermometers_of_one_room_show_the_offset_with_its_sign() -> None:
     def room(times: np.ndarray) -> np.ndarray:
         return 295.0 + 2.0 * np.tanh((times - 1500.0) / 200.0) + 0.02 * rng.standard_normal(times.size)
 
-    early, late = Course("a", False, t, room(t)), Course("b", False, t[:200], 0.9 * room(t[:200] + 250.0) + 30.0)
+    early, late = LogCourse("a", False, t, room(t)), LogCourse("b", False, t[:200], 0.9 * room(t[:200] + 250.0) + 30.0)
     found, back = common_step([early], [late]), common_step([late], [early])
     assert found is not None
     assert back is not None
@@ -73,7 +73,7 @@ def test_two_thermometers_of_one_room_show_the_offset_with_its_sign() -> None:
 
 def test_logs_without_a_common_course_have_no_step() -> None:
     rng, t = np.random.default_rng(0), np.arange(0.0, 3600.0, 10.0)
-    a = Course("a", False, t, 295.0 + 0.1 * rng.standard_normal(t.size))
-    b = Course("P", True, t, np.where(t > 1000.0, 5.0, 0.0))
+    a = LogCourse("a", False, t, 295.0 + 0.1 * rng.standard_normal(t.size))
+    b = LogCourse("P", True, t, np.where(t > 1000.0, 5.0, 0.0))
     assert common_step([a], [b]) is None
-    assert common_step([a], [Course("P", True, t, np.zeros(t.size))]) is None
+    assert common_step([a], [LogCourse("P", True, t, np.zeros(t.size))]) is None

@@ -19,8 +19,8 @@ from thermid.campaign.start import (
     EXAMPLES,
     PUBLIC,
     TEMPLATES,
-    Known,
     Roles,
+    StatedFacts,
     copies,
     copy_example,
     example_named,
@@ -113,7 +113,7 @@ def init(
 
 def _known(
     roles: Roles, accuracy: str, masses: Sequence[str], materials: Sequence[str], paths: Sequence[str], deck: Path | None
-) -> tuple[Roles, Known]:
+) -> tuple[Roles, StatedFacts]:
     """Return the roles, seated in the deck where there is one, and what is known beside the log."""
     parts = list(roles.parts.values())
     weights, made_of = pairs(masses, "--mass"), pairs(materials, "--material")
@@ -122,7 +122,7 @@ def _known(
         refuse_unknown(names, parts, option, "no part '{}'. Parts: {known}.")
     size = amount(accuracy, "K", "--accuracy") if accuracy else ACCURACY
     model = load_model(deck) if deck is not None else None
-    known = Known(size, known_masses(weights, made_of), joined, model)
+    known = StatedFacts(size, known_masses(weights, made_of), joined, model)
     return (roles if model is None else seated(roles, model)), known
 
 

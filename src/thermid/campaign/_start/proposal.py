@@ -59,7 +59,7 @@ REST = 10
 
 
 @dataclass(frozen=True, eq=False)
-class Known:
+class StatedFacts:
     """What is known beside the log.
 
     Parameters
@@ -91,14 +91,14 @@ class Proposal:
     search : StructureSearch    Every structure that was tried.
     noise : dict                Column -> noise of one reading, as found. [K]
     assumed : str               What was assumed because the log cannot tell it; empty for nothing.
-    known : Known               What was known beside the log.
+    known : StatedFacts               What was known beside the log.
     """
 
     roles: Roles
     search: StructureSearch
     noise: Mapping[str, float]
     assumed: str
-    known: Known = Known()
+    known: StatedFacts = StatedFacts()
 
     @property
     def chosen(self) -> FittedStructure:
@@ -197,7 +197,7 @@ def at_rest(record: Record, roles: Roles, noise: Mapping[str, float]) -> float:
     return float(record.times[size - 1] - record.times[0]) if roles.powers and size >= REST else 0.0
 
 
-def base_deck(roles: Roles, capacity: float, loss: float, contact: float = 0.3, known: Known = Known()) -> dict[str, Any]:
+def base_deck(roles: Roles, capacity: float, loss: float, contact: float = 0.3, known: StatedFacts = StatedFacts()) -> dict[str, Any]:
     """Return the deck of measured parts, each joined to all others and to the surroundings.
 
     Parameters
@@ -206,7 +206,7 @@ def base_deck(roles: Roles, capacity: float, loss: float, contact: float = 0.3, 
     capacity : float    Heat capacity that each begins with. [J/K]
     loss : float        Conductance to the surroundings that each begins with. [W/K]
     contact : float     Conductance between two parts that each begins with, over `loss`. [-]
-    known : Known       Masses and paths.
+    known : StatedFacts       Masses and paths.
     """
     parts, out = list(roles.parts.values()), roles.boundary
     pairs = known.paths or (itertools.combinations(parts, 2) if len(parts) <= COMPLETE else itertools.pairwise(parts))
@@ -223,7 +223,7 @@ def base_deck(roles: Roles, capacity: float, loss: float, contact: float = 0.3, 
 
 
 def request_of(
-    roles: Roles, records: Sequence[Record], capacity: float, loss: float, contact: float = 0.3, known: Known = Known()
+    roles: Roles, records: Sequence[Record], capacity: float, loss: float, contact: float = 0.3, known: StatedFacts = StatedFacts()
 ) -> Request:
     """Return the fit of the parts alone, or of the deck to begin with.
 
@@ -260,7 +260,7 @@ def _in_watts(roles: Roles) -> bool:
     return any(not p.anchored for p in roles.powers)
 
 
-def _ratios_only(roles: Roles, known: Known) -> bool:
+def _ratios_only(roles: Roles, known: StatedFacts) -> bool:
     """Whether nothing gives a scale of heat: no power in watts, no mass from a scale, no deck."""
     return not _in_watts(roles) and not known.masses and known.deck is None
 
@@ -275,7 +275,11 @@ def seated(roles: Roles, deck: Model) -> Roles:
     """
     if len(deck.needs) != 1:
         needed = ", ".join(deck.needs) or "none"
-        raise DeckError(f"init needs a deck with one boundary, and this one needs {needed}. Bind the others in a deck around it.", "--deck")
+        raise DeckError(
+            f"init needs a deck with one boundary, and this one needs {needed}. Bind the others in a deck around it.",
+            "--deck",
+            code="value.incomplete",
+        )
     refuse_unknown(
         roles.parts.values(),
         deck.nodes,
@@ -288,7 +292,9 @@ def seated(roles: Roles, deck: Model) -> Roles:
         able = [n for n in able if part_name(p.column) in n or n in part_name(p.column)] or able
         if len(able) != 1:
             raise DeckError(
-                f"power '{p.column}' may be any of {', '.join(able) or 'no load'}. Name its part: --power {p.column}=PART.", "--deck"
+                f"power '{p.column}' may be any of {', '.join(able) or 'no load'}. Name its part: --power {p.column}=PART.",
+                "--deck",
+                code="value.incomplete",
             )
         powers.append(replace(p, node=deck.loads[able[0]].into, seat=able[0], told=True))
     return replace(roles, powers=tuple(powers), boundary=deck.needs[0])
@@ -299,7 +305,7 @@ def propose(
     records: Sequence[Record],
     evaluations: int = EVALUATIONS,
     noise: Mapping[str, float] | None = None,
-    known: Known = Known(),
+    known: StatedFacts = StatedFacts(),
 ) -> Proposal:
     """Propose a structure for logs.
 
@@ -309,7 +315,7 @@ def propose(
     records : sequence      The logs, read with these roles.
     evaluations : int       Budget of the search.
     noise : dict            Column -> noise where it is known; from the log elsewhere. [K]
-    known : Known           Accuracy of thermometers, masses, paths, a deck to begin with.
+    known : StatedFacts           Accuracy of thermometers, masses, paths, a deck to begin with.
 
     Raises
     ------
@@ -400,7 +406,7 @@ def _answer(power: str, column: str, records: Sequence[Record]) -> float:
     return size
 
 
-def _begun(roles: Roles, records: Sequence[Record], known: Known) -> tuple[Roles, FittedStructure]:
+def _begun(roles: Roles, records: Sequence[Record], known: StatedFacts) -> tuple[Roles, FittedStructure]:
     """Return the parts alone, fitted from several time constants, the best end; and what each power heats there.
 
     A power whose part nobody told is tried in every part.

@@ -279,10 +279,12 @@ def search_structure(
     from threadpoolctl import threadpool_limits
 
     with threadpool_limits(limits=1):
-        return _Searching(request, changes or (lambda seen: list(changes_of(seen))), width, Budget(evaluations)).run(rounds, begin or {})
+        return _Searching(request, changes or (lambda seen: list(changes_of(seen))), width, EvaluationBudget(evaluations)).run(
+            rounds, begin or {}
+        )
 
 
-class Budget:
+class EvaluationBudget:
     """Evaluations that a search may still take."""
 
     def __init__(self, allowed: float = math.inf) -> None:
@@ -308,7 +310,9 @@ class Budget:
 class _Searching:
     """State of one search: what was fitted, what was refused."""
 
-    def __init__(self, request: Request, changes: Callable[[Fitted], Sequence[MissingElement]], width: int, budget: Budget) -> None:
+    def __init__(
+        self, request: Request, changes: Callable[[Fitted], Sequence[MissingElement]], width: int, budget: EvaluationBudget
+    ) -> None:
         self.request, self.changes, self.width, self.budget = request, changes, width, budget
         self.done: list[FittedStructure] = []
         self.refused: list[tuple[str, str]] = []
@@ -316,7 +320,7 @@ class _Searching:
 
     def run(self, rounds: int, begin: Mapping[str, float]) -> StructureSearch:
         """Search from the request's own structure."""
-        best = fitted_structure((), self.request, begin, budget=Budget())
+        best = fitted_structure((), self.request, begin, budget=EvaluationBudget())
         self.budget.spent = best.end.evaluations
         self.done.append(best)
         complete = False
@@ -528,7 +532,7 @@ def fitted_structure(
     request: Request,
     known: Mapping[str, float],
     start: Mapping[str, float] | None = None,
-    budget: Budget | None = None,
+    budget: EvaluationBudget | None = None,
 ) -> FittedStructure:
     """Fit one structure and hold out its readings in parts.
 
@@ -538,7 +542,7 @@ def fitted_structure(
     request : Request   With the changes.
     known : dict        Unknown -> value in the fitted form, from a fit before.
     start : dict        Path -> value of new unknowns. [SI]
-    budget : Budget     What its evaluations are taken from; it is given up where none is left.
+    budget : EvaluationBudget     What its evaluations are taken from; it is given up where none is left.
 
     Raises
     ------
@@ -553,7 +557,7 @@ def fitted_structure(
         elif u.name in known:
             at[k] = known[u.name]
 
-    end = minimise(problem, request.loss, request.loss_scale, at, (budget or Budget()).watch(request.name), DONE)
+    end = minimise(problem, request.loss, request.loss_scale, at, (budget or EvaluationBudget()).watch(request.name), DONE)
     if not np.isfinite(end.cost):
         raise IdentificationError("its fit does not end at a finite cost.", request.name)
     numbers = problem.experiments[0].network.numbers()

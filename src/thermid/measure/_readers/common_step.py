@@ -11,7 +11,6 @@ from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from scipy.signal import lfilter
 
 from thermid.measure._record.channel import FloatArray
 
@@ -36,7 +35,7 @@ Made = tuple[FloatArray, FloatArray]
 
 
 @dataclass(frozen=True, eq=False)
-class Course:
+class LogCourse:
     """One column over its own clock.
 
     Parameters
@@ -61,6 +60,8 @@ class Course:
 
     def responses(self, fine: float, count: int) -> tuple[FloatArray, FloatArray]:
         """Return times (points,) and first-order responses (points, responses) to a power that held its first value before. [s, W]"""
+        from scipy.signal import lfilter
+
         times = np.arange(0.0, self.times[-1] + fine, fine)
         held = self.values[np.clip(np.searchsorted(self.times, times, side="right") - 1, 0, self.times.size - 1)] - self.values[0]
         out = []
@@ -89,7 +90,7 @@ class CommonStep:
     explained: float
 
 
-def common_step(first: Sequence[Course], second: Sequence[Course]) -> CommonStep | None:
+def common_step(first: Sequence[LogCourse], second: Sequence[LogCourse]) -> CommonStep | None:
     """Return the offset that two logs show with the least error; None where no course of one explains a course of the other.
 
     An error above a tenth of the shorter log is no step either.
@@ -100,7 +101,7 @@ def common_step(first: Sequence[Course], second: Sequence[Course]) -> CommonStep
     return best if best is not None and best.error <= VAGUE * length else None
 
 
-def _compared(a: Course, b: Course) -> CommonStep | None:
+def _compared(a: LogCourse, b: LogCourse) -> CommonStep | None:
     """Return the offset between two courses, the second one's clock late on that of the first."""
     if a.power != b.power and not (a.heated and b.heated):
         return None
@@ -121,7 +122,7 @@ def _compared(a: Course, b: Course) -> CommonStep | None:
     )
 
 
-def _ways(seen: Course, cause: Course) -> list[Made]:
+def _ways(seen: LogCourse, cause: LogCourse) -> list[Made]:
     """Return how one course may act on another: several sets of responses where a power acts on a temperature, else as it is."""
     if cause.power == seen.power:
         return [(cause.times, cause.values[:, None])]
@@ -129,11 +130,11 @@ def _ways(seen: Course, cause: Course) -> list[Made]:
     return [cause.responses(fine, count) for count in RESPONSES]
 
 
-def _lowest(seen: Course, made: Made, offsets: FloatArray) -> float:
+def _lowest(seen: LogCourse, made: Made, offsets: FloatArray) -> float:
     return float(offsets[int(np.argmin([_left(seen, made, o) for o in offsets]))])
 
 
-def _close(seen: Course, made: Made, best: float, spacing: float, step: float) -> float:
+def _close(seen: LogCourse, made: Made, best: float, spacing: float, step: float) -> float:
     """Return the offset that leaves least, near one of a spacing. [s]"""
     for _ in range(FINER):
         best = _lowest(seen, made, best + np.linspace(-4.0, 4.0, 33) * spacing)
@@ -143,7 +144,7 @@ def _close(seen: Course, made: Made, best: float, spacing: float, step: float) -
     return best
 
 
-def _left(seen: Course, made: Made, offset: float) -> float:
+def _left(seen: LogCourse, made: Made, offset: float) -> float:
     """Return the part of the squares of one course that the other one, later by an offset, leaves; 1 where it explains nothing."""
     rows, target = _rows(seen, made, offset)
     if target.size < 4 * rows.shape[1] or float(np.ptp(rows[:, 2])) == 0.0:
@@ -152,7 +153,7 @@ def _left(seen: Course, made: Made, offset: float) -> float:
     return _squares(rows, target) / without if without > 0.0 else 1.0
 
 
-def _rows(seen: Course, made: Made, offset: float) -> tuple[FloatArray, FloatArray]:
+def _rows(seen: LogCourse, made: Made, offset: float) -> tuple[FloatArray, FloatArray]:
     """Return the rows of the linear model (readings, unknowns), constant and drift first, and the readings that they explain."""
     at, values = made
     thin = slice(None, None, max(1, seen.times.size // POINTS))
@@ -170,7 +171,7 @@ def _squares(rows: FloatArray, target: FloatArray) -> float:
     return float(left @ left)
 
 
-def _error(seen: Course, made: Made, best: float, step: float) -> float:
+def _error(seen: LogCourse, made: Made, best: float, step: float) -> float:
     """Return the standard error of an offset: where the logarithm of the squares rises by one over the independent points.
 
     Points of residuals that wander are not independent: as many count as there are changes of sign, at least four. [s]

@@ -52,8 +52,7 @@ def read_record(
                              ``{"T1": {"node": "h1.sensor", "noise": "0.3 [K]"}}``. A table has one of node,
                              boundary, load, command (a path in the model), and gain, noise, accuracy, resolution, unit; of a
                              temperature sensor also what `SensorPart` and `SensorCertificate` hold. `full_scale`, a power, is what
-                             a load in per cent has at 100 %; `power` of a load is a formula of columns, ``"V_IN * I_IN"``, or a table
-                             such as ``{"volts": "V_IN", "amperes": "I_IN"}`` or ``{"energy": "E"}``.
+                             a load in per cent has at 100 %; `power` of a load is a formula of columns or a table, see docs/logs.md.
     time : str or None       The time column; by default the only one called time, time_s, t, t_s, timestamp, datetime or seconds, else the
                              only one with another usual name or with stamps. Date and time in two columns are one time.
     noise, accuracy : mapping   Standard deviation of one sample, and of the constant error, by channel name.
@@ -95,8 +94,8 @@ def read_record(
         for made, each in read
     ]
     made = [each for each, _ in sensors]
-    restarts = board_restarts(times, _bare_numbers(cells, clock_at, parsed))
-    origin = replace(_origin(cells, clock_at, read_at, parsed), questions=(*restarts, *_questions(times, clock_at, read_at, made)))
+    bare = _bare_numbers(cells, clock_at, parsed)
+    origin = replace(_origin(cells, clock_at, read_at, parsed), questions=_questions(times, clock_at, read_at, made, bare))
     notes = [*cells.notes, *read_at.notes, *(note for _, said in sensors for note in said)] + (
         [f"read with decimal '{sign}'"] if sign == "," and decimal is None else []
     )
@@ -260,11 +259,12 @@ def _masked(channel: Channel, reasons: Mapping[str, list[int]]) -> Channel:
     return replace(channel, valid=valid, masks=masks) if masks else channel
 
 
-def _questions(times: FloatArray, clock: Clock, read: Times, made: Sequence[Channel]) -> tuple[str, ...]:
-    """Return what the log leaves open of the channels that are read."""
+def _questions(times: FloatArray, clock: Clock, read: Times, made: Sequence[Channel], bare: Mapping[str, FloatArray]) -> tuple[str, ...]:
+    """Return what the log leaves open of the channels that are read, and of `bare` columns without a unit: restarts of a board."""
     columns = {c.name: np.where(c.valid, from_si(c.values, c.unit), np.nan) for c in made}
     warm = {c.name: columns[c.name] for c in made if c.quantity == "temperature"}
     return (
+        *board_restarts(times, bare),
         *unit_question({c.name: warm[c.name] for c in made if c.name in warm and c.assumed and c.unit == "degC"}),
         *repeated_stamps(times, columns),
         *(() if read.zone else lost_hour(times, clock.texts, warm)),

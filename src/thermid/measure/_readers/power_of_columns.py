@@ -86,7 +86,8 @@ def _of_product(given: Mapping[str, Any], column: ColumnOf, times: FloatArray) -
     asked = frozenset(given) - {"duty", "share", "units"}
     if asked not in _PRODUCTS:
         raise RecordError(
-            f"{', '.join(sorted(asked)) or 'this'} is not enough: give volts with amperes or ohms, amperes with ohms, or watts."
+            f"{', '.join(sorted(asked)) or 'this'} is not enough: give volts with amperes or ohms, amperes with ohms, or watts.",
+            code="value.incomplete",
         )
     found = {key: _slot(key, given, column) for key in (*asked, "duty", "share")}
     values = parse(_PRODUCTS[asked]).evaluate(found.__getitem__) * found["duty"] * found["share"]

@@ -22,7 +22,7 @@ from thermid.measure.readers import (
     Clock,
     Column,
     CommonStep,
-    Course,
+    LogCourse,
     Times,
     board_restarts,
     clock_column,
@@ -210,7 +210,7 @@ class Look(Result):
             return [f'# {key} = {{ load = "{target}", full_scale = "... [W]"{said} }}{why}']
         return [f'{key} = {{ {role} = "{target}"{said} }}{why}']
 
-    def courses(self) -> list[Course]:
+    def courses(self) -> list[LogCourse]:
         """Return temperatures, powers and duties over the clock of the log, and volts times amperes where it has one of each."""
         if self.times is None:
             return []
@@ -219,13 +219,15 @@ class Look(Result):
         for c in (c for c in self.columns if c.guess in _SHOWN and c.good.any()):
             power = c.guess in ("power", "duty")
             out.append(
-                Course(c.name, power, times[c.good], in_si(c.values[c.good], c.unit or ("W" if power else "degC")), c.guess != "boundary")
+                LogCourse(
+                    c.name, power, times[c.good], in_si(c.values[c.good], c.unit or ("W" if power else "degC")), c.guess != "boundary"
+                )
             )
         pair = self.supply
         if pair is not None:
             watts = in_si(pair[0].values, pair[0].unit) * in_si(pair[1].values, pair[1].unit)
             good = np.isfinite(watts)
-            out.append(Course(f"{pair[0].name} * {pair[1].name}", True, times[good], watts[good]))
+            out.append(LogCourse(f"{pair[0].name} * {pair[1].name}", True, times[good], watts[good]))
         return out
 
     @property
