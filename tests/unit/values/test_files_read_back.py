@@ -187,7 +187,7 @@ def test_the_values_of_a_fit_are_read_back_by_every_reader(tmp_path: Path, name:
 
 
 def test_sensors_looks_and_kept_fits_with_every_key_are_read_back(tmp_path: Path) -> None:
-    sensor = MappedSensor("T1", "28AABBCCDDEE0039", SensorCertificate(0.25, 0.1, 293.15, "2026-01-01"), "a note")
+    sensor = MappedSensor("T1", "28AABBCCDDEE0039", SensorCertificate(0.25, 0.1, "20 [degC]", "2026-01-01"), "a note")
     save_sensor(tmp_path / "sensors.toml", sensor)
     assert load_sensors(tmp_path / "sensors.toml") == {sensor.rom: sensor}
     written = grammar_of("sensors").model_validate(tomllib.loads((tmp_path / "sensors.toml").read_text()))
