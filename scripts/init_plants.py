@@ -3,7 +3,8 @@
 Run it as ``python scripts/init_plants.py --count 200``; ``--json`` prints one object, ``--first N`` begins at another plant. Each plant
 has 1 to 4 masses in a tree, neighbouring time constants 2 to 30 times apart, at least one mass without a sensor in half of those with two
 or more, noise of 0.05 to 0.3 K, and a log of 1 to 5 slowest time constants. The error is judged on a second log of the same plant, with
-other powers, that neither the proposal nor the known structure has seen. Everything here is synthetic.
+other powers, that neither the proposal nor the known structure has seen. With ``--offset 0.5`` every instrument, that of the surroundings
+among them, has a constant error of this standard deviation [K], the same in both logs. Everything here is synthetic.
 """
 
 from __future__ import annotations
@@ -21,7 +22,7 @@ import numpy as np
 import thermid as td
 from thermid.base.errors import ThermidError
 from thermid.campaign._start.proposal import Proposal
-from thermid.campaign._start.roles import SURROUNDINGS, Power
+from thermid.campaign._start.roles import SURROUNDINGS, Power, with_noise
 from thermid.campaign.start import Roles, propose
 from thermid.fit.problem import Request, build_problem, starting_point
 from thermid.inference._explain.structures import TIE
@@ -59,8 +60,8 @@ class Plant:
         return len(self.model.nodes)
 
 
-def drawn(seed: int) -> Plant:
-    """Return the plant of a seed."""
+def drawn(seed: int, offset: float = 0.0) -> Plant:
+    """Return the plant of a seed, its instruments with constant errors of a standard deviation. [K]"""
     rng = np.random.default_rng([20, seed])
     count = int(rng.integers(1, 5))
     hidden = int(rng.integers(1, count)) if count > 1 and rng.random() < 2.0 / 3.0 else 0
@@ -109,6 +110,9 @@ def drawn(seed: int) -> Plant:
     top = float(rng.uniform(*RISE)) / gain / max(1.0 - np.exp(-span / slowest), 0.3)
     roles = Roles({f"T_{m}": m for m in measured}, "Tamb", (Power("P", heated if heated in measured else ""),))
     logs = [_log(model, roles, rng, span, size, top, noise, name) for name in ("log", "other")]
+    errors = offset * np.random.default_rng([38, seed]).standard_normal(len(roles.parts) + 1)
+    off = dict(zip([*roles.parts, roles.surroundings], errors.tolist(), strict=True))
+    logs = [r.with_channels(*(replace(r[c], values=r[c].values + size) for c, size in off.items())) for r in logs]
     return Plant(model, measured, taus, noise, logs[0], logs[1], roles)
 
 
@@ -133,25 +137,25 @@ def _log(model: td.Model, roles: Roles, rng: np.random.Generator, span: float, s
 
 
 def error_on(one: FittedStructure, other: td.Record) -> float:
-    """Return the RMSE of a structure on another log, its parameters fixed and its starts fitted. [K]"""
+    """Return the RMSE of a structure on another log: its parameters fixed, its starts and the errors of instruments fitted. [K]"""
     asked = adopted(one)
     seats = {c.name: c.target for c in asked.records[0].channels.values()}
     moved = replace(other, name=asked.records[0].name)
-    noise = {c: asked.records[0][c].noise for c in seats}
-    moved = moved.with_channels(*(replace(moved[c], target=seats[c], noise=noise[c]) for c in seats))
+    known = asked.records[0].channels
+    moved = moved.with_channels(*(replace(moved[c], target=seats[c], noise=known[c].noise, accuracy=known[c].accuracy) for c in seats))
     return fitted_structure((), replace(asked, records=(moved,), free=()), {}).rmse
 
 
 def known(plant: Plant, noise: Mapping[str, float]) -> FittedStructure:
     """Return the true structure fitted to the log, from the true values, with the noise that the proposal found. [K]"""
     free = (*(f"{n}.capacitance" for n in plant.model.nodes), *(f"{c}.conductance" for c in plant.model.conductors))
-    record = plant.log.with_channels(*(replace(plant.log[c], noise=noise[c]) for c in plant.roles.parts))
+    record, _ = with_noise(plant.log, noise)
     return fitted_structure((), Request(plant.model, (record,), free, {"*": td.Scenario("log")}), {})
 
 
-def judged(seed: int) -> dict[str, Any]:
+def judged(seed: int, offset: float = 0.0) -> dict[str, Any]:
     """Return what `init` finds of a plant."""
-    plant = drawn(seed)
+    plant = drawn(seed, offset)
     begun = time.perf_counter()
     row: dict[str, Any] = {"seed": seed, "order": plant.order, "measured": len(plant.measured)}
     try:
@@ -196,6 +200,8 @@ def summary(rows: list[dict[str, Any]]) -> dict[str, Any]:
         "error over that of the known structure, all plants together": float(
             np.sqrt(np.mean([r["error_K"] ** 2 for r in able]) / np.mean([r["known_error_K"] ** 2 for r in able]))
         ),
+        "error at most 1.15 times that of the known structure": float(np.mean(ratio <= 1.15)),
+        "orders named, most": max(len(r["orders"]) for r in able),
         "seconds, largest": max(r["seconds"] for r in rows),
         "seconds, mean": float(np.mean([r["seconds"] for r in rows])),
     }
@@ -206,11 +212,12 @@ def main() -> int:
     parser = argparse.ArgumentParser(description="Propose a structure for random synthetic plants.")
     parser.add_argument("--count", type=int, default=20, help="how many plants")
     parser.add_argument("--first", type=int, default=0, help="seed of the first")
+    parser.add_argument("--offset", type=float, default=0.0, help="standard deviation of the constant error of an instrument [K]")
     parser.add_argument("--json", action="store_true", help="print one JSON object on standard output")
     given = parser.parse_args()
     rows = []
     for seed in range(given.first, given.first + given.count):
-        rows.append(judged(seed))
+        rows.append(judged(seed, given.offset))
         if not given.json:
             print(json.dumps(rows[-1]), flush=True)
     if given.json:

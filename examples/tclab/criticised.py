@@ -32,11 +32,11 @@ def some(names: list[str]) -> list[str]:
     return [n for n in names if "Random" in n or any(level in n for level in levels)]
 
 
-def searched(source: CampaignSource, seconds: float) -> StructureSearch:
+def searched(source: CampaignSource, evaluations: int) -> StructureSearch:
     """Return what a search from the plain deck proposes."""
     which = candidates()["plain"]
     names = some(source.pick([p for patterns in TRAINING.values() for p in patterns], "training"))
-    return search_structure(request(source, which, [bound(source, n, which, COARSE) for n in names]), seconds=seconds)
+    return search_structure(request(source, which, [bound(source, n, which, COARSE) for n in names]), evaluations=evaluations)
 
 
 def seated(record: td.Record, like: td.Record) -> td.Record:
@@ -75,11 +75,11 @@ def main() -> None:
     """Print the proposal and both errors."""
     parser = argparse.ArgumentParser(description="Propose a structure from the plain deck and judge it on unseen runs.")
     parser.add_argument("--data", default=os.environ.get("THERMID_DATA"), help="folder of the logs; THERMID_DATA does the same")
-    parser.add_argument("--seconds", type=float, default=45.0, help="time for the search")
+    parser.add_argument("--evaluations", type=int, default=8000, help="budget of the search")
     given = parser.parse_args()
     source = read_campaign(HERE / "campaign.toml", given.data)
     begun, cpu = time.perf_counter(), time.process_time()
-    found = searched(source, given.seconds)
+    found = searched(source, given.evaluations)
     print(f"{found}\nsearch: {time.perf_counter() - begun:.0f} s, {time.process_time() - cpu:.0f} s of processor time")
     own = unseen(source, found.proposed)
     print(

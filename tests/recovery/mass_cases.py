@@ -105,7 +105,7 @@ def halves(found: Calibration, masses: Mapping[str, float]) -> list[float]:
 def searched(first: Calibration) -> Calibration:
     """Return the fit of the structure that a search proposes, as `thermid improve` takes it."""
     assert first.request is not None
-    search = search_structure(first.request, seconds=120.0)
+    search = search_structure(first.request)
     return fit(adopted(search.proposed)) if search.proposed is not search.start else first
 
 

@@ -51,22 +51,14 @@ class PlottedTrace:
     measured: bool = False
 
 
-class Result:
-    """Base of results: they have a short `repr`, `_repr_html_`, `plot`, `to_frame`, `to_xarray` and completion of their names.
-
-    A class says what it is by three methods, of which each has a default: `_summary` (one line), `_as_rows` (a table), `_as_traces` (lines
-    over time).
-    """
-
-    _frame_of_rows = False
-    """Whether `to_frame` gives its rows though it has traces."""
-    _axes_titles: tuple[str, str] = ("time [s]", "temperature [degC]")
+class Shown:
+    """Base of what a console and a notebook show: a short `repr` and `_repr_html_`, of `_summary` (one line) and `_as_rows`."""
 
     def __init_subclass__(cls, **more: Any) -> None:
         """Give a class the short `repr` in place of the one that a dataclass would write."""
         super().__init_subclass__(**more)
         if "__repr__" not in cls.__dict__:
-            cls.__repr__ = Result.__repr__  # type: ignore[method-assign]
+            cls.__repr__ = Shown.__repr__  # type: ignore[method-assign]
 
     def _summary(self) -> str:
         """Return the result in one line; the first one of its text, or its fields."""
@@ -88,10 +80,6 @@ class Result:
                 return [_scalars(v) for v in value]
         return [_scalars(self)]
 
-    def _as_traces(self) -> Sequence[PlottedTrace]:
-        """Return the lines of its plot; none by default."""
-        return ()
-
     def __repr__(self) -> str:
         """Return the kind of result and its first line, at most `SHORT` characters."""
         text = f"<{type(self).__name__}: {self._summary()}>" if self._summary() else f"<{type(self).__name__}>"
@@ -106,6 +94,22 @@ class Result:
         more = f"<p>{len(rows) - ROWS} more rows</p>" if len(rows) > ROWS else ""
         table = f"<table><thead><tr>{head}</tr></thead><tbody>{body}</tbody></table>" if columns else ""
         return f"<div><p>{escape(repr(self)[1:-1])}</p>{table}{more}</div>"
+
+
+class Result(Shown):
+    """Base of results: they have a short `repr`, `_repr_html_`, `plot`, `to_frame`, `to_xarray` and completion of their names.
+
+    A class says what it is by three methods, of which each has a default: `_summary` (one line), `_as_rows` (a table), `_as_traces` (lines
+    over time).
+    """
+
+    _frame_of_rows = False
+    """Whether `to_frame` gives its rows though it has traces."""
+    _axes_titles: tuple[str, str] = ("time [s]", "temperature [degC]")
+
+    def _as_traces(self) -> Sequence[PlottedTrace]:
+        """Return the lines of its plot; none by default."""
+        return ()
 
     def _ipython_key_completions_(self) -> list[str]:
         """Return the names that it is indexed by."""

@@ -3,7 +3,8 @@
 from thermid.campaign._start.examples import EXAMPLES as EXAMPLES, copy_example as copy_example, example_named as example_named
 from thermid.campaign._start.improve import improve as improve
 from thermid.campaign._start.originals import PUBLIC as PUBLIC, copies as copies
+from thermid.campaign._start.physical import known_masses as known_masses
 from thermid.campaign._start.project import parted as parted, write_project as write_project
-from thermid.campaign._start.proposal import propose as propose
-from thermid.campaign._start.roles import Roles as Roles, roles_of as roles_of, thinned as thinned, word as word
+from thermid.campaign._start.proposal import StatedFacts as StatedFacts, propose as propose, seated as seated
+from thermid.campaign._start.roles import ACCURACY as ACCURACY, Roles as Roles, roles_of as roles_of, thinned as thinned, word as word
 from thermid.campaign._start.templates import TEMPLATES as TEMPLATES, write_template as write_template

@@ -37,7 +37,7 @@ from thermid.measure.records import Record, noise_seen, open_questions
 from thermid.model.identity import identity_of
 from thermid.model.laws import TableSignal
 from thermid.model.parameters import CREDIBLE, UNJUDGED, Standing, worst
-from thermid.model.tree import Model, deck_text, parameter_table
+from thermid.model.tree import Model, deck_text, parameter_table, unlumped
 from thermid.simulation.scenarios import Scenario
 from thermid.values.fitted import FittedValue, FittedValues, view
 from thermid.values.store import State, Store, ValueOrigin
@@ -486,6 +486,7 @@ def summarise(
             *request.remarks,
             *(f"{FIRST}{r}" for r in (request.model.runner.remarks if request.model.runner is not None else ())),
             *_warnings(problem, found, total, spread),
+            *(unlumped(request.model, {p: v.value for p, v in values.assignments.items()}) if request.model.runner is None else ()),
             *found.remarks,
             *(_wandering(spread) if spread is not None else ()),
             *(moved.warnings() if handed_on else ()),

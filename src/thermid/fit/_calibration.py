@@ -318,6 +318,15 @@ class Calibration(Result):
         kind = ", synthetic data" if self.synthetic else ""
         return f"{self.stage}: {self.standing.state}, {counted(len(self.values.parameters), 'value')} fitted{said}{kind}"
 
+    @property
+    def covariance(self) -> dict[str, dict[str, float]]:
+        """Path -> path -> covariance of the fitted values, in the units of their errors. [SI]"""
+        items = self.values.items_
+        slopes = [v.value if v.log else 1.0 for v in items.values()]
+        table = self.values.covariance * np.outer(slopes, slopes)
+        kept = [(k, p) for k, p in enumerate(items) if items[p].kind == "parameter"]
+        return {p: {q: float(table[k, m]) for m, q in kept} for k, p in kept}
+
     def _as_rows(self) -> list[Row]:
         """Return the fitted values with their standard errors, in their units."""
         return [

@@ -2,4 +2,9 @@
 
 from thermid.inference._explain.balance import EnergyBalance as EnergyBalance, energy_balance as energy_balance
 from thermid.inference._explain.diagnosis import Diagnosis as Diagnosis, diagnose as diagnose
-from thermid.inference._explain.plausibility import Plausibility as Plausibility, plausibility as plausibility
+from thermid.inference._explain.plausibility import (
+    HEAT as HEAT,
+    Plausibility as Plausibility,
+    RangeCheck as RangeCheck,
+    plausibility as plausibility,
+)

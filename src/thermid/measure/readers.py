@@ -2,6 +2,7 @@
 
 from thermid.measure._readers.bindings import channel_schema as channel_schema
 from thermid.measure._readers.columns import decimal_sign as decimal_sign
+from thermid.measure._readers.common_step import CommonStep as CommonStep, LogCourse as LogCourse, common_step as common_step
 from thermid.measure._readers.formats import is_bench_log as is_bench_log, log_cells as log_cells
 from thermid.measure._readers.guess import Column as Column, columns_of as columns_of
 from thermid.measure._readers.headers import name_and_unit as name_and_unit
@@ -12,6 +13,7 @@ from thermid.measure._readers.log_reader import (
 )
 from thermid.measure._readers.matlab_objects import objects_of as objects_of, series_of as series_of
 from thermid.measure._readers.questions import (
+    board_restarts as board_restarts,
     hidden_switches as hidden_switches,
     lost_hour as lost_hour,
     repeated_stamps as repeated_stamps,

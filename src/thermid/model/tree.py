@@ -24,7 +24,7 @@ from thermid.model._tree.flat import (
     unfed as unfed,
 )
 from thermid.model._tree.model import Model as Model, identities as identities
-from thermid.model._tree.rules import Finding as Finding
+from thermid.model._tree.rules import Finding as Finding, unlumped as unlumped
 from thermid.model._tree.tree import (
     SET as SET,
     Entry as Entry,

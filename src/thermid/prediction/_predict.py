@@ -84,7 +84,7 @@ class Estimate:
 
 
 @dataclass(frozen=True, eq=False)
-class Band:
+class Band(Result):
     """The predicted temperature of a node over time.
 
     Parameters
@@ -105,6 +105,20 @@ class Band:
     parts: Mapping[str, Array]
     members: Array | None = field(default=None, repr=False)
     shifts: Mapping[str, Array] = field(default_factory=dict, repr=False)
+
+    def _summary(self) -> str:
+        low, high = (end[-1] for end in self.interval())
+        return f"{self.path}: {self.celsius[-1]:.2f} degC at {self.times[-1]:g} s, 95 % band {low:.2f} to {high:.2f} degC"
+
+    def _as_rows(self) -> list[Row]:
+        """Return the end of the course."""
+        low, high = (float(end[-1]) for end in self.interval())
+        return [{"node": self.path, "final_C": float(self.celsius[-1]), "low_C": low, "high_C": high}]
+
+    def _as_traces(self) -> Sequence[PlottedTrace]:
+        """Return the expected course with its 95 % band."""
+        low, high = self.interval()
+        return [PlottedTrace(self.path, self.times, self.celsius, low, high)]
 
     @property
     def moved(self) -> dict[str, Array]:

@@ -3,10 +3,10 @@
 from __future__ import annotations
 
 import os
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from functools import cached_property
-from typing import TYPE_CHECKING, Any, Final
+from typing import TYPE_CHECKING, Any, Final, overload
 
 import numpy as np
 
@@ -35,8 +35,8 @@ JUST_BEFORE = 1e-6
 
 
 @dataclass(frozen=True, eq=False)
-class Trace:
-    """The temperature of one node over time.
+class Trace(Result):
+    """The temperature of one node over time; as an array it is in degC.
 
     Parameters
     ----------
@@ -128,6 +128,33 @@ class Trace:
         known = "" if self.turnings is not None else ", between them unknown"
         span = f"{self.lowest:.3f} .. {self.highest:.3f} degC"
         return f"{self.path}: {self.final:.3f} degC at {self.times[-1]:g} s, {span} at {self.times.size} times{known}"
+
+    def __array__(self, dtype: Any = None, copy: bool | None = None) -> Array:
+        """Return the temperatures (times,). [degC]"""
+        return np.asarray(self.celsius, dtype=dtype)
+
+    def __len__(self) -> int:
+        """How many times there are."""
+        return self.times.size
+
+    @overload
+    def __getitem__(self, place: int) -> float: ...
+
+    @overload
+    def __getitem__(self, place: slice | Array) -> Array: ...
+
+    def __getitem__(self, place: int | slice | Array) -> float | Array:
+        """Return the temperature at one or more places of `times`. [degC]"""
+        found = self.celsius[place]
+        return float(found) if np.ndim(found) == 0 else np.asarray(found)
+
+    def _as_rows(self) -> list[Row]:
+        """Return its last, highest and lowest temperature."""
+        return [{"node": self.path, "final_C": self.final, "highest_C": self.highest, "lowest_C": self.lowest}]
+
+    def _as_traces(self) -> Sequence[PlottedTrace]:
+        """Return the temperature."""
+        return [PlottedTrace(self.path, self.times, self.celsius)]
 
     def crossing(self, limit: Any, *, below: bool = False) -> float | None:
         """Return the first time at which the node is above a limit, such as ``"50 [degC]"``, or below it; None where never. [s]
@@ -425,6 +452,24 @@ class Solution(Result):
         """Return the trace of a node; aliases are accepted."""
         run, path = self._run, self._run.network.find(name)
         return Trace(path, self.times, run.traces.temperature(path), run.turnings(path), run.dense(path))
+
+    def __iter__(self) -> Iterator[str]:
+        """Yield every node and boundary."""
+        return iter(self.nodes)
+
+    def __contains__(self, name: object) -> bool:
+        """Whether a node or boundary has this name; aliases are accepted."""
+        if not isinstance(name, str):
+            return False
+        try:
+            self._run.network.find(name)
+        except NameNotFoundError:
+            return False
+        return True
+
+    def __len__(self) -> int:
+        """How many nodes and boundaries there are."""
+        return len(self.nodes)
 
     def refined(self, nodes: Iterable[str] = (), most: int | None = None) -> Solution:
         """Return the same run stored besides at the turning points of some nodes, and just before and at every switching.

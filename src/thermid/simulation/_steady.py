@@ -63,6 +63,11 @@ class Steady(Result, dict[str, float]):
         self.lowest: Mapping[str, float] = dict(lowest if lowest is not None else temperatures)
         self.highest: Mapping[str, float] = dict(highest if highest is not None else temperatures)
 
+    @property
+    def celsius(self) -> dict[str, float]:
+        """Node -> steady temperature. [degC]"""
+        return {n: t - ICE_POINT for n, t in self.items()}
+
     def __missing__(self, name: str) -> float:
         """Return the temperature of what an alias stands for. [K]
 

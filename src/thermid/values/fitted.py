@@ -18,8 +18,9 @@ from thermid.base.errors import DeckError, look_up
 from thermid.base.extensions import by_grammar
 from thermid.base.files import VALUES, parse_toml, read_text, write_text
 from thermid.base.linear_algebra import Array, square_root
+from thermid.base.results import Row, Shown
 from thermid.base.toml_files import Places
-from thermid.base.units import from_si, unit
+from thermid.base.units import counted, from_si, unit
 from thermid.model.identity import Dropped
 from thermid.model.parameters import UNJUDGED, Parameter, Standing, exact, worst
 from thermid.values.store import KNOWN, LeftOut, Normal, Source, State, Store, ValueOrigin, deviated, domain
@@ -89,7 +90,7 @@ class FittedValue:
 
 
 @dataclass(frozen=True, eq=False)
-class FittedValues(Mapping[str, FittedValue]):
+class FittedValues(Shown, Mapping[str, FittedValue]):
     """The fitted values of a stage, by path, with their joint covariance.
 
     Parameters
@@ -106,6 +107,13 @@ class FittedValues(Mapping[str, FittedValue]):
     covariance: Array
     provenance: Mapping[str, Any] = field(default_factory=dict)
     store: Store | None = field(default=None, repr=False)
+
+    def _summary(self) -> str:
+        return f"{self.stage}: {counted(len(self.items_), 'value')}"
+
+    def _as_rows(self) -> list[Row]:
+        """Return every value with its error."""
+        return [{"path": p, "value": v.value, "error": v.error, "unit": v.unit} for p, v in self.items_.items()]
 
     def __getitem__(self, path: str) -> FittedValue:
         """Return one value.

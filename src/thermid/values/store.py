@@ -16,6 +16,8 @@ import numpy as np
 from thermid.base.errors import DeckError, NameNotFoundError, nearest, quoted
 from thermid.base.expression import parse
 from thermid.base.linear_algebra import Array, symmetric_inverse
+from thermid.base.results import Row, Shown
+from thermid.base.units import counted
 from thermid.model.identity import Dropped, Identity, depth, inside, instances, local_identities, rows_of_decks
 from thermid.model.parameters import UNJUDGED, Parameter, Standing, exact, worst
 from thermid.model.tree import SET, Entry, Model, deck_text, parameter_table
@@ -419,7 +421,7 @@ class State:
 
 
 @dataclass(frozen=True, eq=False)
-class Store:
+class Store(Shown):
     """Everything known of the values of one model.
 
     The error of a value is a row of `root`: its response to named sources, each of unit variance. So the covariance of any values is that
@@ -455,6 +457,13 @@ class Store:
         return same and np.array_equal(self.root, other.root) and all(getattr(self, n) == getattr(other, n) for n in plain)
 
     __hash__ = None  # type: ignore[assignment]
+
+    def _summary(self) -> str:
+        return f"{counted(len(self.states), 'value')} of fits and files"
+
+    def _as_rows(self) -> list[Row]:
+        """Return every value."""
+        return [{"path": p, "value": s.value, "unit": s.unit} for p, s in self.states.items()]
 
     def __getitem__(self, path: str) -> State:
         """Return the state of a value.

@@ -140,7 +140,7 @@ COMMANDS = {
         "start.improve",
         "Fit",
         "Search for a better structure of a stage and write its files.",
-        ("thermid improve campaign.toml --stage box --seconds 120",),
+        ("thermid improve campaign.toml --stage box --evaluations 20000",),
     ),
     "estimate": Place(
         "fit.estimate",

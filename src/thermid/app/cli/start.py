@@ -12,26 +12,33 @@ import typer
 from thermid.app.cli.options import CampaignPath, Data, Json, leave, pairs, say, staged
 from thermid.app.cli.screen import show, working
 from thermid.app.cli.summary import show_campaign
-from thermid.base.errors import ScenarioError
+from thermid.base.errors import IdentificationError, ScenarioError, refuse_unknown
 from thermid.campaign import start as improved
 from thermid.campaign.start import (
+    ACCURACY,
     EXAMPLES,
     PUBLIC,
     TEMPLATES,
     Roles,
+    StatedFacts,
     copies,
     copy_example,
     example_named,
+    known_masses,
     parted,
     propose,
     roles_of,
+    seated,
     thinned,
     word,
     write_project,
     write_template,
 )
+from thermid.inference.criticism import EVALUATIONS
+from thermid.measure.amounts import amount
 from thermid.measure.readers import read_record
 from thermid.measure.records import without_strays
+from thermid.model.deck import load_model
 from thermid.reporting import pages as page
 
 
@@ -48,15 +55,23 @@ def init(
     full_scale: Annotated[
         list[str] | None, typer.Option("--full-scale", help="COLUMN=POWER of a duty at 100 %, such as Q1='1.2 [W]'.")
     ] = None,
+    formula: Annotated[
+        list[str] | None, typer.Option("--formula", help="NAME=FORMULA of columns for a power in watts, such as P='V_IN * I_IN'.")
+    ] = None,
     name: Annotated[str, typer.Option("--name", help="Name of the model.")] = "",
     time: Annotated[str | None, typer.Option("--time", help="The time column, where it cannot be told.")] = None,
     template: Annotated[str, typer.Option("--template", help="Without a log: part, box, chamber or tclab.")] = "",
-    seconds: Annotated[float, typer.Option("--seconds", help="Time for the search of a structure.")] = 60.0,
+    evaluations: Annotated[int, typer.Option("--evaluations", help="Budget of the search of a structure, in runs.")] = EVALUATIONS,
+    accuracy: Annotated[str, typer.Option("--accuracy", help="Constant error of the thermometers, one standard deviation.")] = "",
+    mass: Annotated[list[str] | None, typer.Option("--mass", help="PART=MASS from a scale, such as box='1.2 [kg]'.")] = None,
+    material: Annotated[list[str] | None, typer.Option("--material", help="PART=MATERIAL of a part with a mass: box=aluminium.")] = None,
+    path: Annotated[list[str] | None, typer.Option("--path", help="PART=PART that heat passes between; all pairs by default.")] = None,
+    deck: Annotated[Path | None, typer.Option("--deck", help="A deck to begin with, instead of all parts joined to all.")] = None,
     as_json: Json = False,
 ) -> None:
     """Propose a model for a log; write deck, scenario and campaign.
 
-    Exit code 4 if the log cannot decide between structures.
+    Exit code 4 if the log cannot decide between structures, or none explains it or can be built; the files are written all the same.
     """
     if not logs:
         _from_template(template, to, as_json)
@@ -64,14 +79,15 @@ def init(
     if template:
         raise ScenarioError("a template is for a project without a log; give one of them.", "--template")
     scales = pairs(full_scale or [], "--full-scale")
-    roles = roles_of(logs[0], temperature or (), surroundings, power or (), scales, time)
+    roles = roles_of(logs[0], temperature or (), surroundings, power or (), scales, time, pairs(formula or [], "--formula"))
     if sys.stdin.isatty() and not as_json:
         roles = _asked(logs[0], roles, time, bool(temperature), bool(power))
+    roles, known = _known(roles, accuracy, mass or [], material or [], path or [], deck)
     read = [without_strays(read_record(log, roles.channels(), time=time, name=word(log.name.partition(".")[0]))) for log in logs]
     records, masked = [record for record, _ in read], [said for _, lines in read for said in lines]
     fitted, kept = parted(records)
-    with working("searching for a structure", seconds):
-        found = propose(roles, [thinned(r) for r in fitted], seconds)
+    with working("searching for a structure"):
+        found = propose(roles, [thinned(r) for r in fitted], evaluations, known=known)
     title = name or word(logs[0].name.partition(".")[0])
     made = write_project(to, found, fitted, kept, ", ".join(log.name for log in logs), title, masked)
     ignored = [f"not used: {column}: {why}" for column, why in roles.ignored.items()]
@@ -83,11 +99,31 @@ def init(
         "assumed": found.assumed,
         "masked": masked,
         "unexplained": found.unexplained,
+        "not_physical": [c.to_dict() for c in found.not_physical],
+        "offsets_K": {c: {"value": v, "error": e} for c, (v, e) in found.offsets.items()},
+        "questions": list(roles.questions),
         "fixed": list(made.fixed),
         "left_out": list(made.left_out),
         "files": [str(f) for f in made.files],
     }
     say(as_json, content, "\n".join([str(made), *ignored]))
+    if not found.decided:
+        raise SystemExit(IdentificationError.exit_code)
+
+
+def _known(
+    roles: Roles, accuracy: str, masses: Sequence[str], materials: Sequence[str], paths: Sequence[str], deck: Path | None
+) -> tuple[Roles, StatedFacts]:
+    """Return the roles, seated in the deck where there is one, and what is known beside the log."""
+    parts = list(roles.parts.values())
+    weights, made_of = pairs(masses, "--mass"), pairs(materials, "--material")
+    joined = tuple((a.strip(), b.strip()) for a, _, b in (text.partition("=") for text in paths))
+    for option, names in (("--mass", weights), ("--material", made_of), ("--path", [n for pair in joined for n in pair])):
+        refuse_unknown(names, parts, option, "no part '{}'. Parts: {known}.")
+    size = amount(accuracy, "K", "--accuracy") if accuracy else ACCURACY
+    model = load_model(deck) if deck is not None else None
+    known = StatedFacts(size, known_masses(weights, made_of), joined, model)
+    return (roles if model is None else seated(roles, model)), known
 
 
 def _from_template(name: str, to: Path, as_json: bool) -> None:
@@ -120,7 +156,7 @@ def _asked(log: Path, roles: Roles, time: str | None, temperatures: bool, powers
             "2 of 5. Surroundings: a column, or a temperature such as 23 [degC]; - if unknown", default=around or "-", err=True
         )
         around = "" if around == "-" else around
-    heats = [f"{p.column}={p.node}" if p.node else p.column for p in roles.powers]
+    heats = [f"{p.column}={p.node}" if p.node else p.column for p in roles.powers if not p.formula]
     if not powers:
         heats = _several("3 of 5. Powers and duties, COLUMN or COLUMN=PART; - for none", heats)
     scales = {p.column: p.full_scale for p in roles.powers if p.full_scale}
@@ -128,7 +164,7 @@ def _asked(log: Path, roles: Roles, time: str | None, temperatures: bool, powers
     if duty:
         answer = typer.prompt(f"4 of 5. Power of '{duty}' at 100 %, such as 1.2 [W]; - if unknown", default="-", err=True)
         scales |= {} if answer == "-" else {duty: answer}
-    return roles_of(log, parts, around, heats, scales, time)
+    return roles_of(log, parts, around, heats, scales, time, {p.column: p.formula for p in roles.powers if p.formula})
 
 
 def _several(question: str, shown: Sequence[str]) -> list[str]:
@@ -139,7 +175,7 @@ def _several(question: str, shown: Sequence[str]) -> list[str]:
 def improve(
     campaign: CampaignPath,
     stage: Annotated[str, typer.Option("--stage", help="The stage; the last one by default.")] = "",
-    seconds: Annotated[float, typer.Option("--seconds", help="Time for the search of a structure.")] = 60.0,
+    evaluations: Annotated[int, typer.Option("--evaluations", help="Budget of the search of a structure, in runs.")] = EVALUATIONS,
     data: Data = None,
     as_json: Json = False,
 ) -> None:
@@ -147,8 +183,8 @@ def improve(
 
     Deck and campaign are written beside the old ones, with a comparison before and after.
     """
-    with working("searching for a structure", seconds):
-        made = improved.improve(campaign, stage, seconds, data)
+    with working("searching for a structure"):
+        made = improved.improve(campaign, stage, evaluations, data)
     content = {
         "changes": list(made.changes),
         "gain": made.search.likelihood(made.search.proposed),

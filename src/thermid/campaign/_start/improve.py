@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import time
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
@@ -19,7 +18,7 @@ from thermid.campaign._stages import run_stages
 from thermid.campaign._start.templates import TEMPLATE
 from thermid.fit.calibration import Calibration, fit
 from thermid.fit.problem import LocalSpec, Request
-from thermid.inference.criticism import MissingElement, StructureSearch, adopted, changes_of, search_structure
+from thermid.inference.criticism import EVALUATIONS, MissingElement, StructureSearch, adopted, changes_of, search_structure
 from thermid.measure.amounts import short
 from thermid.measure.records import Record
 from thermid.model.deck import save_model
@@ -127,14 +126,14 @@ def _rmse(found: Calibration, sensor: str) -> float:
     return float(np.median([table[sensor].rmse for table in found.statistics.values() if sensor in table]))
 
 
-def improve(path: Path, stage: str = "", seconds: float = 60.0, data: Path | None = None) -> Improved:
+def improve(path: Path, stage: str = "", evaluations: int = EVALUATIONS, data: Path | None = None) -> Improved:
     """Search for the next structure of a stage and write it beside the campaign.
 
     Parameters
     ----------
     path : Path         The campaign.
     stage : str         One of its stages; the last by default.
-    seconds : float     Time for the search. [s]
+    evaluations : int   Budget of the search.
     data : Path         Folder of logs outside the project.
 
     Raises
@@ -155,8 +154,8 @@ def improve(path: Path, stage: str = "", seconds: float = 60.0, data: Path | Non
         )
     asked = before.request
     refuse_unseen(asked.model, "a search for another structure")
-    begun, may = time.monotonic(), _may_delay(source, asked)
-    first = search_structure(asked, changes=lambda seen: [c for c in changes_of(seen) if may or not c.delay], seconds=seconds)
+    may = _may_delay(source, asked)
+    first = search_structure(asked, changes=lambda seen: [c for c in changes_of(seen) if may or not c.delay], evaluations=evaluations)
     if first.proposed is first.start:
         return Improved(first, before, before, ())
     longest = 2.0 * sum(c.delay for c in first.proposed.changes)
@@ -170,8 +169,8 @@ def improve(path: Path, stage: str = "", seconds: float = 60.0, data: Path | Non
     ranged = replace(asked, records=tuple(_ranged(r, longest) for r in asked.records))
     found = _delays_of(_full_fit(ranged, name))
     late = replace(asked, records=tuple(r.delayed(found[r.name][0], _driven(r)) if r.name in found else r for r in asked.records))
-    left = max(seconds - (time.monotonic() - begun), 0.5 * seconds)
-    then = search_structure(late, changes=lambda seen: [c for c in changes_of(seen) if _beside_a_delay(c, late.records)], seconds=left)
+    left = max(evaluations - first.evaluations, evaluations // 2)
+    then = search_structure(late, changes=lambda seen: [c for c in changes_of(seen) if _beside_a_delay(c, late.records)], evaluations=left)
     new, longest = adopted(then.proposed), max(longest, float(f"{2.0 * max(value for value, _ in found.values()):.3g}"))
     new = replace(new, records=tuple(_rebound(_ranged(old, longest), one) for old, one in zip(asked.records, new.records, strict=True)))
     try:

@@ -97,7 +97,7 @@ def write_project(
     ------
     OutputError     When a file is there that thermid did not write.
     """
-    request, fixed, left_out = settled(proposal.chosen)
+    request, fixed, left_out = settled(proposal.chosen, proposal.roles.boundary)
     deck = f"{title}.toml"
     texts = {
         deck: (_deck(proposal, request, fixed, left_out, source, title), DECK.of(title)),
@@ -125,14 +125,14 @@ def write_project(
     return Written(folder, tuple(files), proposal, fixed, left_out, tuple(masked))
 
 
-def settled(one: FittedStructure) -> tuple[Request, tuple[str, ...], tuple[str, ...]]:
+def settled(one: FittedStructure, boundary: str = SURROUNDINGS) -> tuple[Request, tuple[str, ...], tuple[str, ...]]:
     """Return the fit that the campaign asks for, what it keeps fixed, and what was left out.
 
     Ways of heat that carry little and that the log does not tell are left out. Of other values that it does not tell, the least known one
     is fixed where the search found it, until the rest is known to better than a factor of e. What a full fit refuses after that is fixed
     too.
     """
-    slight = _slight(one, one.errors())
+    slight = _slight(one, one.errors(), boundary)
     model = _without(one.request.model, slight)
     texts = {n: parameter(f"{v:.4g} [{u}]", n) for n, (v, u) in _values(one).items() if n.partition(".")[0] not in slight}
     model = model.with_values(texts, "thermid init")
@@ -143,7 +143,8 @@ def settled(one: FittedStructure) -> tuple[Request, tuple[str, ...], tuple[str, 
         fixed.append(max(free, key=lambda n: sizes[n]))
         free.remove(fixed[-1])
         sizes = one.errors(free)
-    request = replace(one.request, model=model, free=tuple(free), name="first fit")
+    priors = {path: prior for path, prior in one.request.priors.items() if path in free}
+    request = replace(one.request, model=model, free=tuple(free), priors=priors, name="first fit")
     for name in sorted(free, key=lambda n: -sizes[n]):
         try:
             fit(replace(request, search="local"))
@@ -161,7 +162,7 @@ def _values(one: FittedStructure) -> dict[str, tuple[float, str]]:
     return {n: (v, units[n]) for n, v in one.values.items()}
 
 
-def _slight(one: FittedStructure, sizes: Mapping[str, float]) -> list[str]:
+def _slight(one: FittedStructure, sizes: Mapping[str, float], boundary: str) -> list[str]:
     """Return conductors that carry little and are not told by the log."""
     values = one.values
     strength: dict[str, float] = {}
@@ -172,7 +173,7 @@ def _slight(one: FittedStructure, sizes: Mapping[str, float]) -> list[str]:
     return [
         n
         for n, ends in paths.items()
-        if sizes[f"{n}.conductance"] > 0.5 and all(values[f"{n}.conductance"] < SLIGHT * strength[e] for e in ends if e != SURROUNDINGS)
+        if sizes[f"{n}.conductance"] > 0.5 and all(values[f"{n}.conductance"] < SLIGHT * strength[e] for e in ends if e != boundary)
     ]
 
 
@@ -214,6 +215,7 @@ def _deck(proposal: Proposal, request: Request, fixed: Sequence[str], left_out: 
     ]
     head += [f"This log cannot separate structures of {orders_text(orders)} masses."] if len(orders) > 1 else []
     head += [proposal.unexplained] if proposal.unexplained else []
+    head += [f"Not physical: {c}" for c in proposal.not_physical]
     head += [f"Assumed: {proposal.assumed}"] if proposal.assumed else []
     head += [f"Left out, because the log does not determine them: {', '.join(left_out)}."] if left_out else []
     return _said(head) + tomlkit.dumps(document)
@@ -225,7 +227,7 @@ def _scenario(proposal: Proposal, records: Sequence[Record]) -> str:
     around = _ambient(proposal, longest)
     lines = ["Scenario for thermid simulate. Change powers, surroundings and duration as needed."]
     out = [_said(lines), f'duration = "{longest.duration / 3600.0:.3g} [h]"\n', f'start    = "{around:.4g} [degC]"\n', "\n[boundaries]\n"]
-    out.append(f'{SURROUNDINGS} = "{around:.4g} [degC]"\n')
+    out.append(f'{proposal.roles.boundary} = "{around:.4g} [degC]"\n')
     powers = [p for p in proposal.roles.powers if not p.anchored]
     if powers:
         out.append("\n[loads]\n")
@@ -262,7 +264,7 @@ def _campaign(
 ) -> str:
     """Return the campaign: the logs, one stage, one verdict."""
     seats = {c.name: str(c.target) for c in request.records[0].channels.values() if c.role == "node"}
-    channels = proposal.roles.channels(proposal.noise)
+    channels = proposal.roles.channels(proposal.noise, proposal.known.accuracy)
     for column, node in seats.items():
         channels[column]["node"] = node
     step = thinned_step(max(fitted, key=lambda r: r.duration)) if max(r.times.size for r in fitted) > 600 else 0.0
@@ -277,7 +279,7 @@ def _campaign(
         for name, channel in channels.items():
             if name in record.channels:
                 inline = tomlkit.inline_table()
-                inline.update({k: v for k, v in channel.items() if k not in ("unit", "full_scale")})
+                inline.update({k: v for k, v in channel.items() if k not in ("unit", "full_scale", "power")})
                 inside.add(record[name].column or name, inline)
         if step:
             table.add("prepare", tomlkit.item([{"resample": {"step": f"{step:g} [s]", "switches": True}}]))
@@ -289,6 +291,8 @@ def _campaign(
     scenario = _stage_scenario(proposal, request)
     if scenario:
         stage.add("scenario", tomlkit.item(scenario))
+    if request.priors:
+        stage.add("priors", tomlkit.item({path: {"mean": mean, "sd": sd} for path, (mean, sd) in request.priors.items()}))
     local = _local(proposal, request)
     if local:
         stage.add("local", tomlkit.item(local))
@@ -310,6 +314,7 @@ def _campaign(
         "validation.",
         f"Limits of the verdict: {NOISES:g} noises or {100 * RANGE:g} % of the range of the readings. Replace them by yours.",
         "The noise is estimated from second differences of the readings.",
+        proposal.offsets_text,
         *(f"{said}; empty in the logs beside this file." for said in masked),
     ]
     return _said(head) + tomlkit.dumps(document)
@@ -334,7 +339,7 @@ def _limit(proposal: Proposal, records: Sequence[Record], column: str) -> float:
 def _stage_scenario(proposal: Proposal, request: Request) -> dict[str, Any]:
     roles, out = proposal.roles, {}
     if roles.surroundings and not roles.logged:
-        out["boundaries"] = {SURROUNDINGS: roles.surroundings}
+        out["boundaries"] = {roles.boundary: roles.surroundings}
     given = next(iter([*(request.scenarios.get(r.name) for r in request.records), request.scenarios.get("*")]), None)
     initial = {n: c if isinstance(c, str) else f"{c!r} [K]" for n, c in (given.initial if given else {}).items()}
     return {**out, **({"initial": initial} if initial else {})}

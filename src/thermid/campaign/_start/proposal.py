@@ -3,16 +3,18 @@
 from __future__ import annotations
 
 import itertools
-from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, replace
+from collections.abc import Collection, Mapping, Sequence
+from dataclasses import dataclass, field, replace
 from typing import Any
 
 import numpy as np
 
-from thermid.base.errors import IdentificationError, ThermidError
-from thermid.campaign._start.roles import SURROUNDINGS, Power, Roles, part_name, with_noise
+from thermid.base.errors import DeckError, IdentificationError, ThermidError, refuse_unknown
+from thermid.campaign._start.physical import SLOWEST_SENSOR, KnownMass, not_physical, too_far
+from thermid.campaign._start.roles import ACCURACY, Power, Roles, part_name, with_noise
 from thermid.fit.problem import LocalSpec, Request, first_reading
 from thermid.inference.criticism import (
+    EVALUATIONS,
     Fitted,
     FittedStructure,
     MissingElement,
@@ -21,8 +23,12 @@ from thermid.inference.criticism import (
     fitted_structure,
     search_structure,
 )
+from thermid.inference.diagnosis import RangeCheck
+from thermid.measure.amounts import duration_text
 from thermid.measure.records import Record
 from thermid.model.deck import model_from_dict
+from thermid.model.laws import literal
+from thermid.model.tree import Model, ParameterSet
 from thermid.simulation.scenarios import Scenario
 
 MOST_MASSES = 4
@@ -45,6 +51,36 @@ CONTACTS = (0.3, 10.0)
 """Conductances between parts that a fit is begun with, over those to the surroundings. [-]"""
 
 
+FREE = ("capacitance", "mass", "conductance", "resistance", "htc", "effective_htc", "contact_conductance")
+"""Fields of a deck that a first fit looks for, unless their source is a measurement or a data sheet."""
+STATED = ("measured", "published", "datasheet")
+REST = 10
+"""Readings without power and drift from which a log begins at rest."""
+
+
+@dataclass(frozen=True, eq=False)
+class StatedFacts:
+    """What is known beside the log.
+
+    Parameters
+    ----------
+    accuracy : float        Standard deviation of the constant error of a thermometer. [K]
+    masses : dict           Part -> its weight and material.
+    paths : tuple           Pairs of parts that heat passes between; all pairs by default.
+    deck : Model            The structure to begin with.
+    """
+
+    accuracy: float = ACCURACY
+    masses: Mapping[str, KnownMass] = field(default_factory=dict)
+    paths: tuple[tuple[str, str], ...] = ()
+    deck: Model | None = None
+
+    @property
+    def priors(self) -> dict[str, tuple[str, str]]:
+        """Heat capacities by weight, as priors."""
+        return {f"{n}.capacitance": (f"{m.capacitance:.4g} [J/K]", f"{100.0 * m.sd:.3g} [%]") for n, m in self.masses.items()}
+
+
 @dataclass(frozen=True, eq=False)
 class Proposal:
     """A structure for a log.
@@ -55,12 +91,14 @@ class Proposal:
     search : StructureSearch    Every structure that was tried.
     noise : dict                Column -> noise of one reading, as found. [K]
     assumed : str               What was assumed because the log cannot tell it; empty for nothing.
+    known : StatedFacts               What was known beside the log.
     """
 
     roles: Roles
     search: StructureSearch
     noise: Mapping[str, float]
     assumed: str
+    known: StatedFacts = StatedFacts()
 
     @property
     def chosen(self) -> FittedStructure:
@@ -82,6 +120,45 @@ class Proposal:
             return f"{found}It has no power; log every power that heats a part."
         return f"{found}Log every power that heats a part and the temperature of the surroundings, and check what each column is."
 
+    @property
+    def not_physical(self) -> tuple[RangeCheck, ...]:
+        """Values of the proposed structure that no part of that mass and size has, and no thermometer of its accuracy."""
+        apart = (too_far(c, o, self.known.accuracy) for c, o in self.offsets.items())
+        return (*not_physical(self.chosen, self.roles, self.known.masses), *(c for c in apart if c.verdict != "possible"))
+
+    @property
+    def decided(self) -> bool:
+        """Whether the log decides on one structure, and that is one that hardware can have."""
+        return len(self.search.orders) == 1 and not self.unexplained and not self.not_physical
+
+    @property
+    def offsets(self) -> dict[str, tuple[float, float]]:
+        """Column -> its constant error, less that of the surroundings where these are logged, with its standard error. [K]"""
+        one, around = self.chosen, f"{self.roles.surroundings} error"
+        names = [u.name for u in one.problem.unknowns]
+        rows = np.concatenate([one.end.jacobian, one.end.priors])
+        spread = np.linalg.pinv(rows.T @ rows, hermitian=True)
+        out = {}
+        for column in (c for c in self.roles.parts if f"sensor {c}" in names):
+            weights = np.array(
+                [float(n in (f"sensor {column}", around)) for n in names]
+            )  # what is added to the readings of `around` is minus its offset
+            out[column] = float(weights @ one.end.fitted), float(np.sqrt(max(weights @ spread @ weights, 0.0)))
+        return out
+
+    @property
+    def offsets_text(self) -> str:
+        """What is assumed of the thermometers and what the log says of their offsets."""
+        found = ", ".join(f"{c} {v:+.2f} +- {e:.2f} K" for c, (v, e) in self.offsets.items())
+        against = f" against {self.roles.surroundings}" if self.roles.logged else ""
+        rests = [at_rest(e.record, self.roles, self.noise) for e in self.chosen.problem.experiments]
+        where = (
+            f"The log begins at rest for {duration_text(max(rests))}, which shows them."
+            if max(rests) > 0.0
+            else "The log does not begin at rest, so only the fit shows them: begin the next test with some minutes without power."
+        )
+        return f"Offsets of thermometers, accuracy {self.known.accuracy:g} K assumed{against}: {found}. {where}"
+
     def __str__(self) -> str:
         """Return the answer first, then what was tried and what the log cannot tell."""
         one = self.chosen
@@ -91,7 +168,9 @@ class Proposal:
         if len(orders) > 1:
             lines.append(f"This log cannot separate structures of {orders_text(orders)} masses.")
         lines[1:1] = [self.unexplained] if self.unexplained else []
+        lines[1:1] = [f"Not physical: {c}" for c in self.not_physical]
         lines += [f"Assumed: {self.assumed}"] if self.assumed else []
+        lines += [self.offsets_text, *self.roles.questions]
         return "\n".join([*lines, str(self.search)])
 
 
@@ -101,7 +180,24 @@ def orders_text(orders: Sequence[int]) -> str:
     return f"{', '.join(first)} and {last}" if first else last
 
 
-def base_deck(roles: Roles, capacity: float, loss: float, contact: float = 0.3) -> dict[str, Any]:
+def at_rest(record: Record, roles: Roles, noise: Mapping[str, float]) -> float:
+    """Return for how long a record begins without power and without drift; 0 where that is less than `REST` readings. [s]"""
+    off = np.ones(record.times.size, dtype=bool)
+    for p in (p for p in roles.powers if p.column in record.channels):
+        watts = np.nan_to_num(record[p.column].values)
+        off &= np.abs(watts) <= 0.01 * max(float(np.max(np.abs(watts))), 1e-12)
+    size = int(np.argmin(off)) or (off.size if off.all() else 0)
+    seen = [record[c] for c in (*roles.parts, roles.surroundings) if c in record.channels]
+    for c in seen:
+        values = c.values[:size][c.valid[:size]]
+        half = values.size // 2
+        drift = abs(float(values[half:].mean() - values[:half].mean())) if half >= REST // 2 else np.inf
+        if drift > 3.0 * noise.get(c.name, min(noise.values())) / half**0.5 + 0.02:
+            return 0.0
+    return float(record.times[size - 1] - record.times[0]) if roles.powers and size >= REST else 0.0
+
+
+def base_deck(roles: Roles, capacity: float, loss: float, contact: float = 0.3, known: StatedFacts = StatedFacts()) -> dict[str, Any]:
     """Return the deck of measured parts, each joined to all others and to the surroundings.
 
     Parameters
@@ -110,49 +206,116 @@ def base_deck(roles: Roles, capacity: float, loss: float, contact: float = 0.3) 
     capacity : float    Heat capacity that each begins with. [J/K]
     loss : float        Conductance to the surroundings that each begins with. [W/K]
     contact : float     Conductance between two parts that each begins with, over `loss`. [-]
+    known : StatedFacts       Masses and paths.
     """
-    parts = list(roles.parts.values())
-    pairs = itertools.combinations(parts, 2) if len(parts) <= COMPLETE else itertools.pairwise(parts)
+    parts, out = list(roles.parts.values()), roles.boundary
+    pairs = known.paths or (itertools.combinations(parts, 2) if len(parts) <= COMPLETE else itertools.pairwise(parts))
     links = {f"{a}_to_{b}": {"kind": "conduction", "between": [a, b], "conductance": f"{contact * loss!r} [W/K]"} for a, b in pairs}
-    losses = {f"{p}_loss": {"kind": "conduction", "between": [p, SURROUNDINGS], "conductance": f"{loss!r} [W/K]"} for p in parts}
+    losses = {f"{p}_loss": {"kind": "conduction", "between": [p, out], "conductance": f"{loss!r} [W/K]"} for p in parts}
+    sizes = {p: known.masses[p].capacitance if p in known.masses else capacity for p in parts}
     return {
         "title": "Proposed",
-        "needs": [SURROUNDINGS],
-        "nodes": {p: {"capacitance": f"{capacity!r} [J/K]"} for p in parts},
+        "needs": [out],
+        "nodes": {p: {"capacitance": f"{size!r} [J/K]"} for p, size in sizes.items()},
         "conductors": {**links, **losses},
         "loads": {p.load: {"into": p.node, "power": "1 [W]" if p.anchored else "0 [W]"} for p in roles.powers},
     }
 
 
-def request_of(roles: Roles, records: Sequence[Record], capacity: float, loss: float, contact: float = 0.3) -> Request:
-    """Return the fit of the parts alone; without a power in watts the first heat capacity is assumed and not fitted."""
-    deck = base_deck(roles, capacity, loss, contact)
-    free = [f"{n}.capacitance" for n in deck["nodes"]] + [f"{c}.conductance" for c in deck["conductors"]]
-    if not _in_watts(roles):
-        first = next(iter(deck["nodes"]))
-        deck["nodes"][first]["capacitance"] = f"{ASSUMED!r} [J/K]"
-        free = free[1:] + [f"{p.load}.power" for p in roles.powers]
-    scenario = Scenario("log", boundaries={SURROUNDINGS: roles.surroundings} if roles.surroundings and not roles.logged else {})
+def request_of(
+    roles: Roles, records: Sequence[Record], capacity: float, loss: float, contact: float = 0.3, known: StatedFacts = StatedFacts()
+) -> Request:
+    """Return the fit of the parts alone, or of the deck to begin with.
+
+    Without a power in watts and without a known mass the first heat capacity is assumed and not fitted.
+    """
+    if known.deck is not None:
+        model, free = known.deck, _free_of(known.deck)
+    else:
+        deck = base_deck(roles, capacity, loss, contact, known)
+        free = [f"{n}.capacitance" for n in deck["nodes"]] + [f"{c}.conductance" for c in deck["conductors"]]
+        free += [] if _in_watts(roles) else [f"{p.load}.power" for p in roles.powers]
+        if _ratios_only(roles, known):
+            first = next(iter(deck["nodes"]))
+            deck["nodes"][first]["capacitance"] = f"{ASSUMED!r} [J/K]"
+            free.remove(f"{first}.capacitance")
+        model = model_from_dict(deck)
+    scenario = Scenario("log", boundaries={roles.boundary: roles.surroundings} if roles.surroundings and not roles.logged else {})
     local = {}
     if not roles.surroundings:
         lowest = min((first_reading(r, c), c) for r in records for c in roles.parts if c in r.channels)
-        local = {SURROUNDINGS: LocalSpec(lowest[1], LOOSE_AMBIENT)}
-    return Request(model_from_dict(deck), tuple(records), tuple(free), {"*": scenario}, local, name="proposed")
+        local = {roles.boundary: LocalSpec(lowest[1], LOOSE_AMBIENT)}
+    priors = {path: prior for path, prior in known.priors.items() if path in free}
+    return Request(model, tuple(records), tuple(free), {"*": scenario}, local, priors=priors, name="proposed")
+
+
+def _free_of(model: Model) -> list[str]:
+    """Return the values of a deck that a first fit looks for."""
+    values = ParameterSet(model)
+    roots = [values.literal_behind(p) for p in values.table if p.rpartition(".")[2] in FREE]
+    return [p for p in dict.fromkeys(roots) if p and values.table[p].parameter.source not in STATED]
 
 
 def _in_watts(roles: Roles) -> bool:
     return any(not p.anchored for p in roles.powers)
 
 
-def propose(roles: Roles, records: Sequence[Record], seconds: float = 60.0, noise: Mapping[str, float] | None = None) -> Proposal:
+def _ratios_only(roles: Roles, known: StatedFacts) -> bool:
+    """Whether nothing gives a scale of heat: no power in watts, no mass from a scale, no deck."""
+    return not _in_watts(roles) and not known.masses and known.deck is None
+
+
+def seated(roles: Roles, deck: Model) -> Roles:
+    """Return roles whose parts, powers and surroundings are those of a deck.
+
+    Raises
+    ------
+    DeckError           When the deck has not one boundary, or no load for a power.
+    NameNotFoundError   When a part is not a node of it.
+    """
+    if len(deck.needs) != 1:
+        needed = ", ".join(deck.needs) or "none"
+        raise DeckError(
+            f"init needs a deck with one boundary, and this one needs {needed}. Bind the others in a deck around it.",
+            "--deck",
+            code="value.incomplete",
+        )
+    refuse_unknown(
+        roles.parts.values(),
+        deck.nodes,
+        "--deck",
+        "no node '{}' in the deck. Name the part of a column: --temperature COLUMN=PART. Nodes: {known}.",
+    )
+    powers = []
+    for p in roles.powers:
+        able = [n for n, load in deck.loads.items() if not p.node or load.into == p.node]
+        able = [n for n in able if part_name(p.column) in n or n in part_name(p.column)] or able
+        if len(able) != 1:
+            raise DeckError(
+                f"power '{p.column}' may be any of {', '.join(able) or 'no load'}. Name its part: --power {p.column}=PART.",
+                "--deck",
+                code="value.incomplete",
+            )
+        powers.append(replace(p, node=deck.loads[able[0]].into, seat=able[0], told=True))
+    return replace(roles, powers=tuple(powers), boundary=deck.needs[0])
+
+
+def propose(
+    roles: Roles,
+    records: Sequence[Record],
+    evaluations: int = EVALUATIONS,
+    noise: Mapping[str, float] | None = None,
+    known: StatedFacts = StatedFacts(),
+) -> Proposal:
     """Propose a structure for logs.
 
     Parameters
     ----------
     roles : Roles           What the columns are.
     records : sequence      The logs, read with these roles.
-    seconds : float         Time for the search. [s]
+    evaluations : int       Budget of the search.
     noise : dict            Column -> noise where it is known; from the log elsewhere. [K]
+    known : StatedFacts           Accuracy of thermometers, masses, paths, a deck to begin with.
 
     Raises
     ------
@@ -160,32 +323,47 @@ def propose(roles: Roles, records: Sequence[Record], seconds: float = 60.0, nois
     """
     made, sizes = [], dict(noise or {})
     for record in records:
-        one, found = with_noise(record, sizes)
+        one, found = with_noise(record, sizes, known.accuracy)
         made.append(one)
         sizes = {**found, **sizes}
     _refuse_still(made, roles, sizes)
     roles = replace(roles, powers=tuple(_placed(p, roles, made) for p in roles.powers))
-    roles, begun = _begun(roles, made)
-    search = search_structure(begun.request, changes=_within(len(roles.parts)), seconds=seconds, begin=begun.fitted)
+    roles, begun = _begun(roles, made, known)
+    search = search_structure(begun.request, changes=_within(set(roles.parts.values())), evaluations=evaluations, begin=begun.fitted)
     assumed = ""
-    if not _in_watts(roles):
+    if _ratios_only(roles, known):
         first = next(iter(roles.parts.values()))
         assumed = (
             f"{first}.capacitance = {ASSUMED:g} J/K, because no column gives a power in watts, so the log determines ratios to it "
-            "only. Give --full-scale COLUMN='... [W]', or that heat capacity in the deck."
+            f"only. Give --full-scale COLUMN='... [W]', or a mass: --mass {first}='1.2 [kg]'."
         )
-    return Proposal(roles, search, sizes, assumed)
+    return Proposal(roles, search, sizes, assumed, known)
 
 
-def _within(measured: int) -> Any:
+def _within(measured: Collection[str]) -> Any:
     """Return the changes of a fitted structure that keep it within the masses of a proposal."""
 
     def changes(seen: Fitted) -> list[MissingElement]:
-        room = max(MOST_MASSES, measured + 1) - len(seen.request.model.nodes)
+        room = max(MOST_MASSES, len(measured) + 1) - len(seen.request.model.nodes)
         lags = [f"a lag of the sensor at '{n}'" for n in seen.request.model.nodes] + ["a lag of every sensor"]
-        return [c for c in changes_of(seen) if (c.nodes <= room or c.name in lags) and not any(w in c.name for w in UNSAID)]
+        tips = [f"'{n}'" for n in seen.request.model.nodes if n not in measured and n.endswith("_sensor")]
+        barred = [*UNSAID, *tips]  # a sensor touches its part and nothing else
+        able = (c for c in changes_of(seen) if (c.nodes <= room or c.name in lags) and not any(w in c.name for w in barred))
+        return [_fixed_sensors(c, seen) if c.name in lags else c for c in able]
 
     return changes
+
+
+def _fixed_sensors(lag: MissingElement, seen: Fitted) -> MissingElement:
+    """Return a lag that is possible only as long as sensors that are fixed to a part have one."""
+    tips = {n: node for n, node in lag.request.model.nodes.items() if n not in seen.request.model.nodes}
+    held = {f"{n}_fit.conductance": literal(node.fields["capacitance"].text, "J/K", n) for n, node in tips.items()}
+
+    def judge(found: Any) -> tuple[str, bool]:
+        text, possible = lag.judge(found)
+        return text, possible and all(c / found[path].value <= SLOWEST_SENSOR for path, c in held.items())
+
+    return replace(lag, judge=judge)
 
 
 def _refuse_still(records: Sequence[Record], roles: Roles, noise: Mapping[str, float]) -> None:
@@ -228,7 +406,7 @@ def _answer(power: str, column: str, records: Sequence[Record]) -> float:
     return size
 
 
-def _begun(roles: Roles, records: Sequence[Record]) -> tuple[Roles, FittedStructure]:
+def _begun(roles: Roles, records: Sequence[Record], known: StatedFacts) -> tuple[Roles, FittedStructure]:
     """Return the parts alone, fitted from several time constants, the best end; and what each power heats there.
 
     A power whose part nobody told is tried in every part.
@@ -237,9 +415,10 @@ def _begun(roles: Roles, records: Sequence[Record]) -> tuple[Roles, FittedStruct
     best: tuple[Roles, FittedStructure] | None = None
     refusal: ThermidError | None = None
     for placed in _placements(roles):
-        for pace, contact in itertools.product(PACES, CONTACTS if len(roles.parts) > 1 else CONTACTS[:1]):
+        starts = itertools.product(PACES, CONTACTS if len(roles.parts) > 1 else CONTACTS[:1])
+        for pace, contact in starts if known.deck is None else [(PACES[0], CONTACTS[0])]:
             loss = watts / max(rise, 1e-3) / len(roles.parts) if _in_watts(roles) else ASSUMED / (pace * span)
-            asked = request_of(placed, records, max(loss * pace * span, 1e-3), max(loss, 1e-6), contact)
+            asked = request_of(placed, records, max(loss * pace * span, 1e-3), max(loss, 1e-6), contact, known)
             try:
                 one = fitted_structure((), asked, {})
             except ThermidError as error:

@@ -11,12 +11,15 @@ from typing import Any
 
 import numpy as np
 
-from thermid.base.errors import NameNotFoundError, RecordError, nearest
-from thermid.measure.readers import clock_column, columns_of, decimal_sign, log_cells, read_record
+from thermid.base.errors import NameNotFoundError, RecordError, ThermidError, nearest
+from thermid.base.units import unit
+from thermid.measure.readers import Column, clock_column, columns_of, decimal_sign, log_cells, read_record
 from thermid.measure.records import Channel, FloatArray, Record
 
 MOST_SAMPLES = 600
 """Readings that a structure is searched with; longer logs are resampled. [-]"""
+ACCURACY = 0.5
+"""Constant error that an instrument has unless somebody says better: DS18B20 and thermocouples of class 1, as their makers print. [K]"""
 SURROUNDINGS = "surroundings"
 """Boundary of a proposed model."""
 
@@ -32,6 +35,8 @@ class Power:
     full_scale : str    Power at 100 % of a duty, as text; empty for a column in watts, and where nobody said.
     duty : bool         Whether it is in per cent.
     told : bool         Whether its part was told, by somebody or by its name; else the log decides.
+    seat : str          The load of a deck that it drives; one named after the column by default.
+    formula : str       How it follows from columns; empty for a column of its own.
     """
 
     column: str
@@ -39,11 +44,13 @@ class Power:
     full_scale: str = ""
     duty: bool = False
     told: bool = True
+    seat: str = ""
+    formula: str = ""
 
     @property
     def load(self) -> str:
         """Name of its load in the model."""
-        return f"heat_{part_name(self.column)}"
+        return self.seat or f"heat_{part_name(self.column)}"
 
     @property
     def anchored(self) -> bool:
@@ -64,6 +71,8 @@ class Roles:
     time : str or None      The time column, where it was named.
     why : dict              Column -> why it is taken for what it is.
     ignored : dict          Column -> why it is left out.
+    boundary : str          Name of the surroundings in the model.
+    questions : tuple       What only the owner of the log can answer, in words.
     """
 
     parts: Mapping[str, str]
@@ -73,28 +82,33 @@ class Roles:
     time: str | None = None
     why: Mapping[str, str] = field(default_factory=dict)
     ignored: Mapping[str, str] = field(default_factory=dict)
+    boundary: str = SURROUNDINGS
+    questions: tuple[str, ...] = ()
 
     @property
     def logged(self) -> bool:
         """Whether the surroundings have a column."""
         return bool(self.surroundings) and "[" not in self.surroundings
 
-    def channels(self, noise: Mapping[str, float] | None = None) -> dict[str, dict[str, Any]]:
-        """Return the table of channels as a campaign has it; noise [K] by column."""
+    def channels(self, noise: Mapping[str, float] | None = None, accuracy: float = 0.0) -> dict[str, dict[str, Any]]:
+        """Return the table of channels as a campaign has it; noise [K] by column, accuracy of every thermometer [K]."""
         out: dict[str, dict[str, Any]] = {}
         for column, node in self.parts.items():
             out[column] = {"node": node}
         if self.logged:
-            out[self.surroundings] = {"boundary": SURROUNDINGS}
+            out[self.surroundings] = {"boundary": self.boundary}
         for power in self.powers:
             out[power.column] = {"command": power.load} if power.anchored else {"load": power.load}
             out[power.column] |= {"full_scale": power.full_scale} if power.full_scale else {}
-        for column, unit in self.units.items():
+            out[power.column] |= {"power": power.formula} if power.formula else {}
+        for column, text in self.units.items():
             if column in out:
-                out[column]["unit"] = unit
+                out[column]["unit"] = text
         for column, size in (noise or {}).items():
             if column in out:
                 out[column]["noise"] = f"{size:.3g} [K]"
+        for table in (t for t in out.values() if accuracy and ("node" in t or "boundary" in t)):
+            table["accuracy"] = f"{accuracy:.3g} [K]"
         return out
 
     def read(self, path: Path, noise: Mapping[str, float] | None = None) -> Record:
@@ -142,6 +156,7 @@ def roles_of(
     powers: Sequence[str] = (),
     full_scale: Mapping[str, str] | None = None,
     time: str | None = None,
+    formulas: Mapping[str, str] | None = None,
 ) -> Roles:
     """Return what the columns of a log are: as told, and as their names and units say for all else.
 
@@ -153,6 +168,7 @@ def roles_of(
     powers : sequence           Columns, or ``COLUMN=PART``; all that look like powers or duties by default.
     full_scale : dict           Column -> power at 100 %.
     time : str                  The time column, where it cannot be told.
+    formulas : dict             Power -> how it follows from columns, ``V_IN * I_IN``.
 
     Raises
     ------
@@ -183,11 +199,39 @@ def roles_of(
     made = tuple(
         Power(n, node, scales.get(n, ""), n in scales or columns[n].guess == "duty" or columns[n].unit == "%") for n, node in heated
     )
+    given = dict(formulas or {})
+    made = (*made, *(Power(name, formula=text, told=False) for name, text in given.items()))
     taken = {*parts, around, *(p.column for p in made)}
     units = {n: c.unit for n, c in columns.items() if n in taken and c.assumed and c.unit}
     rest = {n: "never on" if _idle(c.values) and c.guess in ("power", "duty") else c.why for n, c in columns.items() if n not in taken}
     rest = {n: w for n, w in rest.items() if columns[n].guess != "time"}
-    return Roles(parts, around, made, units, time, {n: columns[n].why for n in taken if n in columns}, rest)
+    asked = (_power_question(columns[n]) for n in rest if not any(n in text for text in given.values()))
+    questions = tuple(q for q in asked if q)
+    return Roles(parts, around, made, units, time, {n: columns[n].why for n in taken if n in columns}, rest, questions=questions)
+
+
+def _power_question(column: Column) -> str:
+    """Return what to ask about a column that a power may follow from: a current or its square, a voltage, a power by area, an energy."""
+    if _idle(column.values) or not column.unit:
+        return ""
+    try:
+        of = unit(re.sub(r"(?<=[A-Za-z])(?=\d)", "^", column.unit)).dimension  # loggers write A2 and kW/m2
+    except ThermidError:
+        return ""
+    for slot, (what, how) in _OF_POWER.items():
+        if of == unit(slot).dimension:
+            return f"{column.name} is {what} [{column.unit}]: is it a power? If so, give {how}."
+    return ""
+
+
+_OF_POWER = {
+    "A": ("a current", "--formula P='V * I', with its voltage"),
+    "A^2": ("the square of a current", "--formula P='X * 4.7 [ohm]', with its resistance"),
+    "V": ("a voltage", "--formula P='V * I', with its current"),
+    "W/m^2": ("a power by area", "--formula P='X * 20 [cm^2]', with the area that it falls on"),
+    "J": ("an energy", "power = { energy = ... } of a channel in the campaign"),
+}
+"""Unit of a column from which a power may follow -> what it is, and how the power follows."""
 
 
 def _pair(text: str, named: bool = True) -> tuple[str, str]:
@@ -216,7 +260,9 @@ def noise_of(channel: Channel) -> float:
     return float(max(size, step / 12.0**0.5, 1e-3))
 
 
-def with_noise(record: Record, known: Mapping[str, float] | None = None) -> tuple[Record, dict[str, float]]:
-    """Return a record with a noise for every temperature of a part, and the noise by column. [K]"""
+def with_noise(record: Record, known: Mapping[str, float] | None = None, accuracy: float = ACCURACY) -> tuple[Record, dict[str, float]]:
+    """Return a record whose temperatures have a noise and the accuracy of their instruments, and the noise of parts by column. [K]"""
     found = {n: (known or {}).get(n, noise_of(c)) for n, c in record.channels.items() if c.role == "node"}
-    return record.with_channels(*(replace(record[n], noise=size) for n, size in found.items())), found
+    around = [n for n, c in record.channels.items() if c.role == "boundary"]
+    made = [replace(record[n], noise=found.get(n, record[n].noise), accuracy=accuracy) for n in (*found, *around)]
+    return record.with_channels(*made), found

@@ -13,7 +13,6 @@ Model Selection and Multimodel Inference, 2nd ed., Springer 2002, section 2.5: Q
 from __future__ import annotations
 
 import math
-import time
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from typing import Any
@@ -54,6 +53,8 @@ NEAR = 0.5
 """How far a logarithm may move when a part of the readings is left out, as a standard deviation. [-]"""
 WIDE = 8.0
 """So many standard errors are wider than the bounds of a value that the readings hardly determine; a full fit refuses it at two."""
+EVALUATIONS = 8000
+"""Most evaluations of a search: runs of every record with derivatives. A count, so that a busy machine finds what an idle one finds. [-]"""
 DONE = 3e-3
 """A search of one structure ends at this part of a standard error. [-]"""
 
@@ -182,8 +183,8 @@ class StructureSearch:
     scale : dict                        (record, sensor) -> variance that all are weighed by, in units of the stated noise. [-]
     refused : tuple of (str, str)       Changes that could not be fitted, and why.
     scored : int                        Changes that were scored.
-    seconds : float                     How long it took. [s]
-    complete : bool                     Whether it ended by itself, and not by its time.
+    evaluations : int                   What it took: runs of every record with derivatives.
+    complete : bool                     Whether it ended by itself, and not by its budget.
     """
 
     structures: tuple[FittedStructure, ...]
@@ -191,7 +192,7 @@ class StructureSearch:
     scale: Mapping[tuple[str, str], float]
     refused: tuple[tuple[str, str], ...]
     scored: int
-    seconds: float
+    evaluations: int
     complete: bool
 
     @property
@@ -245,9 +246,9 @@ class StructureSearch:
         best = sorted(tried.values(), key=lambda s: -self.likelihood(s))
         shown = [f"    {s.name}: {self.likelihood(s):+.3g}{'' if s.possible else ', not physically possible'}" for s in best[:8]]
         lines += ["  refitted, log-likelihood of the hold-out readings relative to the first structure:", *shown] if shown else []
-        lines.append(f"  {self.scored} changes scored, {len(self.structures) - 1} refitted in {short(self.seconds, 2)} s")
+        lines.append(f"  {self.scored} changes scored, {len(self.structures) - 1} refitted in {self.evaluations} evaluations")
         if not self.complete:
-            lines.append("  The time limit ended the search, so more changes may be supported. Allow more seconds.")
+            lines.append("  The budget of evaluations ended the search, so more changes may be supported. Allow more: --evaluations.")
         return "\n".join(lines)
 
 
@@ -257,7 +258,7 @@ def search_structure(
     changes: Callable[[Fitted], Sequence[MissingElement]] | None = None,
     rounds: int = 6,
     width: int = 4,
-    seconds: float = 60.0,
+    evaluations: int = EVALUATIONS,
     begin: Mapping[str, float] | None = None,
 ) -> StructureSearch:
     """Search for changes of structure that held-out readings support.
@@ -268,7 +269,7 @@ def search_structure(
     changes : callable      Changes of a fitted structure; those of the catalogue by default.
     rounds : int            Most changes, one after the other.
     width : int             Refits of single changes in each round; pairs of the three with the best scores are refitted too.
-    seconds : float         Time after which no refit begins. [s]
+    evaluations : int       Budget after which no refit begins, and one that runs is given up.
     begin : dict            Unknown -> value in the fitted form to begin from; the request's own starts by default.
 
     Raises
@@ -278,32 +279,57 @@ def search_structure(
     from threadpoolctl import threadpool_limits
 
     with threadpool_limits(limits=1):
-        return _Searching(request, changes or (lambda seen: list(changes_of(seen))), width, time.monotonic() + seconds).run(
+        return _Searching(request, changes or (lambda seen: list(changes_of(seen))), width, EvaluationBudget(evaluations)).run(
             rounds, begin or {}
         )
+
+
+class EvaluationBudget:
+    """Evaluations that a search may still take."""
+
+    def __init__(self, allowed: float = math.inf) -> None:
+        self.allowed, self.spent = allowed, 0
+
+    @property
+    def over(self) -> bool:
+        """Whether none is left."""
+        return self.spent >= self.allowed
+
+    def watch(self, stage: str) -> Callable[[int, float], None]:
+        """Return what counts the evaluations of one fit, and gives it up when none is left."""
+        before = self.spent
+
+        def counted(count: int, rms: float) -> None:
+            self.spent = before + count
+            if self.over:
+                raise IdentificationError("its fit takes more evaluations than the search has left.", stage)
+
+        return counted
 
 
 class _Searching:
     """State of one search: what was fitted, what was refused."""
 
-    def __init__(self, request: Request, changes: Callable[[Fitted], Sequence[MissingElement]], width: int, until: float) -> None:
-        self.request, self.changes, self.width, self.until = request, changes, width, until
+    def __init__(
+        self, request: Request, changes: Callable[[Fitted], Sequence[MissingElement]], width: int, budget: EvaluationBudget
+    ) -> None:
+        self.request, self.changes, self.width, self.budget = request, changes, width, budget
         self.done: list[FittedStructure] = []
         self.refused: list[tuple[str, str]] = []
         self.scored = 0
-        self.begun = time.monotonic()
 
     def run(self, rounds: int, begin: Mapping[str, float]) -> StructureSearch:
         """Search from the request's own structure."""
-        best = fitted_structure((), self.request, begin)
+        best = fitted_structure((), self.request, begin, budget=EvaluationBudget())
+        self.budget.spent = best.end.evaluations
         self.done.append(best)
         complete = False
         for _ in range(rounds):
-            if self._late():
+            if self.budget.over:
                 break
             found = self._round(best)
             if found is None:
-                complete = not self._late()
+                complete = not self.budget.over
                 break
             best = found
         best = self._challenged(self._simplest(self._pruned(best)))
@@ -314,12 +340,9 @@ class _Searching:
             self._scale(),
             tuple(self.refused),
             self.scored,
-            time.monotonic() - self.begun,
+            self.budget.spent,
             complete,
         )
-
-    def _late(self) -> bool:
-        return time.monotonic() > self.until
 
     def _round(self, best: FittedStructure) -> FittedStructure | None:
         """Return the best structure one or two changes on; None where held-out readings support none."""
@@ -356,7 +379,7 @@ class _Searching:
         So it is known whether the readings can tell them from the best. One of them takes its place where it is likelier by more than
         chance among these few gives: the rounds before ask for more, because they choose among all changes.
         """
-        while not self._late():
+        while not self.budget.over:
             scores = [s for s in sorted(self._scores(best), key=lambda s: -s.gain) if s.change.nodes == 1][:CHALLENGES]
             able = self._proved([self._refitted(best, score) for score in scores], best, len(scores))
             if not able:
@@ -373,7 +396,7 @@ class _Searching:
         before = _promised(best.problem, best.end.fitted, known, False)
         out = []
         for change in self.changes(seen):
-            if self._late():
+            if self.budget.over:
                 break
             try:
                 problem = build_problem(change.request)
@@ -386,6 +409,7 @@ class _Searching:
                 except ThermidError:
                     continue
                 self.scored += 1
+                self.budget.spent += 1
                 out.append(PromisedChange(change, start, (before - after) / reduced))
         best_of: dict[str, PromisedChange] = {}
         for score in out:
@@ -395,10 +419,10 @@ class _Searching:
         return list(best_of.values())
 
     def _refitted(self, best: FittedStructure, score: PromisedChange) -> FittedStructure | None:
-        if self._late():
+        if self.budget.over:
             return None
         try:
-            made = fitted_structure((*best.changes, score.change), score.change.request, best.fitted, score.start, self.until)
+            made = fitted_structure((*best.changes, score.change), score.change.request, best.fitted, score.start, self.budget)
         except (ThermidError, np.linalg.LinAlgError) as error:
             self.refused.append((score.change.name, str(error)))
             return None
@@ -407,7 +431,7 @@ class _Searching:
 
     def _pruned(self, best: FittedStructure) -> FittedStructure:
         """Return the structure without changes that others have made superfluous."""
-        while len(best.changes) > 1 and not self._late():
+        while len(best.changes) > 1 and not self.budget.over:
             scale = self._scale()
             made = [self._without(best, k) for k in range(len(best.changes) - 1)]  # the last one was just proved
             fewer = [m for m in made if m and m.possible and m.held.likelihood(scale) > best.held.likelihood(scale) - TIE]
@@ -423,7 +447,7 @@ class _Searching:
         for change in kept:
             request = change.make(request)
         try:
-            made = fitted_structure(kept, request, best.fitted, until=self.until)
+            made = fitted_structure(kept, request, best.fitted, budget=self.budget)
         except (ThermidError, np.linalg.LinAlgError):
             return None
         self.done.append(made)
@@ -432,7 +456,7 @@ class _Searching:
     def _straighten(self, best: FittedStructure) -> None:
         """Refit what a law that bends may stand for: a contact in its place, which of equals is the simpler one."""
         for place in [k for k, change in enumerate(best.changes) if change.bends]:
-            plain = None if self._late() else self._without(best, place)
+            plain = None if self.budget.over else self._without(best, place)
             scores = sorted(self._scores(plain), key=lambda s: -s.gain) if plain else []
             for score in [s for s in scores if not s.change.nodes and not s.change.bends][:CHALLENGES]:
                 self._refitted(plain or best, score)
@@ -508,7 +532,7 @@ def fitted_structure(
     request: Request,
     known: Mapping[str, float],
     start: Mapping[str, float] | None = None,
-    until: float = math.inf,
+    budget: EvaluationBudget | None = None,
 ) -> FittedStructure:
     """Fit one structure and hold out its readings in parts.
 
@@ -518,11 +542,11 @@ def fitted_structure(
     request : Request   With the changes.
     known : dict        Unknown -> value in the fitted form, from a fit before.
     start : dict        Path -> value of new unknowns. [SI]
-    until : float       Monotonic time at which the fit is given up. [s]
+    budget : EvaluationBudget     What its evaluations are taken from; it is given up where none is left.
 
     Raises
     ------
-    IdentificationError     When its time is over, or it does not end.
+    IdentificationError     When its budget is used up, or it does not end.
     SolverError             When a record cannot be run.
     """
     problem = _loosely_held(build_problem(request))
@@ -533,11 +557,7 @@ def fitted_structure(
         elif u.name in known:
             at[k] = known[u.name]
 
-    def watch(count: int, rms: float) -> None:
-        if time.monotonic() > until:
-            raise IdentificationError("its fit takes longer than the search may.", request.name)
-
-    end = minimise(problem, request.loss, request.loss_scale, at, watch, DONE)
+    end = minimise(problem, request.loss, request.loss_scale, at, (budget or EvaluationBudget()).watch(request.name), DONE)
     if not np.isfinite(end.cost):
         raise IdentificationError("its fit does not end at a finite cost.", request.name)
     numbers = problem.experiments[0].network.numbers()

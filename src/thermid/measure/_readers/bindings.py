@@ -9,12 +9,13 @@ from typing import Any, Final
 
 from thermid.base.errors import NameNotFoundError, RecordError, ThermidError, errors_at, refuse_unknown
 from thermid.base.units import DIMENSIONLESS, TEMPERATURE, describe, require, unit
+from thermid.measure._readers.power_of_columns import POWER_KEYS
 from thermid.measure._record.channel import SAMPLES
 from thermid.measure._record.sensor import KEYS, SensorCertificate, SensorPart
 from thermid.measure.amounts import amount
 
 _ROLE_KEYS: Final = ("node", "boundary", "load", "command", "prescribed")
-_KEYS: Final = (*_ROLE_KEYS, "gain", "full_scale", "noise", "accuracy", "resolution", "unit", "prompt", "samples", *KEYS)
+_KEYS: Final = (*_ROLE_KEYS, "gain", "full_scale", "noise", "accuracy", "resolution", "unit", "prompt", "samples", "power", *KEYS)
 
 
 @dataclass(frozen=True)
@@ -33,6 +34,7 @@ class Binding:
     unit: str | None = None
     prompt: bool = False
     samples: str = ""
+    power: object = None
     part: SensorPart | None = None
     certificate: SensorCertificate | None = None
 
@@ -99,6 +101,12 @@ def _one(key: str, given: object, where: str) -> Binding:
         raise RecordError(
             "full_scale is the power of a load at 100 %, so it needs load = '...' too, and no gain.", where, code="value.incomplete"
         )
+    if "power" in given and (role != "load" or "gain" in given or "full_scale" in given):
+        raise RecordError(
+            "power is a formula of columns in watts, so it needs load = '...' too, and no gain or full_scale.",
+            where,
+            code="value.incomplete",
+        )
     if not isinstance(given.get("prompt", False), bool):
         raise RecordError(f"prompt = {given['prompt']!r} is neither true nor false.", where, code="value.wrong-kind")
     if given.get("prompt") and role not in ("load", "command"):
@@ -114,7 +122,7 @@ def _one(key: str, given: object, where: str) -> Binding:
             where,
             code="record.does-not-apply",
         )
-    words = ("gain", "full_scale", "noise", "accuracy", "resolution", "unit", "prompt", "samples")
+    words = ("gain", "full_scale", "noise", "accuracy", "resolution", "unit", "prompt", "samples", "power")
     rest = {word: given[word] for word in words if word in given}
     certificate = SensorCertificate.read(given["certificate"], f"{where}, certificate") if "certificate" in given else None
     return Binding(key, key, role, given[role] if roles else None, **rest, part=SensorPart.read(given, where), certificate=certificate)
@@ -212,8 +220,10 @@ def channel_schema() -> dict[str, Any]:
     def table(keys: tuple[str, ...], required: tuple[str, ...]) -> dict[str, Any]:
         return {"type": "object", "properties": dict.fromkeys(keys, amount_), "required": list(required), "additionalProperties": False}
 
+    table_of_power = {"type": "object", "properties": {**dict.fromkeys(POWER_KEYS, text), "units": {"type": "object"}}}
     nested = {
         "prompt": {"type": "boolean"},
+        "power": {"anyOf": [text, table_of_power]},
         "samples": {"enum": list(SAMPLES)},
         "lead": table(("conductance", "to"), ("conductance", "to")),
         "certificate": table(("offset", "uncertainty", "at", "date"), ("offset", "uncertainty")),

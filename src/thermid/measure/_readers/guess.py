@@ -10,9 +10,10 @@ from typing import Final
 import numpy as np
 
 from thermid.base.errors import ThermidError
-from thermid.base.units import DIMENSIONLESS, describe, from_si, unit
+from thermid.base.units import DIMENSIONLESS, counted, describe, from_si, unit
 from thermid.measure._readers.columns import kelvin_sized, numbers
 from thermid.measure._readers.headers import name_and_unit
+from thermid.measure._readers.questions import begins_again, counts_time
 from thermid.measure._readers.textfile import Cells
 from thermid.measure._record.channel import OVERLOAD, BoolArray, FloatArray, codes_of
 
@@ -118,6 +119,9 @@ def _by_name(name: str, known: FloatArray) -> tuple[str, str, str]:
     """Return the guess for a column without a unit."""
     if _STATE.search(name) or (known.size > 2 and np.all(np.diff(known) == 1) and not _TEMPERATURE.match(name)):
         return "ignored", "", "counts rows or states"
+    if counts_time(known):
+        again = np.flatnonzero(begins_again(known))
+        return "ignored", "", "counts milliseconds" + (f", and begins again {counted(again.size, 'time')}" if again.size else "")
     letter = re.match(r".*[a-z0-9]_([CFK])\Z", name)
     if letter:
         return _temperature(name, "K" if letter[1] == "K" else f"deg{letter[1]}", f"its name ends in _{letter[1]}")

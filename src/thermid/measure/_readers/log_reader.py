@@ -16,7 +16,8 @@ from thermid.measure._readers.bindings import Binding, bindings, full_scale, uni
 from thermid.measure._readers.columns import decimal_sign, find_column, kelvin_sized, numbers
 from thermid.measure._readers.formats import log_cells
 from thermid.measure._readers.headers import name_and_unit
-from thermid.measure._readers.questions import hidden_switches, lost_hour, repeated_stamps, unit_question
+from thermid.measure._readers.power_of_columns import RESTARTED, power_readings
+from thermid.measure._readers.questions import board_restarts, hidden_switches, lost_hour, repeated_stamps, unit_question
 from thermid.measure._readers.stamps import Clock, Times, clock_column, read_times
 from thermid.measure._readers.textfile import Cells
 from thermid.measure._record.channel import BoolArray, Channel, FloatArray, Origin, digest, with_sensor
@@ -51,7 +52,7 @@ def read_record(
                              ``{"T1": {"node": "h1.sensor", "noise": "0.3 [K]"}}``. A table has one of node,
                              boundary, load, command (a path in the model), and gain, noise, accuracy, resolution, unit; of a
                              temperature sensor also what `SensorPart` and `SensorCertificate` hold. `full_scale`, a power, is what
-                             a load in per cent has at 100 %.
+                             a load in per cent has at 100 %; `power` of a load is a formula of columns or a table, see docs/logs.md.
     time : str or None       The time column; by default the only one called time, time_s, t, t_s, timestamp, datetime or seconds, else the
                              only one with another usual name or with stamps. Date and time in two columns are one time.
     noise, accuracy : mapping   Standard deviation of one sample, and of the constant error, by channel name.
@@ -87,13 +88,14 @@ def read_record(
         found = "one sample" if times.size == 1 else f"{times.size} samples with one time stamp"
         raise RecordError(f"the log has {found}; a record needs at least two times.", cells.file, code="record.too-short")
     parsed = [numbers(column, sign) if place not in clock_at.places else times for place, column in enumerate(cells.columns)]
-    read = [(_channel(cells, each, parsed), each) for each in asked]
+    read = [(_channel(cells, each, parsed, times), each) for each in asked]
     sensors = [
         with_sensor(made, each.part, each.certificate or cells.certificates.get(made.column), f"{cells.file}, channels.{each.name}")
         for made, each in read
     ]
     made = [each for each, _ in sensors]
-    origin = replace(_origin(cells, clock_at, read_at, parsed), questions=_questions(times, clock_at, read_at, made))
+    bare = _bare_numbers(cells, clock_at, parsed)
+    origin = replace(_origin(cells, clock_at, read_at, parsed), questions=_questions(times, clock_at, read_at, made, bare))
     notes = [*cells.notes, *read_at.notes, *(note for _, said in sensors for note in said)] + (
         [f"read with decimal '{sign}'"] if sign == "," and decimal is None else []
     )
@@ -138,27 +140,21 @@ def temperature_columns(path: str | Path) -> list[str]:
     return [name for name, unit in named if unit in _SCALES or (unit is None and name[:1] in ("T", "t"))]
 
 
-def _channel(cells: Cells, binding: Binding, parsed: list[FloatArray | int]) -> Channel:
+def _channel(cells: Cells, binding: Binding, parsed: list[FloatArray | int], times: FloatArray) -> Channel:
     """Return one channel in SI.
 
     Raises
     ------
     RecordError   When its column holds text.
     """
+    if binding.power is not None:
+        return _power(cells, binding, parsed, times)
     at = find_column(cells.header, binding.column, f"{cells.file}, channels.{binding.name}")
     column, header_unit = name_and_unit(cells.header[at])
     where = cells.where(None, column)
     unit_text, quantity = unit_and_quantity(binding, header_unit, where)
     watts = full_scale(binding, where)
-    samples = parsed[at]
-    if isinstance(samples, int):
-        text = cells.columns[at][samples]
-        raise RecordError(
-            f"'{text}' is not a number. Write missing samples as empty, NaN or NA; for decimal commas give decimal=','.",
-            cells.where(samples, column),
-            code="record.not-a-number",
-        )
-    samples = np.where(np.abs(samples) >= OVERLOAD, np.inf, samples)
+    samples = _samples(cells, parsed, at)
     stated = binding.unit is not None or header_unit is not None
     if not stated and watts is None:
         _refuse_by_size(samples, quantity, binding.name, where)
@@ -190,6 +186,50 @@ def _channel(cells: Cells, binding: Binding, parsed: list[FloatArray | int]) -> 
     return _masked(made, cells.reasons.get(column, {}))
 
 
+def _samples(cells: Cells, parsed: list[FloatArray | int], at: int) -> FloatArray:
+    """Return the readings (samples,) of a column as its cells have them, infinite where an instrument says that it is overloaded."""
+    samples = parsed[at]
+    if isinstance(samples, int):
+        text = cells.columns[at][samples]
+        raise RecordError(
+            f"'{text}' is not a number. Write missing samples as empty, NaN or NA; for decimal commas give decimal=','.",
+            cells.where(samples, name_and_unit(cells.header[at])[0]),
+            code="record.not-a-number",
+        )
+    return np.where(np.abs(samples) >= OVERLOAD, np.inf, samples)
+
+
+def _power(cells: Cells, binding: Binding, parsed: list[FloatArray | int], times: FloatArray) -> Channel:
+    """Return a channel whose power follows from columns. [W]"""
+    where = f"{cells.file}, channels.{binding.name}"
+
+    def column(name: str) -> tuple[FloatArray, str | None]:
+        at = find_column(cells.header, name, where)
+        return _samples(cells, parsed, at), name_and_unit(cells.header[at])[1]
+
+    read = power_readings(binding.power, column, times, where)
+
+    def size(given: str | float | None, word: str) -> float | None:
+        return None if given is None else amount(given, "W", f"{where}, {word}")
+
+    return Channel(
+        binding.name,
+        read.watts,
+        np.isfinite(read.watts),
+        quantity="power",
+        role=binding.role,
+        target=binding.target,
+        column=binding.name,
+        unit="W",
+        prompt=binding.prompt,
+        samples=binding.samples or read.samples,
+        masks={RESTARTED: read.restarted} if read.restarted.any() else {},
+        noise=size(binding.noise, "noise"),
+        accuracy=size(binding.accuracy, "accuracy"),
+        resolution=size(binding.resolution, "resolution"),
+    )
+
+
 def _refuse_by_size(samples: FloatArray, quantity: str, name: str, where: str) -> None:
     """Refuse readings without a unit that look like kelvin, and powers without one that run from 0 to exactly 100, as per cent do."""
     finite = samples[np.isfinite(samples)]
@@ -219,16 +259,24 @@ def _masked(channel: Channel, reasons: Mapping[str, list[int]]) -> Channel:
     return replace(channel, valid=valid, masks=masks) if masks else channel
 
 
-def _questions(times: FloatArray, clock: Clock, read: Times, made: Sequence[Channel]) -> tuple[str, ...]:
-    """Return what the log leaves open of the channels that are read."""
+def _questions(times: FloatArray, clock: Clock, read: Times, made: Sequence[Channel], bare: Mapping[str, FloatArray]) -> tuple[str, ...]:
+    """Return what the log leaves open of the channels that are read, and of `bare` columns without a unit: restarts of a board."""
     columns = {c.name: np.where(c.valid, from_si(c.values, c.unit), np.nan) for c in made}
     warm = {c.name: columns[c.name] for c in made if c.quantity == "temperature"}
     return (
+        *board_restarts(times, bare),
         *unit_question({c.name: warm[c.name] for c in made if c.name in warm and c.assumed and c.unit == "degC"}),
         *repeated_stamps(times, columns),
         *(() if read.zone else lost_hour(times, clock.texts, warm)),
         *hidden_switches(times, {c.name: columns[c.name] for c in made if c.held}),
     )
+
+
+def _bare_numbers(cells: Cells, clock: Clock, parsed: list[FloatArray | int]) -> dict[str, FloatArray]:
+    """Return the columns without a unit that hold numbers, but for the times."""
+    heads = [name_and_unit(header) for header in cells.header]
+    rest = (k for k in range(len(heads)) if k not in clock.places and heads[k][1] is None)
+    return {heads[k][0]: column for k in rest if not isinstance(column := parsed[k], int)}
 
 
 def _origin(cells: Cells, clock: Clock, times: Times, parsed: list[FloatArray | int]) -> Origin:

@@ -8,7 +8,7 @@ from typing import Final
 
 import numpy as np
 
-from thermid.measure._record.channel import FloatArray, gap_from, usual_step
+from thermid.measure._record.channel import BoolArray, FloatArray, gap_from, usual_step
 from thermid.measure.amounts import duration_text, short
 
 ROOM_IN_FAHRENHEIT: Final = (59.0, 95.0)
@@ -19,6 +19,10 @@ NIGHT: Final = 3 * HOUR
 """Time of day up to which summer time begins, by the clock before the change. [s]"""
 GOES_ON: Final = 3.0
 """Largest usual change from reading to reading by which temperatures may differ where no time passed. [-]"""
+RESTART: Final = 0.1
+"""Part of its highest count below which a counter has begun again. [-]"""
+COUNTS_ALIKE: Final = 0.2
+"""How far steps of a counter of time may be from the usual one. [-]"""
 SWITCH: Final = 0.1
 """Part of its range by which a power changes where it is switched; less is its noise. [-]"""
 _OF_DAY = re.compile(r"(?:^|[ T])(\d{1,2}):(\d{2})(?::(\d{2}))?")
@@ -90,6 +94,39 @@ def lost_hour(times: FloatArray, stamps: Sequence[str], temperatures: Mapping[st
         f"no readings from {stamps[k].strip()} to {stamps[k + 1].strip()}, and temperatures go on as if no time had passed: the clock may "
         "have changed to summer time. If so, take an hour off all later stamps, or write stamps with their zone."
     )
+
+
+def begins_again(counter: FloatArray) -> BoolArray:
+    """Return where a counter (samples,) falls back to near its beginning, as that of a board does which restarts."""
+    back = np.diff(counter, prepend=counter[:1]) < 0.0
+    return np.asarray(back & (counter - min(float(np.nanmin(counter)), 0.0) < RESTART * np.fmax.accumulate(counter)))
+
+
+def counts_time(values: FloatArray) -> bool:
+    """Whether readings (samples,) without a unit are a counter of milliseconds: steps alike but for restarts, far above degC."""
+    if values.size < 8 or not np.all(np.isfinite(values)) or float(values.max()) < 1000.0:
+        return False
+    steps = np.diff(values)[~begins_again(values)[1:]]
+    usual = float(np.median(steps)) if steps.size else 0.0
+    return usual > 0.0 and bool(np.mean(np.abs(steps / usual - 1.0) < COUNTS_ALIKE) > 0.8)
+
+
+def board_restarts(times: FloatArray, columns: Mapping[str, FloatArray]) -> Iterator[str]:
+    """Name restarts of a board, by a counter of milliseconds beside the stamps.
+
+    Parameters
+    ----------
+    times : array (samples,)    [s]
+    columns : dict              Column without a unit -> its numbers (samples,).
+    """
+    for name, values in columns.items():
+        again = np.flatnonzero(begins_again(values)) if counts_time(values) else ()
+        if len(again):
+            when = ", ".join(duration_text(float(times[k] - times[0])) for k in again[:4])
+            yield (
+                f"the board restarted at {when}: its counter '{name}' begins again. What it switches may have been "
+                "off. Use the parts before and after as records of their own if a power changed."
+            )
 
 
 def hidden_switches(times: FloatArray, powers: Mapping[str, FloatArray]) -> Iterator[str]:

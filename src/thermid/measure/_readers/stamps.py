@@ -14,6 +14,7 @@ from thermid.base.errors import NameNotFoundError, RecordError, errors_at
 from thermid.base.units import require, unit
 from thermid.measure._readers.columns import find_column, numbers
 from thermid.measure._readers.headers import COUNTED, DATED, MISSING, TIME_NAMES, name_and_unit, plainly
+from thermid.measure._readers.questions import begins_again
 from thermid.measure._readers.textfile import Cells
 from thermid.measure._record.channel import FloatArray
 from thermid.measure.amounts import duration_text
@@ -197,6 +198,10 @@ def _counts(cells: Cells, at: int) -> bool:
     return name_and_unit(cells.header[at])[1] in ("s", "ms", "us", "ns", "min", "h", "d") and _rises(cells, at)
 
 
+MILLISECONDS: Final = ("ms", "millis", "millis()")
+"""Ends of names of columns that count milliseconds."""
+
+
 def read_times(cells: Cells, clock: Clock, decimal: str, form: str | None, unit_text: str | None, given: bool = False) -> Times:
     """Return the times of a log.
 
@@ -237,6 +242,13 @@ def read_times(cells: Cells, clock: Clock, decimal: str, form: str | None, unit_
     back = np.flatnonzero(np.diff(found.values) < 0)
     if back.size:
         row = int(back[0]) + 1
+        if isinstance(parsed, np.ndarray) and begins_again(parsed)[row]:
+            raise RecordError(
+                f"the counter begins again here, at {column[row].strip()} after {column[row - 1].strip()}: the board restarted, and "
+                "nothing says how long it was off. To use both parts, cut the log here into two files, each a record of its own.",
+                cells.where(row, name),
+                code="record.time-order",
+            )
         hour = (
             " A step back of one hour is typical of the end of summer time."
             if 3000 < found.values[row - 1] - found.values[row] <= 3660
@@ -276,7 +288,8 @@ def _counted(cells: Cells, clock: Clock, parsed: FloatArray, unit_text: str | No
     if unit_text is None:
         _refuse_serial_days(parsed, cells, name)
     values = parsed * factor
-    kind = unit_text or ("s" if name.lower().endswith(("_s", "seconds")) else "seconds, no unit in the log")
+    usual = "milliseconds, by its name" if factor == 1e-3 else "seconds, no unit in the log"
+    kind = unit_text or ("s" if name.lower().endswith(("_s", "seconds")) else usual)
     return Times(values, cells.start, _questioned(values, cells, name, unit_text, given), kind)
 
 
@@ -311,7 +324,7 @@ def _factor(cells: Cells, name: str, unit_text: str | None) -> float:
                 cells.where(None, name),
                 code="record.time-unclear",
             )
-        return 1e-3 if tail in ("ms", "millis", "millis()") else 1.0
+        return 1e-3 if tail.lower() in MILLISECONDS else 1.0
     with errors_at(cells.where(None, name)):
         of = unit(unit_text)
         require(of.dimension, "s", unit_text, of.absolute)

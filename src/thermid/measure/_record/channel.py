@@ -14,6 +14,7 @@ from numpy.typing import ArrayLike, NDArray
 from thermid.base.codes import CodedText
 from thermid.base.errors import ExpressionError, NameNotFoundError, RecordError, errors_at, nearest, refuse_unknown
 from thermid.base.expression import quantity, si_values, stated
+from thermid.base.results import Row, Shown
 from thermid.base.units import TEMPERATURE, format_value, from_si, require_unit, unit as read_unit
 from thermid.measure._record.sensor import KEYS, SensorCertificate, SensorPart
 from thermid.measure.amounts import amount, duration_text, positive_seconds
@@ -79,7 +80,7 @@ def frozen(values: ArrayLike, kind: Any) -> NDArray[Any]:
 
 
 @dataclass(frozen=True, eq=False)
-class Channel:
+class Channel(Shown):
     """Samples of one sensor or command, and what they are bound to.
 
     Parameters
@@ -180,6 +181,16 @@ class Channel:
                 given = quantity(si_values(values, TEMPERATURE), unit="K")
         samples = np.asarray(values if given is None else given.si, dtype=np.float64)
         return cls(name, samples, np.isfinite(samples), unit="" if given is None else given.unit.text, **fields)
+
+    def _summary(self) -> str:
+        seat = f" of {self.target}" if self.target else ""
+        return f"{self.name}: {self.quantity or 'samples'}{seat}, {int(np.count_nonzero(self.valid))} of {self.values.size} samples valid"
+
+    def _as_rows(self) -> list[Row]:
+        """Return lowest and highest valid sample. [SI]"""
+        good = self.values[self.valid]
+        ends = {"low": float(good.min()), "high": float(good.max())} if good.size else {}
+        return [{"channel": self.name, "unit": self.unit, "samples": self.values.size, **ends}]
 
     @property
     def flags(self) -> dict[str, int]:

@@ -15,7 +15,7 @@ from typing import Any
 import numpy as np
 
 from thermid.base.errors import ScenarioError, ThermidError, cap, raising
-from thermid.base.expression import THREE_WAYS, Quantity, parse, seconds, si_value, si_values, stated, text_value
+from thermid.base.expression import THREE_WAYS, Quantity, parse, quantity, seconds, si_value, si_values, stated, text_value
 from thermid.base.linear_algebra import Array
 from thermid.base.units import TEMPERATURE, require, unit as read_unit
 
@@ -838,6 +838,8 @@ def signal(value: Any, slot: str, where: str = "") -> Signal:
             values = si_values(value[1], slot)
             return TableSignal(seconds(value[0]), np.atleast_1d(np.asarray(value[1] if values is None else values, dtype=float)))
         found = stated(value)
+        if found is None and hasattr(value, "iloc") and slot != TEMPERATURE:  # plain numbers are SI; a temperature states its unit
+            found = quantity(value, unit=slot)
         if found is not None and np.ndim(found.si):
             return _sampled(found, slot)
         if found is not None or isinstance(value, str | Real):

@@ -7,6 +7,7 @@ from dataclasses import dataclass, replace
 from typing import Any
 
 from thermid.base.arguments import takes_objects
+from thermid.base.results import Row, Shown
 from thermid.model._tree.identity import Identity, cut, definition_of, identity_of, lay_values, local_identities
 from thermid.model._tree.replacement import Replacement, replaced
 from thermid.model._tree.rules import Finding, findings
@@ -14,8 +15,21 @@ from thermid.model._tree.tree import Tree
 
 
 @dataclass(frozen=True)
-class Model(Tree):
+class Model(Tree, Shown):
     """A lumped thermal model at any depth. Frozen; every change returns a new one. Its fields are those of `Tree`."""
+
+    def __repr__(self) -> str:
+        """Return its kind and its first line."""
+        return Shown.__repr__(self)
+
+    def _summary(self) -> str:
+        parts = [f"{row['number']} {row['what']}" for row in self._as_rows() if row["number"]]
+        return f"{self.title}: {', '.join(parts)}"
+
+    def _as_rows(self) -> list[Row]:
+        """Return how many elements of each kind it has."""
+        kinds = ("nodes", "surfaces", "conductors", "loads", "submodels", "needs")
+        return [{"what": name, "number": len(getattr(self, name))} for name in kinds]
 
     @takes_objects
     def with_values(self, values: Mapping[str, Any], origin: str = "caller", at: str = "") -> Model:

@@ -5,13 +5,14 @@ Rules see the tree laid flat. They say what to do, and change nothing.
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass
 from typing import Any, Final, Literal
 
 import numpy as np
 
-from thermid.base.codes import code_of
+from thermid.base.codes import CodedText, code_of
 from thermid.base.dual import value_of
 from thermid.base.errors import ThermidError, quoted
 from thermid.model._laws.curves import evaluate
@@ -126,9 +127,9 @@ def _refused(error: ThermidError, where: str) -> Finding:
     return Finding("error", where, error.message, error.code or "model.refused")
 
 
-def _view(model: Tree) -> _View:
+def _view(model: Tree, assigned: Mapping[str, float] | None = None) -> _View:
     flat = flatten(model)
-    values = flat.parameters.evaluate({})
+    values = flat.parameters.evaluate(assigned or {})
     impossible = {
         path: Finding("error", where, message, "value.outside-range") for path, where, message in flat.impossible(values, flat.ranges)
     }
@@ -384,6 +385,73 @@ def _exponents(view: _View) -> Iterator[Finding]:
             yield Finding("warning", view.flat.parameters.table[path].where, message, "model.value-unusual")
 
 
+LUMPED: Final = 0.1
+"""Biot number from which the inside of a body is not at one temperature (Incropera, 6th ed., section 5.1). [-]"""
+
+
+def _lumping(view: _View) -> dict[str, float]:
+    """Return node -> Biot number: its films over the conduction inside it, of which the deck gives conductivity, area and thickness. [-]
+
+    For one path of thickness L under a film h on the same area it is h L/k; for a bar with a film along its side, (m L)^2 of a fin.
+    A film with a power of the temperature difference counts at 10 K.
+    """
+    films: dict[str, float] = {}
+    inside: dict[str, float] = {}
+    for c in view.flat.conductors:
+        size = view.conductances.get(c.path, 0.0)
+        if not 0.0 < size < math.inf:
+            continue
+        solid = c.kind == "conduction" and {"conductivity", "area", "thickness"} <= set(c.fields)
+        film = c.kind in ("convection", "effective")
+        if film and "htc.exponent" in c.fields:
+            size *= RISE ** float(view.values[c.fields["htc.exponent"]])
+        for end in c.ends if solid or film else ():
+            into = inside if solid else films
+            into[end] = into.get(end, 0.0) + size
+    bodies = {n.path for n in view.flat.nodes if view.capacitance(n) > 0.0}
+    return {n: films[n] / g for n, g in inside.items() if n in films and n in bodies}
+
+
+RISE: Final = 10.0
+"""Difference at which a film with a power of it counts. [K]"""
+
+
+def _lumped(view: _View) -> Iterator[Finding]:
+    """A node whose inside is not at one temperature."""
+    where = {n.path: n.where for n in view.flat.nodes}
+    for node, message in _unlumped(view).items():
+        yield Finding("note", where[node], message, code_of(message) or "")
+
+
+def _unlumped(view: _View) -> dict[str, CodedText]:
+    """Return node -> that it is not at one temperature, and what to split."""
+    found = {}
+    for node, biot in _lumping(view).items():
+        if biot > LUMPED:
+            text = (
+                f"the Biot number of '{node}' is {biot:.2g}, above {LUMPED:g}: films carry {biot:.2g} times as much heat per kelvin as the "
+                f"conduction inside it, so it is not at one temperature. Split it along that conduction into {_pieces(biot)} nodes or more."
+            )
+            found[node] = CodedText(text, "physics.not-one-temperature")
+    return found
+
+
+def unlumped(model: Tree, values: Mapping[str, float]) -> tuple[CodedText, ...]:
+    """Return which nodes are not at one temperature with some values, and what to split.
+
+    Parameters
+    ----------
+    model : Tree
+    values : dict   Path -> value, of a fit for instance. [SI]
+    """
+    return tuple(_unlumped(_view(model, values)).values())
+
+
+def _pieces(biot: float) -> int:
+    """Return the pieces of a body of which each is at one temperature: the Biot number of a film along it falls with their square."""
+    return max(2, math.ceil(math.sqrt(biot / LUMPED)))
+
+
 def _outliers(view: _View) -> Iterator[Finding]:
     """A value far from those of its peers: the same field of parts, or of conductors of one kind."""
     table = view.flat.parameters.table
@@ -534,6 +602,7 @@ RULES: Final[tuple[Rule, ...]] = (
     _attached,
     _paths,
     _loads,
+    _lumped,
     _outliers,
     _unused,
     _exponents,

@@ -15,15 +15,19 @@ import numpy as np
 from thermid.base.errors import ThermidError
 from thermid.base.linear_algebra import Array
 from thermid.base.results import Result
-from thermid.base.units import counted, from_si, in_si
+from thermid.base.units import counted, from_si, in_si, unit
 from thermid.measure.amounts import duration_text, short
 from thermid.measure.readers import (
     Cells,
     Clock,
     Column,
+    CommonStep,
+    LogCourse,
     Times,
+    board_restarts,
     clock_column,
     columns_of,
+    common_step,
     decimal_sign,
     hidden_switches,
     log_cells,
@@ -96,6 +100,7 @@ class Look(Result):
         out = [*unit_question({c.name: warm[c.name] for c in self.columns if c.name in warm and c.assumed and c.unit == "degC"})]
         if self.times is not None and self.clock is not None:
             times = self.times.values
+            out += board_restarts(times, {c.name: c.values for c in self.columns if c.guess == "ignored" and not c.unit and c.values.size})
             out += repeated_stamps(times, columns)
             out += () if self.times.zone else lost_hour(times, self.clock.texts, warm)
             out += hidden_switches(times, {n: v for n, v in columns.items() if n not in warm})
@@ -186,6 +191,9 @@ class Look(Result):
         for c in self.columns:
             if c.guess in _SHOWN:
                 out += self._channel(c)
+        if self.supply is not None:
+            volts, amperes = (json.dumps(c.name, ensure_ascii=False) for c in self.supply)
+            out.append(f'P_supply = {{ load = "P_supply", power = {{ volts = {volts}, amperes = {amperes} }} }}  # a voltage and a current')
         return "\n".join(out) + "\n"
 
     def _channel(self, c: Column) -> list[str]:
@@ -201,6 +209,32 @@ class Look(Result):
         if c.guess == "duty":
             return [f'# {key} = {{ load = "{target}", full_scale = "... [W]"{said} }}{why}']
         return [f'{key} = {{ {role} = "{target}"{said} }}{why}']
+
+    def courses(self) -> list[LogCourse]:
+        """Return temperatures, powers and duties over the clock of the log, and volts times amperes where it has one of each."""
+        if self.times is None:
+            return []
+        times = self.times.values - self.times.values[0]
+        out = []
+        for c in (c for c in self.columns if c.guess in _SHOWN and c.good.any()):
+            power = c.guess in ("power", "duty")
+            out.append(
+                LogCourse(
+                    c.name, power, times[c.good], in_si(c.values[c.good], c.unit or ("W" if power else "degC")), c.guess != "boundary"
+                )
+            )
+        pair = self.supply
+        if pair is not None:
+            watts = in_si(pair[0].values, pair[0].unit) * in_si(pair[1].values, pair[1].unit)
+            good = np.isfinite(watts)
+            out.append(LogCourse(f"{pair[0].name} * {pair[1].name}", True, times[good], watts[good]))
+        return out
+
+    @property
+    def supply(self) -> tuple[Column, Column] | None:
+        """The only column in volts and the only one in amperes; None where there are several, or none."""
+        found = [[c for c in self.columns if c.unit and _is(c.unit, slot) and c.values.size] for slot in ("V", "A")]
+        return (found[0][0], found[1][0]) if [len(f) for f in found] == [1, 1] else None
 
     def as_object(self) -> dict[str, Any]:
         """Return the same as JSON holds it; values in the units of the columns, times in seconds."""
@@ -283,9 +317,10 @@ def _time_of_day(look: Look) -> float | None:
 
 
 def clocks_of(looks: Sequence[Look]) -> list[dict[str, Any]]:
-    """Return of each further log how it may be joined with the first one, by the times of day of their first stamps.
+    """Return of each further log how it may be joined with the first one, by the times of day of their first stamps and by a common step.
 
     `offset` is by how much its first sample is late on the first one, if both clocks are right; None where one has no stamps. [s]
+    `step` has the same by a step of a power or temperature that both logs show, with its standard error. [s]
     """
     if len(looks) < 2:
         return []
@@ -293,8 +328,18 @@ def clocks_of(looks: Sequence[Look]) -> list[dict[str, Any]]:
     for each in looks[1:]:
         own = _time_of_day(each)
         late = None if first is None or own is None else (own - first + 0.5 * DAY) % DAY - 0.5 * DAY
-        out.append({"file": each.path.name, "record": each.name, "offset": late})
+        step: CommonStep | None = common_step(looks[0].courses(), each.courses())
+        found = {"step": {"offset": step.offset, "error": step.error, "columns": [step.first, step.second]}} if step else {}
+        out.append({"file": each.path.name, "record": each.name, "offset": late, **found})
     return out
+
+
+def _is(text: str, slot: str) -> bool:
+    """Whether a text is a unit of a slot's dimension."""
+    try:
+        return unit(text).dimension == unit(slot).dimension
+    except ThermidError:
+        return False
 
 
 def clock_lines(looks: Sequence[Look]) -> list[str]:
@@ -307,14 +352,43 @@ def clock_lines(looks: Sequence[Look]) -> list[str]:
     lines += [
         f"  {f['file']} begins {abs(f['offset']):.6g} s {'after' if f['offset'] >= 0 else 'before'} {looks[0].path.name}" for f in known
     ]
-    lines += [f"  {f['file']} or {looks[0].path.name} has no time stamps: give the offset" for f in found if f["offset"] is None]
-    pairs = ", ".join(f'{{ record = "{f["record"]}", offset = "{0.0 if f["offset"] is None else f["offset"]:.6g} [s]" }}' for f in found)
+    for f in found:
+        lines += _by_step(f, looks[0].path.name)
+    pairs = ", ".join(f'{{ record = "{f["record"]}", offset = {_offset(f)} }}' for f in found)
     return [
         *lines,
         f"Join them in [records.{looks[0].name}]; a pair as offset is a range in which the fit finds it:",
         "",
         f"    joined   = [{pairs}]",
     ]
+
+
+def _by_step(found: dict[str, Any], first: str) -> list[str]:
+    """Return what a common step says of a clock, and whether the stamps agree with it."""
+    if "step" not in found:
+        return (
+            [] if found["offset"] is not None else [f"  {found['file']} or {first} has no time stamps, and no common step: give the offset"]
+        )
+    step = found["step"]
+    late, error = step["offset"], step["error"]
+    a, b = step["columns"]
+    side = "after" if late >= 0 else "before"
+    said = f"  by a common step of {a} and {b}, {found['file']} begins {abs(late):.4g} s {side} {first}, +- {error:.2g} s"
+    if found["offset"] is not None and abs(late - found["offset"]) > APART * error:
+        said += f"; its stamps are {abs(late - found['offset']):.3g} s away from that: one of the clocks is wrong, or heat arrives late"
+    return [said]
+
+
+def _offset(found: dict[str, Any]) -> str:
+    """Return the offset of a further log as a campaign writes it: that of the stamps, or a range about a common step."""
+    if found["offset"] is not None or "step" not in found:
+        return f'"{0.0 if found["offset"] is None else found["offset"]:.6g} [s]"'
+    late, error = found["step"]["offset"], found["step"]["error"]
+    return f'["{late - APART * error:.4g} [s]", "{late + APART * error:.4g} [s]"]'
+
+
+APART = 4.0
+"""Standard errors of an offset that a fit may look for it in, and beyond which stamps disagree with it. [-]"""
 
 
 def _standing(panels: Sequence[Panel], legend: Sequence[tuple[str, str, str]], name: str, unit_name: str) -> str:

@@ -59,7 +59,7 @@ def project(folder: Path, hidden: float) -> Path:
 
 def test_what_is_proved_becomes_the_next_structure(tmp_path: Path) -> None:
     path = project(tmp_path, 260.0)
-    made = improve(path, seconds=20.0)
+    made = improve(path, evaluations=3000)
     assert [f.name for f in made.files] == ["plate.toml", "campaign_next.toml"]
     (row,) = made.rows()
     assert row["before_K"] > 1.0
@@ -71,11 +71,11 @@ def test_what_is_proved_becomes_the_next_structure(tmp_path: Path) -> None:
     assert again.stages["plate"].sensors["T_plate_C"].rmse == pytest.approx(row["after_K"], rel=0.01)
     made.files[1].write_text("mine = 1\n")
     with pytest.raises(OutputError):
-        improve(path, seconds=20.0)
+        improve(path, evaluations=3000)
 
 
 def test_nothing_is_written_where_nothing_is_proved(tmp_path: Path) -> None:
-    made = improve(project(tmp_path, 0.0), seconds=20.0)
+    made = improve(project(tmp_path, 0.0), evaluations=3000)
     assert made.files == ()
     assert not (tmp_path / "campaign_next.toml").exists()
     assert "No change of the structure is supported" in str(made)
@@ -110,7 +110,7 @@ def test_a_delay_that_is_proved_is_written_into_the_record(tmp_path: Path) -> No
     late_bench(tmp_path / "test.csv")
     prepare = 'prepare = [{ trim = ["1 [min]", "end"] }]  # the first minute is unsettled\n'
     path.write_text(CAMPAIGN.replace("[[stages]]", prepare + "[[stages]]", 1) + STILL)
-    made = improve(path, "plate", seconds=20.0)
+    made = improve(path, "plate", evaluations=3000)
     assert made.changes == ("logged powers and commands act late",)
     (delay,) = made.delays
     ((value, error),) = delay.found.values()
@@ -162,7 +162,7 @@ def test_a_proposal_that_a_full_fit_refuses_is_not_written(tmp_path: Path, monke
         raise DeckError("a node's capacitance must be above zero and finite.", "plate")
 
     monkeypatch.setattr("thermid.campaign._start.improve.fit", ended)
-    made = improve(path, seconds=20.0)
+    made = improve(path, evaluations=3000)
     assert (made.files, made.refused) == ((), "a node's capacitance must be above zero and finite.")
     assert "nothing was written" in str(made)
 
@@ -178,7 +178,7 @@ def test_a_mass_that_no_reading_can_know_is_not_possible() -> None:
     second = next(m for m in missing_elements(fit, fit.request) if m.name.startswith("a second mass"))
 
     def found(held: float, link: float) -> dict[str, SimpleNamespace]:
-        return {p: SimpleNamespace(value=v) for p, v in zip(second.request.free[-2:], (held, link), strict=True)}
+        return {p: SimpleNamespace(value=v, error=0.1 * v) for p, v in zip(second.request.free[-2:], (held, link), strict=True)}
 
     assert second.judge(found(2000.0, 0.5))[1]
     assert not second.judge(found(56229.0, 7.8e-9))[1]

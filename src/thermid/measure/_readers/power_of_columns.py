@@ -1,0 +1,152 @@
+"""A power that no column holds: a formula of columns with units, volts and amperes, a counter of energy.
+
+In: what `power` of a channel says, and the columns of its log. Out: watts (samples,), which of them are none, and how they count in time.
+"""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
+from typing import Any, Final
+
+import numpy as np
+
+from thermid.base.errors import RecordError, errors_at, refuse_unknown
+from thermid.base.expression import parse
+from thermid.base.units import Unit, describe, in_si, require, unit
+from thermid.measure._record.channel import BoolArray, FloatArray
+
+ColumnOf = Callable[[str], tuple[FloatArray, str | None]]
+"""Name -> readings (samples,) in the column's own unit, and that unit; None where the log has none."""
+_USUAL: Final = {"volts": "V", "amperes": "A", "ohms": "ohm", "duty": "%", "share": "1", "energy": "J", "watts": "W"}
+"""Key of the table -> unit that is needed there."""
+POWER_KEYS: Final = (*_USUAL, "formula")
+"""Keys of the table that take a text."""
+_QUOTED: Final = re.compile(r"`([^`]+)`")
+_NUMBER: Final = re.compile(r"\s*[-+.\d]")
+_PRODUCTS: Final = {
+    frozenset({"volts", "amperes"}): "volts * amperes",
+    frozenset({"volts", "ohms"}): "volts**2 / ohms",
+    frozenset({"amperes", "ohms"}): "amperes**2 * ohms",
+    frozenset({"watts"}): "watts",
+}
+RESTARTED: Final = "counter restarted"
+
+
+@dataclass(frozen=True, eq=False)
+class PowerReadings:
+    """A power that follows from columns.
+
+    Parameters
+    ----------
+    watts : array (samples,)        NaN where a column has no reading. [W]
+    restarted : array (samples,)    Where a counter of energy began again, so that the interval before says nothing.
+    samples : str                   'average' for a counter: the mean since the stamp before; empty for readings of an instant.
+    """
+
+    watts: FloatArray
+    restarted: BoolArray
+    samples: str = ""
+
+
+def power_readings(given: object, column: ColumnOf, times: FloatArray, where: str) -> PowerReadings:
+    """Return the power that `power` of a channel asks for.
+
+    Parameters
+    ----------
+    given : str or mapping  A formula of columns, ``"V_IN * I_IN"``; or a table: volts, amperes, ohms (two of them) or watts, times duty and
+                            share; energy; or formula with units. Values are columns, or numbers with units.
+    column : callable       Name -> readings and unit.
+    times : array           [s]
+    where : str             For messages.
+
+    Raises
+    ------
+    RecordError             When a key or a unit is missing, or it is no power.
+    NameNotFoundError       When there is no such column.
+    """
+    with errors_at(f"{where}, power"):
+        if isinstance(given, str):
+            return _of_formula(given, column, {}, times)
+        if not isinstance(given, Mapping):
+            raise RecordError(f"{given!r} is neither a formula of columns nor a table.", code="value.wrong-kind")
+        refuse_unknown(given, (*POWER_KEYS, "units"))
+        if "formula" in given:
+            refuse_unknown(given, ("formula", "units"), refusal="'{}' does not go with a formula, which takes {known}.")
+            return _of_formula(str(given["formula"]), column, dict(given.get("units", {})), times)
+        if "energy" in given:
+            refuse_unknown(given, ("energy", "share"), refusal="'{}' does not go with a counter of energy, which takes {known}.")
+            return _of_counter(_slot("energy", given, column), _slot("share", given, column), times)
+        return _of_product(given, column, times)
+
+
+def _of_product(given: Mapping[str, Any], column: ColumnOf, times: FloatArray) -> PowerReadings:
+    """Return volts times amperes and the like."""
+    asked = frozenset(given) - {"duty", "share", "units"}
+    if asked not in _PRODUCTS:
+        raise RecordError(
+            f"{', '.join(sorted(asked)) or 'this'} is not enough: give volts with amperes or ohms, amperes with ohms, or watts.",
+            code="value.incomplete",
+        )
+    found = {key: _slot(key, given, column) for key in (*asked, "duty", "share")}
+    values = parse(_PRODUCTS[asked]).evaluate(found.__getitem__) * found["duty"] * found["share"]
+    return PowerReadings(np.broadcast_to(np.asarray(values, dtype=float), times.shape).copy(), np.zeros(times.shape, dtype=bool))
+
+
+def _slot(key: str, given: Mapping[str, Any], column: ColumnOf) -> Any:
+    """Return what a key of the table gives in SI: a column, or a number with its unit; 1 for a factor that is not there."""
+    if key not in given:
+        return 1.0
+    text = str(given[key])
+    if _NUMBER.match(text):
+        found = parse(text).literal
+        if found is None:
+            raise RecordError(f"{key} = '{text}' is neither a column nor a number with a unit.", code="value.wrong-kind")
+        require(found.unit.dimension, _USUAL[key], text)
+        return found.value
+    values, of = _known(text, column, {text: _USUAL[key]})
+    require(of.dimension, _USUAL[key], f"column '{text}' [{of.text}]")
+    return in_si(values, of)
+
+
+def _known(name: str, column: ColumnOf, usual: Mapping[str, str]) -> tuple[FloatArray, Unit]:
+    """Return readings and unit of a column; `usual` says the unit where the log has none."""
+    values, text = column(name)
+    text = text or usual.get(name)
+    if text is None:
+        raise RecordError(
+            f"column '{name}' has no unit. Give it: power = {{ formula = '...', units = {{ {name} = 'V' }} }}.", code="record.unit-unclear"
+        )
+    return values, unit(text)
+
+
+def _of_formula(text: str, column: ColumnOf, units: Mapping[str, str], times: FloatArray) -> PowerReadings:
+    """Return the value of a formula of columns, each in SI by its unit."""
+    quoted = {f"column{k}": name for k, name in enumerate(dict.fromkeys(_QUOTED.findall(text)))}
+    plain = text
+    for place, name in quoted.items():
+        plain = plain.replace(f"`{name}`", place)
+    expression = parse(plain)
+    if not expression.names:
+        raise RecordError(f"'{text}' names no column. A constant power stands in the deck or in the scenario.", code="value.wrong-kind")
+    found = {name: _known(quoted.get(name, name), column, units) for name in expression.names}
+    dimension = expression.dimension(lambda name: found[name][1].dimension)
+    if dimension != unit("W").dimension:
+        raise RecordError(f"'{text}' is {describe(dimension)}, so it is not a power.", code="unit.wrong-dimension")
+    values = expression.evaluate({name: in_si(v, of) for name, (v, of) in found.items()}.__getitem__)
+    return PowerReadings(np.asarray(values, dtype=float), np.zeros(times.shape, dtype=bool))
+
+
+def _of_counter(joules: FloatArray, share: float, times: FloatArray) -> PowerReadings:
+    """Return the mean power since the stamp before; the first stamp has that of the second. A step down is a restart."""
+    if np.ndim(joules) == 0:
+        raise RecordError("energy is a column: a counter that grows.", code="value.wrong-kind")
+    step = np.diff(joules, prepend=np.nan)
+    long = np.diff(times, prepend=np.nan)
+    with np.errstate(divide="ignore", invalid="ignore"):
+        watts = np.where(long > 0.0, step / long, np.nan) * share
+    restarted = step < 0.0
+    watts[restarted] = np.nan
+    watts[0] = watts[1] if watts.size > 1 else np.nan
+    return PowerReadings(watts, restarted, "average")

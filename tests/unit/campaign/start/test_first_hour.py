@@ -1,0 +1,150 @@
+"""The first hour with raw logs: thermometers that disagree at rest, masses from a scale, a deck to begin with, and what cannot be."""
+
+from __future__ import annotations
+
+import importlib.util
+import itertools
+import json
+import sys
+import time
+import tomllib
+from pathlib import Path
+from types import ModuleType
+from typing import Any
+
+import numpy as np
+import pytest
+from typer.testing import CliRunner
+
+from thermid.app.cli.app import app
+from thermid.base.errors import ThermidError
+
+SCRIPTS = Path(__file__).parents[4] / "scripts"
+
+
+@pytest.fixture(scope="module")
+def hour() -> ModuleType:
+    """The simulated bench: a box with a board and a converter on a plate."""
+    spec = importlib.util.spec_from_file_location("first_hour", SCRIPTS / "first_hour.py")
+    assert spec is not None
+    assert spec.loader is not None
+    module = importlib.util.module_from_spec(spec)
+    sys.modules["first_hour"] = module
+    spec.loader.exec_module(module)
+    return module
+
+
+def said(*arguments: str) -> tuple[int, Any]:
+    """Run a command; return its exit code and its object."""
+    found = CliRunner().invoke(app, [*arguments, "--json"])
+    if isinstance(found.exception, ThermidError):
+        return found.exception.exit_code, found.exception.message
+    return found.exit_code, json.loads(found.stdout)
+
+
+def plate(
+    path: Path, columns: str = "T_plate [degC],T_room [degC],P [W]", scale: float = 1.0, offset: float = 0.0, rest: float = 600.0
+) -> Path:
+    """Write a log of a plate of 150 J/K with 0.3 W/K to the room, whose thermometer reads an offset too much; its power times a scale."""
+    rng, rows, hot = np.random.default_rng(4), [f"time [s],{columns}"], 22.0
+    for t in np.arange(0.0, 5400.0, 15.0):
+        watts = 0.0 if t < rest else 12.0 if t < 2400.0 else 3.0
+        rows.append(f"{t:g},{hot + offset + 0.03 * rng.standard_normal():.3f},{22.0 + 0.03 * rng.standard_normal():.3f},{scale * watts:g}")
+        hot += 15.0 * (watts - 0.3 * (hot - 22.0)) / 150.0
+    path.write_text("\n".join(rows) + "\n")
+    return path
+
+
+def test_offsets_at_rest_are_found_said_and_written(hour: ModuleType, tmp_path: Path) -> None:
+    """With offsets taken as heat the plate of 2700 J/K was proposed with 88 J/K, and two sensors lagged by 347 and 70 s."""
+    bench = hour.Bench()
+    log = hour.one_log(bench, tmp_path / "box.csv", step=60.0)
+    code, made = said("init", str(log), "--to", str(tmp_path / "p"), "--evaluations", "400")
+    assert code in (0, 4)
+    assert made["not_physical"] == []
+    for column, part in (("BOX", "box"), ("PLATE", "plate")):
+        true = bench.offsets[column] - bench.offsets["AMB"]
+        assert abs(made["offsets_K"][column]["value"] - true) < 0.15, part
+    campaign = (tmp_path / "p" / "campaign.toml").read_text()
+    assert campaign.count('accuracy = "0.5 [K]"') == 6  # three thermometers, fitted and judged
+    assert "BOX -0." in campaign
+    assert "begins at rest for" in campaign
+    code, done = said("calibrate", str(tmp_path / "p" / "campaign.toml"))
+    assert code in (0, 5)
+    values = done["stages"][0]["values"]
+    inside = sum(v for path, v in values.items() if path.endswith(".capacitance") and not path.startswith("plate"))
+    assert inside == pytest.approx(1080.0 + 130.0 + 45.0, rel=0.25)
+    assert values["plate.capacitance"] == pytest.approx(2700.0, rel=0.25)
+
+
+def test_the_answer_is_the_same_under_a_clock_that_jumps(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    log = plate(tmp_path / "log.csv", offset=0.6)
+    first = CliRunner().invoke(app, ["init", str(log), "--to", str(tmp_path / "p")])
+    ticks = itertools.count(step=50.0)
+    monkeypatch.setattr(time, "monotonic", lambda: float(next(ticks)))
+    again = CliRunner().invoke(app, ["init", str(log), "--to", str(tmp_path / "q")])
+    assert again.output.replace(f"{tmp_path}/q", f"{tmp_path}/p") == first.output
+    assert (tmp_path / "q" / "log.toml").read_bytes() == (tmp_path / "p" / "log.toml").read_bytes()
+    assert (tmp_path / "q" / "campaign.toml").read_bytes() == (tmp_path / "p" / "campaign.toml").read_bytes()
+
+
+def test_a_power_in_other_units_gives_a_part_that_cannot_be(tmp_path: Path) -> None:
+    log = plate(tmp_path / "log.csv", scale=1e-3)  # kilowatts under a header of watts
+    code, made = said("init", str(log), "--to", str(tmp_path / "p"))
+    assert code == 4
+    (row,) = [r for r in made["not_physical"] if r["path"] == "t_plate.capacitance" or r["path"] == "plate.capacitance"]
+    assert row["high"] > row["low"] > row["value"]
+    assert f"# Not physical: {row['path']} = 0.1" in (tmp_path / "p" / "log.toml").read_text()
+
+
+def test_a_mass_from_a_scale_gives_the_scale_of_a_duty(tmp_path: Path) -> None:
+    log = plate(tmp_path / "log.csv", "T_plate [degC],T_room [degC],heater [%]", scale=100.0 / 12.0)
+    _, ratios = said("init", str(log), "--to", str(tmp_path / "p"))
+    assert "--mass plate=" in ratios["assumed"]
+    _, made = said("init", str(log), "--to", str(tmp_path / "q"), "--mass", "plate=0.167 [kg]", "--material", "plate=aluminium 6061")
+    assert made["assumed"] == ""
+    (stage,) = tomllib.loads((tmp_path / "q" / "campaign.toml").read_text())["stages"]
+    assert stage["priors"] == {"plate.capacitance": {"mean": "149.6 [J/K]", "sd": "10 [%]"}}
+    code, message = said("init", str(log), "--to", str(tmp_path / "r"), "--mass", "lid=0.167 [kg]")
+    assert (code, message) == (2, "no part 'lid'. Parts: plate.")
+    code, message = said("init", str(log), "--to", str(tmp_path / "r"), "--mass", "plate=0.167 [kg]", "--material", "plate=wood")
+    assert code == 2
+    assert message.startswith("no material 'wood'. Known: aluminium 7075-T6,")
+
+
+def test_a_deck_to_begin_with_is_kept(tmp_path: Path) -> None:
+    log = plate(tmp_path / "log.csv", offset=-0.4)
+    (tmp_path / "mine.toml").write_text(
+        'title = "mine"\nneeds = ["lab"]\nnodes.plate = { capacitance = "90 [J/K]" }\n'
+        'conductors.film = { kind = "convection", between = ["plate", "lab"], htc = "5 [W/(m^2 K)]", '
+        'area = { value = "0.03 [m^2]", source = "measured" } }\nloads.foil = { into = "plate", power = "0 [W]" }\n'
+    )
+    _, made = said("init", str(log), "--to", str(tmp_path / "p"), "--deck", str(tmp_path / "mine.toml"))
+    assert made["masses"] == 1
+    assert made["offsets_K"]["T_plate"]["value"] == pytest.approx(-0.4, abs=0.05)
+    text = (tmp_path / "p" / "campaign.toml").read_text()
+    assert 'free = ["plate.capacitance", "film.htc"]' in text
+    assert 'load = "foil"' in text
+    assert 'boundary = "lab"' in text
+    _, done = said("calibrate", str(tmp_path / "p" / "campaign.toml"))
+    assert done["stages"][0]["values"]["plate.capacitance"] == pytest.approx(150.0, rel=0.03)
+    assert done["stages"][0]["values"]["film.htc"] == pytest.approx(10.0, rel=0.03)
+
+
+@pytest.mark.parametrize(("unit", "what"), [("A2", "the square of a current"), ("kW/m2", "a power by area"), ("A", "a current")])
+def test_a_column_that_a_power_may_follow_from_is_asked_about(tmp_path: Path, unit: str, what: str) -> None:
+    log = plate(tmp_path / "log.csv", f"T_plate [degC],T_room [degC],X [{unit}]")
+    _, made = said("init", str(log), "--to", str(tmp_path / "p"), "--evaluations", "50")
+    (question,) = made["questions"]
+    assert question.startswith(f"X is {what} [{unit}]: is it a power?")
+
+
+def test_a_power_by_formula_is_taken_from_volts_and_amperes(tmp_path: Path) -> None:
+    log = plate(tmp_path / "log.csv", "T_plate [degC],T_room [degC],I_IN [A]", scale=1.0 / 24.0)
+    rows = log.read_text().splitlines()
+    log.write_text("\n".join([rows[0] + ",V_IN [V]", *(f"{row},24" for row in rows[1:])]))
+    code, made = said("init", str(log), "--to", str(tmp_path / "p"), "--formula", "P_IN=V_IN * I_IN", "--evaluations", "200")
+    assert code in (0, 4)
+    assert made["questions"] == []
+    _, done = said("calibrate", str(tmp_path / "p" / "campaign.toml"))
+    assert done["stages"][0]["values"]["plate.capacitance"] == pytest.approx(150.0, rel=0.03)

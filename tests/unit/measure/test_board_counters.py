@@ -1,0 +1,49 @@
+"""Counters of a board: milliseconds since it started are a clock, beside stamps they are no temperature, and their restart is named."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import pytest
+
+import thermid as td
+from thermid.base.errors import RecordError
+from thermid.reporting.pictures import look
+
+
+def rows(first: int = 0, count: int = 30) -> list[str]:
+    return [f"{1000 * k + 3},{22 + 0.01 * (first + k):.2f},{21 + 0.005 * (first + k):.3f}" for k in range(count)]
+
+
+@pytest.mark.parametrize("name", ["millis", "Millis", "MILLIS", "uptime_ms", "ms"])
+def test_a_counter_in_milliseconds_is_a_clock(tmp_path: Path, name: str) -> None:
+    path = tmp_path / "a.csv"
+    path.write_text("\n".join([f"{name},T1,T2", *rows()]) + "\n")
+    seen = look(path)
+    assert seen.times is not None
+    assert seen.times.values[-1] - seen.times.values[0] == pytest.approx(29.0)
+    assert seen.times.kind in ("milliseconds, by its name", "ms")
+
+
+def test_a_counter_that_begins_again_is_a_restart_of_the_board(tmp_path: Path) -> None:
+    path = tmp_path / "b.csv"
+    path.write_text("\n".join(["millis,T1,T2", *rows(), *rows(30)]) + "\n")
+    with pytest.raises(
+        RecordError, match=r"b\.csv:32, column 'millis': the counter begins again here, at 3 after 29003: the board restarted"
+    ):
+        td.read_record(path, {"T1": {"node": "a"}})
+    assert "cut the log here" in look(path).problem
+
+
+def test_a_counter_beside_stamps_is_ignored_and_its_restart_named(tmp_path: Path) -> None:
+    lines = [f"10:00:{k:02d}.100 -> t={1000 * k} T1: {22 + 0.01 * k:.2f} C" for k in range(1, 30)]
+    lines += [f"10:00:{k:02d}.100 -> t={1000 * (k - 35)} T1: {22 + 0.01 * k:.2f} C" for k in range(36, 59)]
+    path = tmp_path / "c.txt"
+    path.write_text("\n".join(lines) + "\n")
+    seen = look(path)
+    (counter,) = [c for c in seen.columns if c.name == "t"]
+    assert counter.guess == "ignored"
+    assert "counts milliseconds" in counter.why
+    (question,) = [q for q in seen.questions if "restart" in q]
+    assert question.startswith("the board restarted at 35 s: its counter 't' begins again")
+    assert question in td.read_record(path, {"T1": {"node": "a"}}).origin.questions

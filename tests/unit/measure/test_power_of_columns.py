@@ -1,0 +1,102 @@
+"""Powers as they are measured: volts and amperes, formulas of columns, counters of energy, duty times a measured supply."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+import thermid as td
+from thermid.base.errors import ThermidError
+
+ROWS = (
+    "time [s],V_IN [V],I_IN [mA],D [%],P [W],E [Wh],T [degC],U",
+    "0,24,500,0,12,100,22,1",
+    "10,24,500,50,12,100.0333333,22,1",
+    "20,12,250,100,3,100.0416667,22,1",
+    "30,12,,100,3,0.0083333,22,1",
+    "40,12,250,100,3,0.0166667,22,1",
+)
+
+
+@pytest.fixture
+def log(tmp_path: Path) -> Path:
+    path = tmp_path / "log.csv"
+    path.write_text("\n".join(ROWS) + "\n")
+    return path
+
+
+def power(log: Path, given: object, **more: object) -> td.Channel:
+    return td.read_record(log, {"P_IN": {"load": "box.heater", "power": given, **more}})["P_IN"]
+
+
+def test_volts_times_amperes_are_watts_and_a_missing_reading_stays_missing(log: Path) -> None:
+    found = power(log, {"volts": "V_IN", "amperes": "I_IN"}, accuracy="0.1 [W]")
+    np.testing.assert_allclose(found.values[found.valid], [12.0, 12.0, 3.0, 3.0])
+    assert list(found.valid) == [True, True, True, False, True]
+    assert (found.quantity, found.role, found.target, found.unit, found.accuracy) == ("power", "load", "box.heater", "W", 0.1)
+
+
+@pytest.mark.parametrize(
+    ("given", "watts"),
+    [
+        ("V_IN * I_IN", [12.0, 12.0, 3.0, 3.0]),
+        ("0.6 * P", [7.2, 7.2, 1.8, 1.8]),  # a known share of one power
+        ("D * V_IN * I_IN", [0.0, 6.0, 3.0, 3.0]),
+        ("V_IN**2 / 48 [ohm] - 100 [mW]", [11.9, 11.9, 2.9, 2.9]),
+        ({"volts": "V_IN", "ohms": "48 [ohm]"}, [12.0, 12.0, 3.0, 3.0]),
+        ({"amperes": "I_IN", "ohms": "48 [ohm]"}, [12.0, 12.0, 3.0, 3.0]),
+        ({"volts": "V_IN", "amperes": "I_IN", "duty": "D"}, [0.0, 6.0, 3.0, 3.0]),
+        ({"volts": "V_IN", "amperes": "0.5 [A]", "share": "0.25"}, [3.0, 3.0, 1.5, 1.5]),
+    ],
+)
+def test_a_formula_of_columns_with_units(log: Path, given: object, watts: list[float]) -> None:
+    np.testing.assert_allclose(power(log, given).values[[0, 1, 2, 4]], watts)
+
+
+def test_a_counter_of_energy_is_the_mean_since_the_stamp_before_and_its_restart_is_masked(log: Path) -> None:
+    found = power(log, {"energy": "E"})
+    np.testing.assert_allclose(found.values[[0, 1, 2, 4]], [12.0, 12.0, 3.0, 3.0], rtol=1e-4)
+    assert found.samples == "average"
+    assert list(found.valid) == [True, True, True, False, True]
+    assert found.flags == {"counter restarted": 1}
+
+
+@pytest.mark.parametrize(
+    ("given", "more", "words"),
+    [
+        ("V_IN + I_IN", {}, "adds"),
+        ("V_IN * D", {}, "is not a power"),
+        ("V_IN * I_OUT", {}, "no column 'I_OUT'"),
+        ("V_IN * U * I_IN", {}, "column 'U' has no unit"),
+        ({"volts": "V_IN"}, {}, "amperes or ohms"),
+        ({"volts": "V_IN", "amps": "I_IN"}, {}, "amps"),
+        ({"energy": "E", "volts": "V_IN"}, {}, "energy"),
+        ("12 [W]", {}, "names no column"),
+        ("V_IN * I_IN", {"full_scale": "3 [W]"}, "full_scale"),
+        ({"volts": "I_IN", "amperes": "I_IN"}, {}, "column 'I_IN'"),
+    ],
+)
+def test_what_is_no_power_is_refused_with_its_reason(log: Path, given: object, more: dict[str, object], words: str) -> None:
+    with pytest.raises(ThermidError) as found:
+        power(log, given, **more)
+    assert words in str(found.value)
+    assert "P_IN" in str(found.value)
+
+
+def test_a_power_of_columns_is_of_a_load(log: Path) -> None:
+    with pytest.raises(ThermidError, match="load = "):
+        td.read_record(log, {"P_IN": {"node": "box", "power": "V_IN * I_IN"}})
+
+
+def test_units_may_be_given_where_the_log_has_none(log: Path) -> None:
+    found = power(log, {"formula": "V_IN * I_IN * U", "units": {"U": "1"}})
+    np.testing.assert_allclose(found.values[0], 12.0)
+
+
+def test_columns_with_spaces_stand_in_a_table_or_between_backticks(tmp_path: Path) -> None:
+    path = tmp_path / "log.csv"
+    path.write_text("time [s],Supply V [V],Supply I [A]\n0,10,1\n10,10,2\n")
+    np.testing.assert_allclose(power(path, {"volts": "Supply V", "amperes": "Supply I"}).values, [10.0, 20.0])
+    np.testing.assert_allclose(power(path, "`Supply V` * `Supply I`").values, [10.0, 20.0])

@@ -1,0 +1,79 @@
+"""Two loggers of one test: the join that `look` proposes, by stamps and by a step that both show."""
+
+from __future__ import annotations
+
+import importlib.util
+import sys
+from pathlib import Path
+from types import ModuleType
+
+import numpy as np
+import pytest
+
+from thermid.measure.readers import LogCourse, common_step
+from thermid.reporting.pictures import clock_lines, clocks_of, look
+
+
+@pytest.fixture(scope="module")
+def hour() -> ModuleType:
+    path = Path(__file__).parents[3] / "scripts" / "first_hour.py"
+    spec = importlib.util.spec_from_file_location("first_hour", path)
+    assert spec is not None
+    assert spec.loader is not None
+    module = importlib.util.module_from_spec(spec)
+    sys.modules["first_hour"] = module
+    spec.loader.exec_module(module)
+    return module
+
+
+def files(hour: ModuleType, folder: Path, late: float, stamp: str = "") -> tuple[Path, Path]:
+    """Write the log of the board and that of the supply, whose clock begins `late` seconds after it."""
+    bench = hour.Bench(rest=600.0, steps=((1800.0, 0.75), (900.0, 0.2), (900.0, 0.0)))
+    times = np.arange(0.0, bench.duration, 15.0)
+    read = bench.readings(times)
+    rows = ["millis,T_BOX [degC],T_BOARD [degC]"]
+    rows += [f"{1000 * t:.0f},{a:.2f},{b:.2f}" for t, a, b in zip(times, read["BOX"], read["BOARD"], strict=True)]
+    (folder / "board.csv").write_text("\n".join(rows) + "\n")
+    own = np.arange(late, bench.duration - 10.0, 5.0)
+    amperes = bench.current(own) + 0.002 * np.random.default_rng(3).standard_normal(own.size)
+    head = f"time{' [s]' if not stamp else ''},U [V],I [A]"
+    rows = [head, *(f"{t - late:g},{bench.volts},{i:.4f}" for t, i in zip(own, amperes, strict=True))]
+    (folder / "supply.csv").write_text("\n".join(rows) + "\n")
+    return folder / "board.csv", folder / "supply.csv"
+
+
+def test_the_offset_of_a_supply_without_stamps_is_found_by_its_steps(hour: ModuleType, tmp_path: Path) -> None:
+    looks = [look(path) for path in files(hour, tmp_path, 137.0)]
+    (found,) = clocks_of(looks)
+    assert found["offset"] is None
+    step = found["step"]
+    assert step["columns"] == ["T_BOARD", "U * I"]
+    assert step["error"] < 15.0
+    assert abs(step["offset"] - 137.0) < 3.0 * step["error"]
+    text = "\n".join(clock_lines(looks))
+    assert "by a common step of T_BOARD and U * I, supply.csv begins 1" in text
+    assert 'joined   = [{ record = "supply", offset = ["' in text
+    assert 'P_supply = { load = "P_supply", power = { volts = "U", amperes = "I" } }' in looks[1].campaign()
+
+
+def test_two_thermometers_of_one_room_show_the_offset_with_its_sign() -> None:
+    rng, t = np.random.default_rng(0), np.arange(0.0, 3600.0, 10.0)
+
+    def room(times: np.ndarray) -> np.ndarray:
+        return 295.0 + 2.0 * np.tanh((times - 1500.0) / 200.0) + 0.02 * rng.standard_normal(times.size)
+
+    early, late = LogCourse("a", False, t, room(t)), LogCourse("b", False, t[:200], 0.9 * room(t[:200] + 250.0) + 30.0)
+    found, back = common_step([early], [late]), common_step([late], [early])
+    assert found is not None
+    assert back is not None
+    assert found.offset == pytest.approx(250.0, abs=4.0 * found.error)
+    assert back.offset == pytest.approx(-250.0, abs=4.0 * back.error)
+    assert found.error < 20.0
+
+
+def test_logs_without_a_common_course_have_no_step() -> None:
+    rng, t = np.random.default_rng(0), np.arange(0.0, 3600.0, 10.0)
+    a = LogCourse("a", False, t, 295.0 + 0.1 * rng.standard_normal(t.size))
+    b = LogCourse("P", True, t, np.where(t > 1000.0, 5.0, 0.0))
+    assert common_step([a], [b]) is None
+    assert common_step([a], [LogCourse("P", True, t, np.zeros(t.size))]) is None

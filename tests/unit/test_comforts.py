@@ -1,0 +1,97 @@
+"""What scientists expect of objects in Python: short texts, iteration, arrays, frames, plots, and series as inputs."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+import pandas as pd
+import pytest
+
+import thermid as td
+from thermid.base.errors import ScenarioError
+
+DECK = {
+    "title": "plate",
+    "needs": ["air"],
+    "nodes": {"box": {"capacitance": "100 [J/K]"}},
+    "conductors": {"film": {"kind": "conduction", "between": ["box", "air"], "conductance": "1 [W/K]"}},
+    "loads": {"heat": {"into": "box", "power": "3 [W]"}},
+}
+BENCH = td.Scenario("bench", {"air": "20 [degC]"}, start="20 [degC]", duration="10 [min]")
+
+
+@pytest.fixture(scope="module")
+def run() -> td.Solution:
+    return td.simulate(td.model_from_dict(DECK), BENCH)
+
+
+@pytest.fixture(scope="module")
+def fit(run: td.Solution) -> Any:
+    channel = td.Channel.of("T", run["box"].kelvin, unit="K", role="node", target="box", noise=0.05)
+    model = td.model_from_dict(DECK).with_values({"film.conductance": "2 [W/K]"})
+    record = td.Record.from_arrays("log", run.times, {"T": channel})
+    return td.calibrate(model, record, ["film.conductance", "box.capacitance"], scenario=BENCH)
+
+
+def test_a_run_is_a_collection_of_its_nodes(run: td.Solution) -> None:
+    assert list(run) == list(run.nodes) == ["box", "air"]
+    assert "box" in run
+    assert "lid" not in run
+    assert 3 not in run
+    assert len(run) == 2
+
+
+def test_a_trace_is_an_array_in_degrees_celsius(run: td.Solution) -> None:
+    trace = run["box"]
+    np.testing.assert_array_equal(np.asarray(trace), trace.celsius)
+    assert trace[0] == trace.celsius[0] == pytest.approx(20.0)
+    assert trace[-1] == trace.final
+    np.testing.assert_array_equal(trace[:5], trace.celsius[:5])
+    assert len(trace) == trace.times.size
+    assert np.max(trace) == pytest.approx(trace.highest, abs=1e-3)
+    assert np.asarray(trace, dtype=np.float32).dtype == np.float32
+
+
+def test_a_trace_has_a_frame_and_a_plot(run: td.Solution) -> None:
+    frame = run["box"].to_frame()
+    assert list(frame.columns) == ["box"]
+    np.testing.assert_array_equal(frame["box"].to_numpy(), run["box"].celsius)
+    pytest.importorskip("matplotlib").use("agg")
+    (line,) = run["box"].plot().get_lines()
+    np.testing.assert_array_equal(line.get_ydata(), run["box"].celsius)
+
+
+def test_a_steady_state_has_degrees_celsius() -> None:
+    found = td.steady(td.model_from_dict(DECK), BENCH)
+    assert found.celsius["box"] == pytest.approx(23.0)
+    assert found.celsius["box"] == pytest.approx(found["box"] - 273.15)
+
+
+def test_a_fit_has_the_covariance_of_its_values(fit: Any) -> None:
+    table = fit.covariance
+    assert list(table) == ["film.conductance", "box.capacitance"]
+    for path, row in table.items():
+        assert row[path] == pytest.approx(fit[path].error ** 2)
+    assert table["film.conductance"]["box.capacitance"] == table["box.capacitance"]["film.conductance"]
+
+
+def test_texts_of_objects_are_short(run: td.Solution, fit: Any) -> None:
+    band = td.predict(fit, BENCH)
+    for shown in (td.model_from_dict(DECK), run, run["box"], fit, fit.values, fit.store, band, band["box"], fit.request.records[0]["T"]):
+        assert len(repr(shown)) <= 400, type(shown).__name__
+        assert "array(" not in repr(shown)
+        assert type(shown).__name__ in repr(shown)
+        assert "<div>" in shown._repr_html_()
+
+
+def test_a_series_is_a_boundary_or_a_load(run: td.Solution) -> None:
+    watts = pd.Series([0.0, 6.0, 6.0], index=pd.to_timedelta([0, 300, 600], unit="s"))
+    room = pd.Series([20.0, 30.0], index=[0.0, 600.0])
+    model = td.model_from_dict(DECK)
+    given = td.simulate(model, BENCH.with_(loads={"heat": watts}, boundaries={"air": td.celsius(room)}))
+    pairs = {"loads": {"heat": ([0.0, 300.0, 600.0], [0.0, 6.0, 6.0])}, "boundaries": {"air": ([0.0, 600.0], td.celsius([20.0, 30.0]))}}
+    pair = td.simulate(model, BENCH.with_(**pairs))
+    assert given["box"].final == pair["box"].final
+    with pytest.raises(ScenarioError, match=r"td\.celsius"):
+        BENCH.with_(boundaries={"air": room})
