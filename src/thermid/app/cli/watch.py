@@ -43,6 +43,7 @@ from thermid.model.laws import literal
 from thermid.model.parameters import UNJUDGED, Standing
 from thermid.qualify.watch import BoundColumns, GrowingLog, TemperatureLimit, Watcher, WatchLook, WatchRequest, played
 from thermid.reporting.objects import clean
+from thermid.simulation.scenarios import Scenario
 from thermid.values.store import model_standing
 
 if TYPE_CHECKING:
