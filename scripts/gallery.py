@@ -40,7 +40,7 @@ GALLERY = {
         "Two parts stacked", "The contact takes area from both; the gap beside it loses heat.", "diagram examples/02_stack/m_PrE.toml"
     ),
     "unit": Card("A unit of units", "Submodels folded to one mass each.", "diagram examples/sisnav/m_Sd.toml --fold imu --fold pre"),
-    "box": Card("A box on one page", "Every node once, parts as cards.", "diagram examples/box/box.toml --map"),
+    "box": Card("A box on one page", "Every node once, parts as cards.", "diagram examples/box/box.toml"),
     "pad": Card("On the launch pad", "Sun, sky, wind and a stream of air.", "diagram examples/07_pad/cabinet.toml"),
     "motor": Card("A motor", "Public measurements: windings, stator, case.", "diagram examples/motor/motor.toml"),
     "tclab": Card("Two heaters on a board", "Public measurements: the board with both heaters.", "diagram examples/tclab/board.toml"),

@@ -30,16 +30,11 @@ def test_files_of_three_instruments_are_read_joined_and_validated(logs: Path, tm
     campaign = written(logs, tmp_path / "lab", ("ProcSISNAV", "EleGFO", "m_PrE"))
     seen = json.loads(command("look", *sorted((tmp_path / "lab").glob("pre_both_*")), "--json").stdout)
     assert [log["format"] for log in seen["logs"]] == ["serial capture", "text"]
-    (clock,) = seen["clocks"]
-    assert (clock["file"], clock["record"], clock["offset"]) == ("pre_both_potencia.csv", "pre_both_potencia", 30.0)
-    assert "step" not in clock  # the supply was on before its log began: no step to compare
+    assert seen["clocks"] == [{"file": "pre_both_potencia.csv", "record": "pre_both_potencia", "offset": 30.0}]
     assert command("check", campaign).returncode == 0
     done = command("calibrate", campaign, "--json")
-    # one constant coefficient a surface leaves some 0.1 K of the laboratory's natural convection, above what its readings scatter
-    assert done.returncode == 5, done.stdout + done.stderr
+    assert done.returncode == 0, done.stdout + done.stderr
     said = json.loads(done.stdout)
-    assert {s["standing"]["state"] for s in said["stages"]} == {"not adequate"}
-    assert all("3 times the noise that its readings show" in s["standing"]["because"] for s in said["stages"])
     assert [(v["model"], v["passed"], v["unseen"]) for v in said["verdicts"]] == [("m_PrE", True, True)]
     assert [s["mistakes"]["named"] for s in said["stages"]] == [[], [], []]
 

@@ -26,6 +26,7 @@ SUBJECTS: Final[Mapping[str, str]] = {
     "name": "Names",
     "output": "Files that are written",
     "physics": "Laws and correlations",
+    "prediction": "Predictions",
     "record": "Logs and records",
     "result": "Results",
     "run": "Runs",

@@ -551,12 +551,6 @@ def _lag(request: Request, place: _Place) -> MissingElement:
     return MissingElement(f"a lag of the sensor at '{place.node}'", make(request), judge, make, 1, starts)
 
 
-def _within(value: Any, low: float, high: float) -> bool:
-    """Whether a range reaches into the 95 % of a value: one that the readings hardly determine is not refused for where it came to lie."""
-    factor = math.exp(2.0 * min(value.error / value.value, 5.0))
-    return bool(low <= value.value * factor and value.value / factor <= high)
-
-
 def _source(request: Request, place: _Place, mass: MissingElement, name: str) -> MissingElement:
     """The heat enters a new mass, not the part that is measured."""
     node = next(n for n in mass.request.model.nodes if n not in request.model.nodes)
@@ -589,7 +583,7 @@ def _second(request: Request, place: _Place, word: str) -> MissingElement:
     def judge(found: Any) -> tuple[str, bool]:
         held, link = found[free[0]].value, found[free[1]].value
         text = f"{short(held, 3)} J/K behind {short(1 / link, 3)} K/W ({short(held / link, 3)} s), beside {short(place.capacity, 3)} J/K"
-        return text, _within(found[free[0]], 0.02 * place.capacity, 20.0 * place.capacity) and held / link <= longest
+        return text, 0.02 <= held / place.capacity <= 20.0 and held / link <= longest
 
     starts = tuple({free[0]: held, free[1]: held / (pace * place.pace)} for pace in PACES)
     return MissingElement(f"a second mass behind a resistance at '{place.node}'", make(request), judge, make, 1, starts)
@@ -617,7 +611,7 @@ def _shell(request: Request, place: _Place) -> MissingElement:
     def judge(found: Any) -> tuple[str, bool]:
         held, inner, outer = (found[p].value for p in free)
         text = f"{short(held, 3)} J/K, {short(inner, 3)} W/K to '{place.node}' and {short(outer, 3)} W/K to '{place.boundary}'"
-        return text, _within(found[free[0]], 0.02 * place.capacity, 200.0 * place.capacity)
+        return text, 0.02 <= held / place.capacity <= 200.0
 
     starts = tuple({free[0]: share * held, free[1]: g, free[2]: g} for share in (0.3, 3.0))
     title = f"a mass between '{place.node}' and '{place.boundary}'"
@@ -643,7 +637,7 @@ def _shared(request: Request, places: Sequence[_Place]) -> MissingElement:
 
     def judge(found: Any) -> tuple[str, bool]:
         most = sum(p.capacity for p in places)
-        return f"{short(found[free[0]].value, 3)} J/K", _within(found[free[0]], 0.02 * most, 200.0 * most)
+        return f"{short(found[free[0]].value, 3)} J/K", 0.02 <= found[free[0]].value / most <= 200.0
 
     starts = tuple({free[0]: share * held} for share in (0.3, 1.0, 5.0))
     nodes = ", ".join(f"'{p.node}'" for p in places)

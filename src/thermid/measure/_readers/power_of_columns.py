@@ -129,7 +129,7 @@ def _of_formula(text: str, column: ColumnOf, units: Mapping[str, str], times: Fl
         plain = plain.replace(f"`{name}`", place)
     expression = parse(plain)
     if not expression.names:
-        raise RecordError(f"'{text}' names no column. A constant power stands in the deck or in the scenario.", code="value.wrong-kind")
+        raise RecordError(f"'{text}' names no column. State a constant power in the deck or in the scenario.", code="value.wrong-kind")
     found = {name: _known(quoted.get(name, name), column, units) for name in expression.names}
     dimension = expression.dimension(lambda name: found[name][1].dimension)
     if dimension != unit("W").dimension:
