@@ -156,7 +156,7 @@ class DeckDocument:
 
         Raises
         ------
-        DeckError   When the file was changed since: it says something that no step of the document says.
+        DeckError   When somebody else changed the file since it was read or last saved.
         """
         there, known = read_bytes(self.path).decode("utf-8"), {self.text}
         for step in (DeckDocument.undo, DeckDocument.redo):
