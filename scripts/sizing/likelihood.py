@@ -26,6 +26,8 @@ FIRST = {"surface": 0.05, "joint": 0.03, "law": 0.05, "trend": 0.005, "hidden": 
 """First priors of the sizes, before any set was looked at: where the grids are laid, and the centres of the population's prior."""
 GRID = np.geomspace(0.03, 30.0, 11)
 """Sizes that are tried, in parts of the first prior; the least stands for none."""
+NAMED = {"law": "joint"}
+"""The model counts a joint whose conductance may grow with its level among laws; the decks of the sets have no other laws."""
 CHAINS, STEPS, WARMING, SEED = 6, 14, 4, 20261124
 
 
@@ -83,7 +85,7 @@ def likelihoods(found: TestSet) -> dict[str, list[float]]:
         if step >= WARMING:
             for g, p in chances.items():
                 total[g] += p.sum(axis=0)
-    logs = {g: np.log(np.maximum(p / p.max(), 1e-12)) for g, p in total.items()}
+    logs = {NAMED.get(g, g): np.log(np.maximum(p / p.max(), 1e-12)) for g, p in total.items()}
     return {g: [round(float(x), 3) for x in p] for g, p in logs.items()}
 
 

@@ -187,29 +187,30 @@ def _skin(of: str, coefficient: float, area: float, carried_by: str = "") -> dic
 
 def board(full: float, second: float) -> tuple[dict[str, Any], tuple[str, ...]]:
     """Return the deck of a board with two heaters, two masses in all, and what is fitted; powers at full command. [W]"""
-    nodes = {n: {"capacitance": value(4.0, "J/K", 300.0)} for n in ("t1", "t2")}
+    nodes = {n: {"capacitance": value(4.0, "J/K", 300.0)} for n in ("t1", "t2")} | {n: {"capacitance": "0.02 [J/K]"} for n in ("s1", "s2")}
     surfaces = {f"skin{k}": _skin(f"t{k}", 10.0, 0.0012) for k in (1, 2)}
     between = {"between": {"kind": "conduction", "between": ["t1", "t2"], "conductance": value(0.01, "W/K")}}
+    between |= {f"glue{k}": {"kind": "conduction", "between": [f"t{k}", f"s{k}"], "conductance": f"{0.02 / LAG} [W/K]"} for k in (1, 2)}
     loads = {"heat1": {"into": "t1", "power": f"{full} [W]"}, "heat2": {"into": "t2", "power": value(second, "W", 5.0)}}
     deck = {"title": "Board", "needs": ["room"], "nodes": nodes, "surfaces": surfaces, "conductors": between, "loads": loads}
-    free = [f"{n}.capacitance" for n in nodes] + [f"{n}.effective_htc" for n in surfaces] + ["between.conductance"]
+    free = [f"t{k}.capacitance" for k in (1, 2)] + [f"{n}.effective_htc" for n in surfaces] + ["between.conductance"]
     return deck, tuple(free)
 
 
 BOARD_STATED = ("heat2.power",)
-BOARD = "two masses, a coefficient each to the room, a joint between; sensors 20 s late"
-LATE = 20.0
+BOARD = "two heaters with a sensor each, a coefficient each to the room, a joint between"
+LAG = 20.0
 """Lag of the sensors, as the designer and the author of Sao Paulo publish it. [s]"""
 
 
 def _board_run(name: str, t: Array, q: Array, y: Array, step: float, full: float, room: float, offset: Array, noise: float) -> Condition:
     """Return a run of a board: commands (times, 2) in per cent, readings (times, 2) in degrees, their constant errors. [K]"""
     grid = np.arange(t[0], t[-1] - 0.5 * step, step)
-    readings = {f"t{k + 1}": means(t, y[:, k], grid) - offset[k] + ICE for k in (0, 1)}
-    loads = {"heat1": 0.01 * full * _held(t + LATE, q[:, 0], grid)}
-    commands = {"heat2": 0.01 * _held(t + LATE, q[:, 1], grid)}
+    readings = {f"s{k + 1}": means(t, y[:, k], grid) - offset[k] + ICE for k in (0, 1)}
     rooms = {"room": np.full(grid.size, room + ICE)}
-    return Condition(name, grid - grid[0], readings, rooms, loads, commands, noise=noise)
+    loads, commands = {"heat1": 0.01 * full * _held(t, q[:, 0], grid)}, {"heat2": 0.01 * _held(t, q[:, 1], grid)}
+    start = {f"t{k}": float(readings[f"s{k}"][0]) for k in (1, 2)}
+    return Condition(name, grid - grid[0], readings, rooms, loads, commands, start, noise)
 
 
 SAO_PAULO = {
@@ -255,8 +256,8 @@ def apmonitor(data: Path) -> TestSet:
 
 
 IST = {
-    "Code/P3/matfiles/openloop_data_train.mat": "",
-    "Code/P3/matfiles/openloop_data_test.mat": "",
+    "Code/P3/matfiles/openloop_data_train.mat": "4e84b984199aabbc0f2857fd92944aefb115a84b4e13c7ed32985f4fc46940ca",
+    "Code/P3/matfiles/openloop_data_test.mat": "df62471aad9cf410a95fc2dde23fe56fc99322641f5570ca0398c7e204866d36",
 }
 
 
@@ -272,15 +273,15 @@ def ist(_: Path) -> TestSet:
         parts = np.array_split(np.arange(t.size), 3 if "train" in path.name else 1)
         cold = y[:3].mean(axis=0)
         for k, part in enumerate(parts):
-            name = f"levels, part {k + 1}" if len(parts) > 1 else "short levels"
+            name, step = (f"levels, part {k + 1}", 15.0) if len(parts) > 1 else ("short levels", 5.0)
             offset = np.array([0.0, cold[1] - cold[0]])
-            runs.append(_board_run(name, t[part], q[part], y[part], 15.0 if len(parts) > 1 else 5.0, 1.0, float(cold[0]), offset, 0.15))
+            runs.append(_board_run(name, t[part], q[part], y[part], step, 1.0, float(cold[0]), offset, 0.15))
     deck, free = board(1.0, 0.75)
     source = "github.com/FNR13/TCLab-Predictive-Control, no licence stated, 87a1c44"
     return TestSet("tclab_lisbon", source, BOARD, deck, free, tuple(runs), ("levels, part 1", "levels, part 2"), sums, BOARD_STATED)
 
 
-SANTA_BARBARA = {"data/tclab_kuntz_rawlings_2022.mat": ""}
+SANTA_BARBARA = {"data/tclab_kuntz_rawlings_2022.mat": "964ffb15c2258d5f239e8da2ce66c8b2702376d6c28034ca52113ac05d6b9b96"}
 
 
 def santa_barbara(_: Path) -> TestSet:
@@ -343,7 +344,10 @@ def _first_rise(t: Array, y: Array) -> float:
     return float(t[:high][np.abs(y[:high] - y[0]) < 1.0][-1])
 
 
-CELLS = {f"Exp25_R{k}.mat": "" for k in (1, 2)}
+CELLS = {
+    "Exp25_R1.mat": "1915a6f58cba1a8957dfc7d26d30b41446cb7afc49325af95e239780f0212d6b",
+    "Exp25_R2.mat": "693c07266c5380f9d6d86419e0da17c4766f4fae6e335d70edafa0114f6cd20c",
+}
 PROFILES = {"half rate": "Rt_c_2_data", "whole rate": "ref_data", "twice the rate": "Rt_cx2_data", "random": "rw_data"}
 
 
@@ -377,7 +381,14 @@ def cells(_: Path) -> TestSet:
     return TestSet("cells", source, structure, deck, ("cell.capacitance", "skin.effective_htc"), tuple(runs), taught, sums)
 
 
-SINES = {f"sinetest_manual/Data_sine/sec.{n}.txt": "" for n in ("001", "004", "007", "01", "02", "03")}
+SINES = {
+    "sinetest_manual/Data_sine/sec.001.txt": "6c897196e84f375395e73e2ba9779edf955c9a3a97009a604629a8acb6afca8b",
+    "sinetest_manual/Data_sine/sec.004.txt": "6ab3fad45b62ba179997c87c7219455cbe6cd5f92ff23f2999ed864762dbb681",
+    "sinetest_manual/Data_sine/sec.007.txt": "0ed98128e70aad48257136f4227623588ddab923e4b50b252d57ddfba7024676",
+    "sinetest_manual/Data_sine/sec.01.txt": "d207960861f8fb69bfcbb14e849fe767ebaa2f9d52150dc338fa4bf814afb05c",
+    "sinetest_manual/Data_sine/sec.02.txt": "9f0c7541b95feec7af8ee43555e9bf248771dfa1a62b8685fec6a631fee173e2",
+    "sinetest_manual/Data_sine/sec.03.txt": "b36f2d115acc24529e846608a94dab49b81861de926185836942e752849072a4",
+}
 
 
 def sines(_: Path) -> TestSet:
@@ -391,23 +402,32 @@ def sines(_: Path) -> TestSet:
         grid = np.arange(0.0, t[-1] - 4.0, 10.0 if t[-1] > 1500.0 else 4.0)
         room = np.full(grid.size, float(np.median(y[:10])) + ICE)
         name = f"{path.stem.removeprefix('sec')} Hz"
-        runs.append(Condition(name, grid, {"plate": means(t, y, grid) + ICE}, {"room": room}, {"coil": 0.2 * _held(t, rows[:, 1], grid)}, initial={"frame": float(room[0])}, noise=0.05))
+        runs.append(Condition(name, grid, {"probe": means(t, y, grid) + ICE}, {"room": room}, {"coil": 0.2 * _held(t, rows[:, 1], grid)}, initial={"frame": float(room[0]), "plate": float(room[0])}, noise=0.05))
     deck = {
         "title": "Plate",
         "needs": ["room"],
-        "nodes": {"plate": {"capacitance": value(30, "J/K")}, "frame": {"capacitance": value(100, "J/K")}},
+        "nodes": {"plate": {"capacitance": value(15, "J/K")}, "frame": {"capacitance": value(15, "J/K")}, "probe": {"capacitance": "0.1 [J/K]"}},
         "surfaces": {"skin": _skin("plate", 40.0, 0.01, "fan")},
-        "conductors": {"foot": {"kind": "conduction", "between": ["plate", "frame"], "conductance": value(0.1, "W/K")}},
+        "conductors": {
+            "foot": {"kind": "conduction", "between": ["plate", "frame"], "conductance": value(0.3, "W/K")},
+            "glue": {"kind": "conduction", "between": ["plate", "probe"], "conductance": value(0.0125, "W/K")},
+        },
         "loads": {"coil": {"into": "plate", "power": "1 [W]"}},
     }
     source = "github.com/rupakrokade/sbhs-manual, no licence stated, 5aad482"
-    structure = "plate and frame, a joint between, a coefficient to the room behind a fan"
-    free = ("plate.capacitance", "frame.capacitance", "foot.conductance", "skin.effective_htc")
+    structure = "plate, frame and sensor, joints between, a coefficient to the room behind a fan"
+    free = ("plate.capacitance", "frame.capacitance", "foot.conductance", "glue.conductance", "skin.effective_htc")
     return TestSet("plate", source, structure, deck, free, tuple(runs), (".004 Hz", ".01 Hz"), sums)
 
 
 LEVELS = (2, 4, 6, 8, 10)
-BOILER = {f"models/boiler_levels/measurement-history-heat-level-{k}.csv": "" for k in LEVELS}
+BOILER = {
+    "models/boiler_levels/measurement-history-heat-level-2.csv": "5e1fbf039456684de17f8c75dfee490ad872e6ba62eef8e454433bbd52c6eb0f",
+    "models/boiler_levels/measurement-history-heat-level-4.csv": "6b0e157967d184112547593c23decd8febaabf24393471ea28f2569a0edbb9ed",
+    "models/boiler_levels/measurement-history-heat-level-6.csv": "dc498f52b8f781dfaa8cd9f40f603613008298a2d7ccb48189dbb2fa270cef1f",
+    "models/boiler_levels/measurement-history-heat-level-8.csv": "c6b6ae0a0664244ff98a869e781683aa18506674d8434983d104772893496ec3",
+    "models/boiler_levels/measurement-history-heat-level-10.csv": "a9b8f3366467315c12fe517777775b0fad683b1c371ac82b10b54cc31d398db7",
+}
 
 
 def boiler(_: Path) -> TestSet:

@@ -1,0 +1,100 @@
+"""Sizes of model error from public test sets: ``python scripts/error_sizes.py`` prints them, and what leaving whole sets out says of them.
+
+Each set gives a likelihood of every size (kept in build/error_sizes by what it depends on), the population over sets the numbers of
+`thermid.inference.error_model.SIZES`. ``--write`` keeps the likelihoods for the tests, ``--page`` writes the section of docs/statistics.md.
+Sets are looked for in ``--data`` and under THERMID_PUBLIC; one that is not here is named and skipped.
+"""
+
+from __future__ import annotations
+
+import argparse
+import hashlib
+import json
+import sys
+import time
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+
+from sizing import crossed
+from sizing.likelihood import FIRST, GRID, likelihoods
+from sizing.population import Scale, rounded, scales
+from sizing.sets import LEFT_OUT, TestSet, present
+
+import thermid as td
+from thermid.inference.error_model import SIZES
+
+ROOT = Path(__file__).parent.parent
+DATA = ROOT.parent / "shared" / "data"
+KEPT = ROOT / "scripts" / "sizing" / "likelihoods.json"
+PAGE = ROOT / "docs" / "statistics.md"
+CACHE = ROOT / "build" / "error_sizes"
+BEGIN, END = "<!-- sizes: begin -->", "<!-- sizes: end -->"
+
+
+def key_of(of: TestSet) -> str:
+    """Return what the likelihoods of a set depend on: its files, its structure, the model of error and this script."""
+    folders = (ROOT / "scripts" / "sizing", ROOT / "src" / "thermid" / "inference" / "_error_model")
+    code = [p.read_bytes() for folder in folders for p in sorted(folder.glob("*.py")) if p.name not in ("population.py", "crossed.py", "sizes.py")]
+    told = json.dumps([dict(of.files), of.deck, of.free, of.stated, [c.name for c in of.conditions]], sort_keys=True)
+    return hashlib.sha256(b"".join([told.encode(), *code])).hexdigest()[:16]
+
+
+def kept(of: TestSet) -> dict[str, list[float]]:
+    """Return the likelihoods of a set, from the cache where it has them."""
+    path = CACHE / f"{of.name}-{key_of(of)}.json"
+    if not path.is_file():
+        path.parent.mkdir(parents=True, exist_ok=True)
+        path.write_text(json.dumps(likelihoods(of)), encoding="utf-8")
+    found: dict[str, list[float]] = json.loads(path.read_text(encoding="utf-8"))
+    return found
+
+
+def table(found: Mapping[str, Scale]) -> str:
+    """Return the sizes, as Markdown."""
+    lines = ["| size | unit | scale | 5 .. 95 % | sets | first prior |", "|---|---|---|---|---|---|"]
+    for g, of in found.items():
+        lines.append(f"| {SIZES[g].effect} | {SIZES[g].unit} | {rounded(of.value):g} | {of.low:.2g} .. {of.high:.2g} | {of.sets} | {FIRST[g]:g} |")
+    return "\n".join(lines)
+
+
+def sources(sets: Sequence[TestSet]) -> str:
+    """Return the makers of the sizes, as Markdown."""
+    lines = ["| set | source, licence, commit | conditions | structure |", "|---|---|---|---|"]
+    return "\n".join([*lines, *(f"| {s.name} | {s.source} | {len(s.conditions)} | {s.structure} |" for s in sets)])
+
+
+def main() -> None:
+    """Print, and write what is asked for."""
+    parser = argparse.ArgumentParser(description=(__doc__ or "").splitlines()[0])
+    parser.add_argument("--data", type=Path, default=DATA, help="folder of the sets that benchmarks/real_runs.py has too")
+    parser.add_argument("--no-judge", action="store_true", help="leave out what leaving whole sets out says")
+    parser.add_argument("--write", action="store_true", help=f"write {KEPT.relative_to(ROOT)}")
+    parser.add_argument("--page", action="store_true", help=f"write the section of docs/{PAGE.name}")
+    options = parser.parse_args()
+    begun, sets = time.process_time(), []
+    for name, of in present(options.data):
+        if isinstance(of, str):
+            print(f"{name}: skipped, {of}", file=sys.stderr)
+        else:
+            sets.append(of)
+    found = {}
+    for of in sets:
+        found[of.name] = kept(of)
+        print(f"{of.name}: {time.process_time() - begun:.0f} s of processor time", file=sys.stderr, flush=True)
+    for name, why in LEFT_OUT.items():
+        print(f"{name}: not used, {why}", file=sys.stderr)
+    told = scales(found)
+    print(sources(sets), table(told), sep="\n\n")
+    if options.write:
+        made = {"version": td.__version__, "grid": GRID.tolist(), "files": {s.name: dict(s.files) for s in sets}, "likelihoods": found}
+        KEPT.write_text(json.dumps(made, indent=1), encoding="utf-8")
+    judged = "" if options.no_judge else crossed.summary([r for of in sets for r in crossed.rows_of(of, crossed.priors_without(of.name, found))])
+    print(f"\n{judged}\n\n{(time.process_time() - begun) / 60.0:.1f} minutes of processor time")
+    if options.page:
+        before, _, rest = PAGE.read_text(encoding="utf-8").partition(BEGIN)
+        page = "\n\n".join(x for x in (table(told), sources(sets), judged) if x)
+        PAGE.write_text(f"{before}{BEGIN}\n\n{page}\n\n{END}{rest.partition(END)[2]}", encoding="utf-8")
+
+
+if __name__ == "__main__":
+    main()
