@@ -2,7 +2,8 @@
 
 Run it as ``python scripts/accused_logs.py --count 100``. A real log is fitted with the two or three masses that a plain engineer would
 draw (``--data``: the folder of the public sets). A synthetic plant has a mass, a link, a lag or a law that its deck lacks. None of these
-logs has a mistake, so every name is a false accusation; one plant in thirty-three may be accused.
+logs has a mistake, so every name is a false accusation; one plant in thirty-three may be accused. Beside them stand the planted mistakes
+of tests/recovery/mistaken.py, each of which must be named first, by the result or by the refusal of a fit.
 """
 
 from __future__ import annotations
@@ -28,6 +29,8 @@ DATA = ROOT.parent / "shared" / "data"
 SEED = 20261124
 LACKS = ("mass", "link", "lag", "law")
 """What the deck of a synthetic plant does not have."""
+PLANTED = 24
+"""Planted mistakes: three of each kind."""
 WATT = 0.01
 """Power of a heater of the board at one per cent of its command. [W]"""
 
@@ -132,6 +135,19 @@ def synthetic(k: int, folder: Path) -> Path:
     return write(p, folder)
 
 
+def planted_mistakes(folder: Path) -> None:
+    """Print what is named first of each planted mistake."""
+    from recovery.mistaken import planted
+    from recovery.test_mistakes_named import SEED, judged, named
+
+    said = []
+    for k in range(PLANTED):
+        case = planted(k, SEED, folder / f"planted {k}")
+        said.append(judged(case, named(case.path)))
+        print(f"{k} {case.kind} {case.name}: {'' if said[-1] == 'named' else 'MISSED '}{said[-1]}", flush=True)
+    print(f"planted: {said.count('named')} named first of {PLANTED}")
+
+
 def asked(campaign: Path) -> Mistakes:
     """Return what a campaign says of mistakes."""
     return td.run_stages(campaign).mistakes["plant"]
@@ -168,7 +184,8 @@ def main() -> None:
                 tell(f"{k} {LACKS[k % 4]}", asked(synthetic(k, Path(folder) / str(k))))
             except ThermidError as error:
                 tell(f"{k} {LACKS[k % 4]}", error)
-    print(f"synthetic: {accused - before[0]} accused of {seen - before[2]}, {bad - before[1]} misfit")
+        print(f"synthetic: {accused - before[0]} accused of {seen - before[2]}, {bad - before[1]} misfit")
+        planted_mistakes(Path(folder))
     print(f"{time.process_time() - began:.0f} s")
 
 

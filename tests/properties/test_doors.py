@@ -1,7 +1,8 @@
 """One question has one answer at every door: twelve models, and every way of asking for their temperatures.
 
 Deterministic doors agree within 1e-6 K, written models within twice the step error that they state, draws without spread within 1e-6 K,
-draws with a spread within three of their standard errors of what derivatives say, and with the same draws within 1e-6 K.
+draws with a spread within three of their standard errors of what derivatives say, with the same draws within 1e-6 K, and a band of
+predictions within 1 % of its half-width. A campaign has one verdict, state, RMSE and exit code at every door.
 """
 
 from __future__ import annotations
@@ -16,16 +17,19 @@ from typing import Any
 
 import numpy as np
 import pytest
+import tomlkit
+from typer.testing import CliRunner
 
 import thermid as td
 from properties.door_cases import CASES
-from thermid.app.cli.app import main
+from thermid.app.cli.app import app, main
 from thermid.app.studio.courses import outcome_object
 from thermid.app.studio.project import Project
 from thermid.app.studio.work import Work
 from thermid.base.errors import ThermidError
 from thermid.interop.c99 import to_c
 from thermid.interop.modelica import to_modelica
+from unit.app.studio.test_one_truth import agree, opened
 from unit.interop.programs import FAST, c99, octave
 from unit.interop.test_fmu import CLOSE as FMU_CLOSE, fmpy_run
 from unit.interop.test_modelica import CLOSE as MODELICA_CLOSE, farthest
@@ -152,6 +156,26 @@ def test_draws_scatter_as_derivatives_say(asked: Asked) -> None:
         assert np.abs(again.temperatures(n).T - runs.of(n)[:20]).max() < CLOSE, n
 
 
+@every_model
+def test_a_prediction_and_runs_of_the_same_draws_have_one_band(asked: Asked) -> None:
+    """Both read one budget with the numbers of one seed: their centres and half-widths are within 1 % of the half-width."""
+    count, known = 60, td.design.Known.of(asked.model)
+    told = td.predict(known, asked.scenario, spread=asked.spread, times=asked.times, draws=count, seed=3, options=TIGHT)
+    compared(asked, told, asked.drawn(asked.spread, count))
+
+
+def compared(asked: Asked, told: td.Prediction, runs: td.qualify.UncertainRuns) -> None:
+    """Fail where the 95 % band of a prediction at the end is not that of runs."""
+    for n in asked.nodes:
+        drawn, at = runs.of(n)[:, -1] - 273.15, np.searchsorted(told[n].times, asked.times[-1] - 1e-6)
+        low, high = (float(ends[at]) for ends in told[n].interval())
+        half = 0.5 * (high - low)
+        found = np.quantile(drawn, [0.025, 0.975])
+        assert abs(0.5 * float(found[1] - found[0]) - half) < 0.01 * half + CLOSE, n
+        assert np.abs(found - [low, high]).max() < 0.02 * half + CLOSE, n
+        assert abs(float(drawn.mean()) - float(told[n].celsius[at])) < 0.01 * half + CLOSE, n
+
+
 def ended(work: Work) -> None:
     for _ in range(3000):
         if work.state()["ended"]:
@@ -166,6 +190,9 @@ def test_the_studio_and_the_command_give_the_run(asked: Asked, capsys: pytest.Ca
     usual = td.simulate(asked.model, asked.scenario)
     work = Work(Project(asked.folder / "unit.toml"))
     ended(work)
+    for run in work._project.desk(work._project.stages[0]).curves({}):
+        ends = {c.node: c.simulated[-1] for c in run.curves if c.node in asked.nodes}
+        assert ends == pytest.approx({n: float(usual[n].celsius[-1]) for n in ends}, abs=1e-4)  # at times of its own, to its tolerance
     work.scenario(asked.model.title, "scenario 0", {}, {})
     ended(work)
     assert work.outcome is not None
@@ -184,6 +211,86 @@ def test_the_studio_and_the_command_give_the_run(asked: Asked, capsys: pytest.Ca
     assert not left.value.code
     for n in asked.nodes:
         assert said["nodes"][n]["final_C"] == pytest.approx(float(usual[n].celsius[-1]), abs=CLOSE), n
+
+
+def campaign_of(asked: Asked, limit: str) -> Path:
+    """Write a campaign of one stage about the model, its two logs with noise, and a limit of the RMSE of the second one."""
+    folder, said, rng = asked.folder, CASES[asked.name].scenario, np.random.default_rng(6)
+    (folder / "thermid.toml").write_text("", encoding="utf-8")
+    times = np.linspace(0.0, asked.scenario.seconds, 121)
+    run = td.simulate(asked.model, asked.scenario, times=times, options=TIGHT)
+    heads = {f"T{k}": n for k, n in enumerate(asked.nodes)}
+    channels: dict[str, Any] = {head: {"node": n, "noise": "0.05 [K]"} for head, n in heads.items()} | {"AIR": {"boundary": "air"}}
+    channels |= {load.upper(): {"load": load} for load in asked.scenario.commands}
+    units = ["time_s", *(f"{head} [degC]" for head in (*heads, "AIR")), *(f"{load.upper()} [W]" for load in asked.scenario.commands)]
+    for name in ("fitted", "judged"):
+        noisy = [run[n].celsius + 0.05 * rng.standard_normal(times.size) for n in asked.nodes]
+        rows = np.column_stack([times, *noisy, run["air"].celsius, *(run.load_powers[load] for load in asked.scenario.commands)])
+        np.savetxt(folder / f"{name}.csv", rows, delimiter=",", header=",".join(units), comments="", fmt="%.4f")
+    scenario = {key: said[key] for key in ("start", "schedule") if key in said}
+    stage = {"name": "unit", "model": "unit.toml", "records": ["fitted"], "free": [*asked.spread], "scenario": scenario}
+    asks = {
+        "title": "doors",
+        "note": "Synthetic.",
+        "records": {r: {"file": f"{r}.csv", "time": "time_s", "channels": channels} for r in ("fitted", "judged")},
+        "stages": [stage],
+        "verdicts": [{"model": "unit", "record": "judged", "criteria": {"rmse": limit}}],
+    }
+    file = folder / "campaign.toml"
+    file.write_text(tomlkit.dumps(asks), encoding="utf-8")
+    return file
+
+
+def command(*words: str) -> tuple[dict[str, Any], int]:
+    """Return what a command prints as JSON, and its exit code."""
+    done = CliRunner().invoke(app, [*words, "--json"])
+    assert done.stdout, done.exception
+    return json.loads(done.stdout), done.exit_code
+
+
+def rows_of(page: Path) -> list[list[str]]:
+    """Return the cells of every row of the tables of a page."""
+    rows = re.findall(r"<tr.*?</tr>", page.read_text(encoding="utf-8"), re.DOTALL)
+    return [[re.sub(r"<[^>]+>", "", cell).strip() for cell in re.findall(r"<t[dh].*?</t[dh]>", row, re.DOTALL)] for row in rows]
+
+
+@written_models
+@pytest.mark.parametrize(("limit", "passed"), [("0.1 [K]", True), ("0.01 [K]", False)], ids=["met", "failed"])
+def test_a_campaign_has_one_verdict_at_every_door(asked: Asked, limit: str, passed: bool) -> None:
+    """In Python, by `calibrate`, `predict --record` and `report`, in the studio."""
+    file, page = campaign_of(asked, limit), asked.folder / "page.html"
+    td.run_stages(file, cache=asked.folder / "results")  # the fit, which every door finds again
+    made, (said, code) = td.run_stages(file, cache=asked.folder / "results"), command("calibrate", str(file))
+    (verdict,), (told,), (stage,), fit = made.verdicts, said["verdicts"], said["stages"], made["unit"]
+    assert (verdict.passed, told["passed"], said["passed"], code) == (passed, passed, passed, 0 if passed else 1)
+    assert {n: s["rmse_K"] for n, s in stage["sensors"].items()} == pytest.approx({n: s.rmse for n, s in fit.sensors.items()}, abs=CLOSE)
+    assert fit.standing.to_dict("unit") == stage["standing"]
+    assert stage["standing"]["state"] == ("credible" if passed else "failed")
+    agree(opened(file), said)
+    (record,) = command("predict", str(file), "--record", "judged")[0]["records"]
+    judged = {n: s["rmse_K"] for n, s in told["sensors"].items()}
+    assert {n: s["rmse_of_run_K"] for n, s in record["sensors"].items()} == pytest.approx(judged, abs=CLOSE)
+    assert record["standing"]["state"] == stage["standing"]["state"]
+    assert "()" not in record["standing"]["because"]
+    assert command("report", str(file), "--to", str(page))[1] == code
+    rows = ((row, row.index("RMSE")) for row in rows_of(page) if "RMSE" in row[1:4])
+    shown = {row[k - 1]: (float(row[k + 1]), row[k + 4]) for row, k in rows if row[k - 1] in judged}
+    mark = "✓ met" if passed else "✗ not met"
+    assert {n: seen[1] for n, seen in shown.items()} == dict.fromkeys(judged, mark)
+    assert {n: seen[0] for n, seen in shown.items()} == pytest.approx(judged, rel=5e-3)  # three digits
+
+
+@written_models
+def test_the_report_page_shows_the_run(asked: Asked) -> None:
+    """Start, end, highest and lowest of every node, to the last digit that the page prints."""
+    page = asked.folder / "page.html"
+    td.report(td.Campaign("doors", {}, (), {}), to=page, scenarios=[("run", asked.run)])
+    shown = {row[0]: [float(x) for x in row[1:]] for row in rows_of(page) if row and row[0] in asked.nodes and len(row) == 5}
+    traces = {n: asked.run[n] for n in asked.nodes}
+    found = {n: [t.celsius[0], t.final, t.highest, t.lowest] for n, t in traces.items()}
+    assert {*shown} == {*asked.nodes}
+    for n in asked.nodes:
+        assert shown[n] == pytest.approx(found[n], abs=0.005 + CLOSE)
 
 
 def written(write: Callable[[], str], kind: str) -> str:
@@ -225,7 +332,7 @@ def test_octave_gives_the_run(asked: Asked) -> None:
     assert np.abs(found - np.column_stack([asked.run[n].celsius for n in masses])).max() < 2e-6
 
 
-@written_models
+@every_model
 def test_modelica_gives_the_run(asked: Asked) -> None:
-    text = written(lambda: to_modelica(asked.model, asked.scenario), "Modelica")
+    text = written(lambda: to_modelica(asked.model, asked.scenario, name="Unit", library="none"), "Modelica")
     assert farthest(text, asked.model, asked.scenario, []) < MODELICA_CLOSE

@@ -12,7 +12,7 @@ from recovery.noise_cases import CONSUMERS, KINDS, Cell, campaign
 
 pytestmark = pytest.mark.recovery
 ROOT = Path(__file__).parents[2]
-QUICK = {"fit": 8, "profile": 3, "next_test": 5, "steady point": 10, "energy_balance": 5}
+QUICK = {"fit": 5, "profile": 2, "next_test": 2, "steady point": 6, "energy_balance": 3}
 SEED = 20261122
 
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import importlib.util
 import json
 import os
 import subprocess
@@ -111,6 +112,32 @@ def test_a_sample_of_hostile_requests() -> None:
     found = hostile.campaign(60, 3)
     assert found["findings"] == {}
     assert found["counts"][200] >= 10
+
+
+@pytest.fixture(scope="module")
+def script() -> Any:
+    spec = importlib.util.spec_from_file_location("torture_script", TESTS.parent / "scripts/torture.py")
+    assert spec is not None
+    assert spec.loader is not None
+    module = importlib.util.module_from_spec(spec)
+    sys.modules[spec.name] = module  # its data classes look their module up
+    spec.loader.exec_module(module)
+    return module
+
+
+def test_a_short_run_loses_no_row_and_a_finding_is_kept(script: Any) -> None:
+    large = {"counts": {"right": 500}, "findings": [], "notes": ["mended"]}
+    short = {"counts": {"right": 4}, "findings": []}
+    assert script.merged(large, short) == large
+    wrong = {"counts": {"right": 3, "wrong": 1}, "findings": ["seed 4"]}
+    assert script.merged(large, wrong) == wrong | {"notes": ["mended"]}
+    assert script.merged(None, short) == short
+
+
+def test_the_page_is_written_from_what_is_kept(script: Any) -> None:
+    kept = json.loads((TESTS.parent / "scripts/torture.json").read_text(encoding="utf-8"))
+    assert {*kept} == {*script.PARTS}
+    assert script.page(kept) == (TESTS.parent / "docs/torture.md").read_text(encoding="utf-8")
 
 
 @pytest.mark.campaign

@@ -64,6 +64,18 @@ def test_a_model_that_misses_its_readings_says_so(tmp_path: Path) -> None:
     assert "T.b" in str(fit).partition("wander")[0]
 
 
+def test_noise_is_stated_with_its_unit_as_everywhere(tmp_path: Path) -> None:
+    to_fmu(td.model_from_dict(BOX), QUIET, tmp_path / "box.fmu")
+    readings, asked = read(7), {"p.g": (0.1, 5.0)}
+    ways = (0.05, "50 [mK]", td.quantity(0.05, unit="K"))
+    fits = [calibrate_fmu(tmp_path / "box.fmu", TIMES, readings, dict.fromkeys(readings, way), asked) for way in ways]
+    assert {tuple(fit.noise.values()) for fit in fits} == {(0.05, 0.05)}
+    assert len({(fit.values["p.g"], fit.errors["p.g"]) for fit in fits}) == 1
+    for wrong, words in (("0.05 [W]", "a temperature difference"), ("0.05 [degC]", "in degC or degF"), ("0.05", "K")):
+        with pytest.raises(td.errors.UnitError, match=words):
+            calibrate_fmu(tmp_path / "box.fmu", TIMES, readings, dict.fromkeys(readings, wrong), asked)
+
+
 def test_wrong_requests_are_refused(tmp_path: Path) -> None:
     to_fmu(td.model_from_dict(BOX), QUIET, tmp_path / "box.fmu")
     readings, noise = read(6), {"T.a": 0.05, "T.b": 0.05}

@@ -64,14 +64,18 @@ class Desk:
 
     @cached_property
     def sliders(self) -> tuple[Slider, ...]:
-        """Every parameter that is a number other than zero: those that the stage frees first, then in the order of the decks."""
+        """Every parameter that is a number other than zero: those that the stage frees first, then in the order of the decks.
+
+        What a schedule of a run sets has none: it would act on the other runs alone.
+        """
         fitted = {} if self.calibration is None else {p: v for p, v in self.calibration.values.items() if v.kind == "parameter"}
         unknowns = {u.name: u for u in self.problem.unknowns if u.kind == "parameter"} if self.problem is not None else {}
-        shared = {p for u in unknowns.values() for p in u.also}
+        runs = self.scenarios if self.problem is None else tuple(e.scenario for e in self.problem.experiments)
+        without = {p for u in unknowns.values() for p in u.also} | {self.model.canonical(path) for run in runs for path in run.schedule}
         out = []
         for path, entry in parameter_table(self.model).items():
             literal = entry.parameter.expression.literal
-            if literal is None or path in shared:
+            if literal is None or path in without:
                 continue
             value, error = (fitted[path].value, fitted[path].error) if path in fitted else (literal.value, None)
             if value != 0.0 and math.isfinite(value):

@@ -6,15 +6,18 @@ from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass
 from functools import cached_property
+from numbers import Real
 from pathlib import Path
 from typing import Any, Final
 
 import numpy as np
 
 from thermid.base.arguments import takes_objects
-from thermid.base.errors import IdentificationError, SolverError, ThermidError, nearest
+from thermid.base.errors import IdentificationError, SolverError, ThermidError, errors_at, nearest
+from thermid.base.expression import si_value
 from thermid.base.files import read_bytes, scratch
 from thermid.base.linear_algebra import Array, null_space
+from thermid.base.units import unit
 from thermid.fit.calibration import Fit, covariances, minimise
 from thermid.fit.problem import Compressed, Sums, Unknown
 from thermid.interop._fmu.host import fmpy_package
@@ -103,7 +106,7 @@ def calibrate_fmu(
     file: str | Path,
     times: Array,
     readings: Mapping[str, Array],
-    noise: Mapping[str, float],
+    noise: Mapping[str, Any],
     parameters: Mapping[str, tuple[float, float]],
     start: Mapping[str, float] | None = None,
     inputs: tuple[Array, Mapping[str, Array]] | None = None,
@@ -118,7 +121,8 @@ def calibrate_fmu(
     file : path             The FMU. It is a program: run those that you trust.
     times : array (times,)  From zero, in equal steps. [s]
     readings : dict         Output -> readings (times,), in its unit; NaN for none.
-    noise : dict            Output -> their standard deviation.
+    noise : dict            Output -> their standard deviation: a text or another value with a unit, ``"0.05 [K]"``, or a number in the unit
+                            of the output.
     parameters : dict       Parameter -> lowest and highest value; the search begins at the start value of the FMU, or of `start`.
     start : dict            Parameter or state -> value, for the whole run or to begin the search at.
     inputs : times and dict Times [s] and input -> values there, joined by straight lines; what is not given keeps its start.
@@ -126,12 +130,13 @@ def calibrate_fmu(
     Raises
     ------
     MissingExtraError       When FMPy is not installed.
+    UnitError               When a noise has another dimension than its output, or is given as a temperature on a scale.
     IdentificationError     When nothing is asked for, a name or a length does not fit, or a parameter has no room.
     SolverError             When the FMU cannot be run.
     """
     runner = _Runner(fmpy_package(), Path(file), np.asarray(times, dtype=float), tuple(readings), dict(start or {}), inputs)
     with runner.opened():
-        problem = _Problem(runner, {k: np.asarray(v, dtype=float) for k, v in readings.items()}, dict(noise), _unknowns(runner, parameters))
+        problem = _Problem(runner, _arrays(readings), _noise(runner, noise), _unknowns(runner, parameters))
         found = minimise(problem)
         return _told(problem, found)
 
@@ -228,6 +233,25 @@ def _unknowns(runner: _Runner, parameters: Mapping[str, tuple[float, float]]) ->
     if not out:
         raise IdentificationError("no parameter is to be fitted.", str(runner.file))
     return tuple(out)
+
+
+def _arrays(readings: Mapping[str, Array]) -> dict[str, Array]:
+    return {name: np.asarray(values, dtype=float) for name, values in readings.items()}
+
+
+def _noise(runner: _Runner, noise: Mapping[str, Any]) -> dict[str, float]:
+    """Return the standard deviation of each output's noise, in the unit of the output."""
+
+    def size_of(name: str, size: Any) -> float:
+        if isinstance(size, Real):
+            return float(size)
+        of = unit(runner.variable(name).unit or "1")
+        value = si_value(size, "K" if of.absolute else of.text)
+        assert value is not None  # only bare numbers have none
+        return value / float(of.factor)
+
+    with errors_at(str(runner.file)):
+        return {name: size_of(name, size) for name, size in noise.items()}
 
 
 class _Problem:

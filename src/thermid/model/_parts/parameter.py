@@ -87,7 +87,7 @@ class Standing:
 
     def reason(self, of: str = "", link: str = "rests on stage") -> str:
         """Return the reason in words for a result of stage `of`: its own, or that it rests on another stage."""
-        return self.because if not self.stage or self.stage == of else f"{link} '{self.stage}' ({self.because})"
+        return self.because if not self.because or not self.stage or self.stage == of else f"{link} '{self.stage}' ({self.because})"
 
     def line(self, of: str = "", link: str = "rests on stage") -> str:
         """Return the line that stands first in a result of stage `of`; empty where there is nothing to be told."""

@@ -31,6 +31,18 @@ from thermid.values.fitted import load_store
 from .test_stages import laid
 
 EXAMPLES = Path(__file__).parents[4] / "examples"
+TAG = """
+[nodes.tag]
+capacitance = "2 [J/K]"
+[conductors.glue]
+kind        = "conduction"
+between     = ["base", "tag"]
+conductance = "0.01 [W/K]"
+[loads.chip]
+into  = "tag"
+power = "0.001 [W]"
+"""
+"""What makes the values of the whole eighteen."""
 VERDICT = '[[verdicts]]\nmodel = "pair"\nrecord = "pair_one"\ncriteria = {{ rmse = "{} [K]" }}\n'
 CASES = {"met": (False, "1", ""), "failed": (False, "0.001", ""), "accepted": (False, "0.001", '"pair"'), "not judged": (True, "1", "")}
 """Name of a campaign -> whether its first stage is planted wrong, the limit of its verdict, the stages that it accepts."""
@@ -51,6 +63,8 @@ def planted(folder: Path, case: str) -> Path:
     """Return a campaign whose stage 'pair' is judged on a record that it does not use."""
     wrong, limit, accepted = CASES[case]
     file = campaign(folder, wrong)
+    with (folder / "whole.toml").open("a", encoding="utf-8") as deck:
+        deck.write(TAG)
     text = file.read_text(encoding="utf-8").replace('["pair_both", "pair_one"]', '["pair_both"]')
     file.write_text(f"accept = [{accepted}]\n{text}{VERDICT.format(limit)}", encoding="utf-8")
     return file
@@ -202,6 +216,22 @@ def test_what_is_saved_after_a_fit_of_some_are_the_curves(project: Project) -> N
     found = fit_object(project.fit("pair", {"plate.capacitance": 1300.0}, ("x.skin.effective_htc",)))
     values = {p: v["value"] for p, v in found["values"].items()} | found["others"]
     assert saved(project, "pair", {"plate.capacitance": 1300.0, **values}) < 1e-9
+
+
+def test_what_is_saved_after_a_fit_of_two_of_eighteen_are_the_curves(project: Project) -> None:
+    """The other sixteen stay what the stage found or inherited, or where a slider was moved to."""
+    moved = {"base.capacitance": 2600.0}
+    assert len(project.desk("whole").sliders) == 18
+    found = fit_object(project.fit("whole", moved, ("bolts.conductance", "under.effective_htc")))
+    assert {*found["values"]} == {"bolts.conductance", "under.effective_htc"}
+    values = moved | {p: v["value"] for p, v in found["values"].items()} | found["others"]
+    assert saved(project, "whole", values) < 1e-9
+    last = max(project.results.glob("by_hand*.values.toml"), key=lambda file: file.stat().st_mtime_ns)
+    states = load_store(last)[0].states
+    known = {v.path: v.value for v in project.fits["whole"].values.parameters.values() if v.path not in values}
+    inherited = load_store(project.results / "pair.values.toml")[0].states["foot_x.conductance"].value
+    assert states["pair.foot_x.conductance"].value == inherited
+    assert {p: states[p].value for p in known} == known
 
 
 def test_what_is_written_into_the_deck_after_its_difference_was_seen_are_the_values_in_force(tmp_path: Path) -> None:
