@@ -39,7 +39,7 @@ COMMANDS = {
         "start.example",
         "Start",
         "Copy a shipped example with its data into a new folder.",
-        ("thermid example", "thermid example tclab --to lab"),
+        ("thermid example", "thermid example tclab --to lab", "thermid example --parts"),
     ),
     "look": Place(
         "logs.look",
