@@ -5,7 +5,6 @@ A model should take its values from a certificate or a fit; these are where a fi
 
 from __future__ import annotations
 
-import tomllib
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from functools import cache
@@ -13,6 +12,7 @@ from pathlib import Path
 from types import MappingProxyType
 
 from thermid.base.errors import NameNotFoundError, nearest
+from thermid.base.files import parse_toml, read_text
 
 NOT_CHECKED = "not checked against the print"
 
@@ -53,7 +53,7 @@ class Material:
 @cache
 def materials() -> Mapping[str, Material]:
     """Return all materials by name, in the order of the table."""
-    table = tomllib.loads(Path(__file__).with_suffix(".toml").read_text(encoding="utf-8"))
+    table = parse_toml(read_text(Path(__file__).with_suffix(".toml")))
     return MappingProxyType({name: _material(name, row, table) for name, row in table["materials"].items()})
 
 

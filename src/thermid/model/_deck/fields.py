@@ -134,10 +134,10 @@ def property_of(entry: Material, name: str) -> Parameter | Property:
     of = PROPERTIES[name]
     if name in entry.over:
         pairs = zip(entry.over["temperature"], entry.over[name], strict=True)
-        return Property(points=[[f"{t:g} [K]", f"{v:g} [{of}]"] for t, v in pairs], source="published", basis=entry.basis)
+        return Property(points=[[f"{t:g} [K]", f"{v:g} [{of}]"] for t, v in pairs], source="datasheet", basis=entry.basis)
     value, share = getattr(entry, name), entry.range[name]
     low, high = (f"{value * (1.0 + side * share):.6g} [{of}]" for side in (-1.0, 1.0))
-    return parameter({"value": f"{value:g} [{of}]", "min": low, "max": high, "source": "published", "basis": entry.basis})
+    return parameter({"value": f"{value:g} [{of}]", "min": low, "max": high, "source": "datasheet", "basis": entry.basis})
 
 
 class ElementTable(StrictTable):
