@@ -1,15 +1,20 @@
 """A simulated bench for the first hour with thermid: an aluminium box with a board and a converter on a plate, and its instruments.
 
 Run it as ``python scripts/first_hour.py --to FOLDER``; ``--seed N`` varies masses, contacts, powers, noise and the offsets of the
-instruments. The thermal truth is integrated here, without thermid. Everything is synthetic: nothing that it writes was measured.
+instruments. ``--count 20`` runs `init` with the weight of the box and `calibrate` on the logs of that many seeds, with gains, lags, lost
+readings and a late clock of the power besides, and prints a row for each: every value over its truth, and what was said of it. The thermal
+truth is integrated here, without thermid. Everything is synthetic: nothing that it writes was measured.
 """
 
 from __future__ import annotations
 
 import argparse
+import json
+import subprocess
 import sys
 from dataclasses import dataclass, field
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 from scipy.integrate import solve_ivp
@@ -141,13 +146,68 @@ def one_log(bench: Bench, path: Path, seed: int = 0, step: float = 20.0, parts: 
     return path
 
 
+def faulty_log(bench: Bench, path: Path, seed: int, step: float = 60.0) -> Path:
+    """Write one CSV with faults of instruments: gains of 1 %, lags to 30 s, a restart with lost readings, power late by up to a minute."""
+    rng, times = np.random.default_rng([41, seed]), np.arange(0.0, bench.duration, step)
+    late, off = float(rng.uniform(0.0, 60.0)), float(rng.uniform(0.2, 0.8)) * bench.duration
+    columns = {}
+    for name in ("BOX", "PLATE", "AMB"):
+        read = bench.readings(np.maximum(times - rng.uniform(0.0, 30.0), 0.0), seed)[name]
+        columns[name] = 22.0 + (1.0 + rng.uniform(-0.01, 0.01)) * (read - 22.0)
+    watts = bench.volts * bench.current(times - late)
+    rows = ["time [s],BOX [degC],PLATE [degC],AMB [degC],P_IN [W]"]
+    for k, t in enumerate(times):
+        lost = off < t < off + 240.0
+        cells = ["-127" if lost and name == "BOX" else f"{c[k]:.2f}" for name, c in columns.items()]
+        rows.append(",".join([f"{t:g}", *cells, f"{watts[k]:.3f}"]))
+    path.write_text("\n".join(rows) + "\n")
+    return path
+
+
+def judged(seed: int, folder: Path) -> dict[str, Any]:
+    """Return what `init` and `calibrate` make of a seed: exit codes, values over their truth, and values called not physical."""
+    bench = varied(seed)
+    log = faulty_log(bench, folder / f"box_{seed}.csv", seed)
+    project = folder / f"p{seed}"
+    mass = f"box={bench.capacities['box'] / 896.0:.3f} [kg]"
+    code, made = _said("init", log, "--to", project, "--mass", mass, "--material", "box=aluminium 6061")
+    row: dict[str, Any] = {"seed": seed, "init": code}
+    if made is None:
+        return row
+    row |= {"masses": made["masses"], "not_physical": [c["path"] for c in made["not_physical"]], "fixed": made["fixed"]}
+    row["calibrate"], done = _said("calibrate", project / "campaign.toml")
+    if done is None:
+        return row
+    values = done["stages"][0]["values"]
+    inside = sum(v for path, v in values.items() if path.endswith(".capacitance") and not path.startswith("plate"))
+    truth = bench.capacities["box"] + bench.capacities["board"] + bench.capacities["converter"]
+    ratios = {"inside": inside / truth, "plate.capacitance": values.get("plate.capacitance", np.nan) / bench.capacities["plate"]}
+    joint = next((v for path, v in values.items() if path in ("box_plate.conductance", "plate_box.conductance")), np.nan)
+    return row | {"ratios": {k: float(v) for k, v in ratios.items()} | {"contact": float(joint / bench.contact)}, "values": values}
+
+
+def _said(*arguments: object) -> tuple[int, Any]:
+    """Run a command of thermid; return its exit code and its object, None where it gave none."""
+    command = [sys.executable, "-m", "thermid", *map(str, arguments), "--json"]
+    done = subprocess.run(command, capture_output=True, text=True, check=False)
+    try:
+        return done.returncode, json.loads(done.stdout)
+    except ValueError:
+        return done.returncode, None
+
+
 def main() -> int:
-    """Write the log of one bench."""
+    """Write the log of one bench, or count what becomes of several."""
     parser = argparse.ArgumentParser(description=__doc__.partition("\n")[0])
     parser.add_argument("--to", type=Path, required=True, help="folder")
     parser.add_argument("--seed", type=int, default=0, help="which bench")
+    parser.add_argument("--count", type=int, default=0, help="how many benches are judged")
     given = parser.parse_args()
     given.to.mkdir(parents=True, exist_ok=True)
+    if given.count:
+        for seed in range(given.seed, given.seed + given.count):
+            print(json.dumps(judged(seed, given.to)), flush=True)
+        return 0
     print(one_log(varied(given.seed), given.to / "box.csv", given.seed))
     return 0
 

@@ -97,16 +97,16 @@ def near(shown: str, found: float) -> bool:
 
 
 def differences(shown: str, found: str) -> Iterator[str]:
-    """What a page shows and the code does not say. A line of three points stands for any lines."""
+    """What a page shows and the code does not say. A line of three points stands for any lines, three points at its end for any words."""
     left = [line for line in found.splitlines() if line.strip()]
     skipping = False
     for line in (line for line in shown.splitlines() if line.strip()):
         if line.strip() == "...":
             skipping = True
             continue
-        while skipping and left and not _same_line(line, left[0]):
+        while skipping and left and not same_line(line, left[0]):
             left.pop(0)
-        if not left or not _same_line(line, left[0]):
+        if not left or not same_line(line, left[0]):
             yield f"shown: {line.strip()}\nfound: {left[0].strip() if left else '(nothing more)'}"
             return
         left.pop(0)
@@ -115,7 +115,11 @@ def differences(shown: str, found: str) -> Iterator[str]:
         yield f"found, but not shown: {left[0]}"
 
 
-def _same_line(shown: str, found: str) -> bool:
+def same_line(shown: str, found: str) -> bool:
+    """Whether a line of a page is what was found: its words, and its numbers to one unit of their last place."""
+    if shown.endswith(" ..."):
+        shown = shown.removesuffix("...")
+        found = " ".join(found.split()[: len(shown.split())])
     if NUMBER.sub("#", shown).split() != NUMBER.sub("#", found).split():
         return False
     return all(near(a, float(b)) for a, b in zip(NUMBER.findall(shown), NUMBER.findall(found), strict=True))

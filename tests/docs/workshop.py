@@ -23,7 +23,7 @@ from thermid.bench.bench_files import load_programme, load_sensors
 from thermid.campaign.stages import read_campaign
 
 from .formulas import disagreement
-from .pages import ROOT, Block, blocks, differences, near
+from .pages import NUMBER, ROOT, Block, blocks, differences, near
 
 OTHER_PROGRAMS = ("make", "pip", "git", "pre-commit", ".venv/bin/pip", ".venv/bin/pre-commit")
 EXIT_CODE = re.compile(r"#.*exit code (\d)\s*$")
@@ -89,11 +89,18 @@ class Workshop:
                 self.said = "".join(self._commands(block, place))
             elif kind == "text" and not rest:
                 assert not (found := list(differences(block.text, self.said))), f"{place}\n{found[0]}"
+            elif kind == "text" and rest == ("figures",):
+                self.figures(block, place)
             elif kind == "json" and not rest:
                 problems = list(missing(json.loads(block.text, parse_float=Shown), json.loads(self.said)))
                 assert not problems, f"{place}: {problems[0]}"
             else:
                 raise AssertionError(f"{place}: nobody knows a block '{' '.join(block.words)}'")
+
+    def figures(self, block: Block, place: str) -> None:
+        """Compare the words of an output whose numbers change with the model of error; `scripts/renew_page.py` writes them anew."""
+        shown, found = (NUMBER.sub("#", text) for text in (block.text, self.said))
+        assert not (wrong := list(differences(shown, found))), f"{place}\n{wrong[0]}"
 
     def _file(self, block: Block, how: str, name: str) -> None:
         """Write a file that a page shows, or add to one that it has shown."""

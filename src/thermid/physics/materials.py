@@ -1,18 +1,20 @@
-"""A small table of materials, each with its source: first guesses, not truths. Emissivities are in `finishes`.
+"""Materials by name, each with its source: first guesses, not truths. Emissivities are in `finishes`.
 
-A model should take its values from a certificate or a fit; these are where a fit starts.
+A model should take its values from a certificate or a fit; these are where a fit starts. The table is `materials.toml` beside this file.
 """
 
 from __future__ import annotations
 
-from collections.abc import Mapping
-from dataclasses import dataclass
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
+from functools import cache
+from pathlib import Path
 from types import MappingProxyType
 
 from thermid.base.errors import NameNotFoundError, nearest
+from thermid.base.files import parse_toml, read_text
 
-_INCROPERA = "handbook: Incropera, DeWitt, Bergman, Lavine, Fundamentals of Heat and Mass Transfer, 6th ed."
-_CRAWFORD = "handbook: Crawford, Plastics Engineering, 3rd ed., Table 1.8"
+NOT_CHECKED = "not checked against the print"
 
 
 @dataclass(frozen=True)
@@ -21,38 +23,48 @@ class Material:
 
     Parameters
     ----------
+    name : str              As in the table.
     density : float         Density. [kg/m^3]
     specific_heat : float   Specific heat. [J/(kg K)]
     conductivity : float    Conductivity. [W/(m K)]
-    source : str            Where the values are from, and how sure they are.
+    source : str            Where the values are from, with table or page.
+    range : dict            Specific heat and conductivity -> share of the value within which 95 % of parts lie. [-]
+    diffusivity : float     As its source prints it; None where it does not. [m^2/s]
+    read : str              What was read to check the row; empty where nothing was.
+    over : dict             'temperature' [K] and the properties at these temperatures, where they change much near 300 K.
     """
 
+    name: str
     density: float
     specific_heat: float
     conductivity: float
     source: str
+    range: Mapping[str, float]
+    diffusivity: float | None = None
+    read: str = ""
+    over: Mapping[str, Sequence[float]] = field(default_factory=dict)
+
+    @property
+    def basis(self) -> str:
+        """Where a value of it comes from, as a deck quotes it."""
+        return f"catalogue: {self.name}; {self.source}; {self.read or NOT_CHECKED}"
 
 
-MATERIALS: Mapping[str, Material] = MappingProxyType(
-    {
-        "aluminium 7075-T6": Material(2810.0, 960.0, 130.0, "handbook: ASM typical values, as in the FreeCAD card Aluminum-7075-T6"),
-        "aluminium 6061-T6": Material(2700.0, 896.0, 167.0, "handbook: Aluminum Association typical values"),
-        "stainless steel 304": Material(7900.0, 477.0, 14.9, f"{_INCROPERA}, Table A.1"),
-        "copper": Material(8933.0, 385.0, 401.0, f"{_INCROPERA}, Table A.1, pure"),
-        "FR4": Material(
-            1850.0,
-            1000.0,
-            0.3,
-            "handbook: density and conductivity (through the board, no copper; 0.25 to 0.6 in use) of laminate data sheets; specific "
-            "heat of G-10 CR at 300 K, NIST cryogenic material properties",
-        ),
-        "ABS": Material(1040.0, 1300.0, 0.25, f"{_CRAWFORD}; other tables have 0.17 to 0.25 W/(m K)"),
-        "PETG": Material(1270.0, 1200.0, 0.29, "handbook: MakeItFrom.com, glycol-modified PET; PET itself is given as 0.2 to 0.24 W/(m K)"),
-        "acrylic": Material(1180.0, 1500.0, 0.2, _CRAWFORD),
-        "air": Material(1.1614, 1007.0, 0.0263, f"{_INCROPERA}, Table A.4, 300 K, 1 atm"),
-    }
-)
-"""Materials by name."""
+@cache
+def materials() -> Mapping[str, Material]:
+    """Return all materials by name, in the order of the table."""
+    table = parse_toml(read_text(Path(__file__).with_suffix(".toml")))
+    return MappingProxyType({name: _material(name, row, table) for name, row in table["materials"].items()})
+
+
+def _material(name: str, row: Mapping[str, object], table: Mapping[str, Mapping[str, object]]) -> Material:
+    """Return one row of the table: its source in full, its class as ranges, its printed diffusivity in SI."""
+    row = dict(row)
+    source = ", ".join(str(text) for text in (table["sources"][str(row.pop("source"))], row.pop("page", "")) if text)
+    spread = table["classes"][str(row.pop("class"))]
+    if "diffusivity" in row:
+        row["diffusivity"] = 1e-6 * float(row["diffusivity"])  # type: ignore[arg-type]  # the table has numbers there
+    return Material(name=name, source=source, range=spread, **row)  # type: ignore[arg-type]  # the test of the table reads every row
 
 
 def material(name: str) -> Material:
@@ -60,14 +72,17 @@ def material(name: str) -> Material:
 
     Raises
     ------
-    NameNotFoundError   The table does not have it; the message offers the nearest.
+    NameNotFoundError   The table does not have it; the message offers the nearest and those that begin alike.
 
     Examples
     --------
     >>> material("aluminium 7075-T6").conductivity
-    130.0
+    130
     """
-    if name not in MATERIALS:
-        names = ", ".join(MATERIALS)
-        raise NameNotFoundError(f"no material '{name}' in the table.{nearest(name, MATERIALS)} Known: {names}. Or give its values.")
-    return MATERIALS[name]
+    known = materials()
+    if name not in known:
+        family = name.replace(",", " ").split(" ")[0].lower()
+        alike = [f"'{n}'" for n in known if n.lower().startswith(family)] if family else []
+        listed = f" There are {', '.join(alike)}." if alike else nearest(name, known)
+        raise NameNotFoundError(f"no material '{name}' in the table.{listed} 'thermid example --materials' lists all. Or give its values.")
+    return known[name]

@@ -47,3 +47,14 @@ def test_a_counter_beside_stamps_is_ignored_and_its_restart_named(tmp_path: Path
     (question,) = [q for q in seen.questions if "restart" in q]
     assert question.startswith("the board restarted at 35 s: its counter 't' begins again")
     assert question in td.read_record(path, {"T1": {"node": "a"}}).origin.questions
+
+
+def test_of_a_counter_that_begins_again_and_stamps_the_stamps_are_the_clock(tmp_path: Path) -> None:
+    """A board's own milliseconds beside the stamps of the computer that captures it: only these go on over a restart."""
+    path = tmp_path / "d.csv"
+    counts = [1000 * k + 3 for k in range(30)] * 2
+    path.write_text("\n".join(["stamp,ms,T_C", *(f"2026-03-10 09:{k:02d}:06.000,{n},{22 + 0.01 * k:.2f}" for k, n in enumerate(counts))]))
+    seen = look(path)
+    assert (seen.problem, [c.name for c in seen.columns if c.guess == "time"]) == ("", ["stamp"])
+    assert seen.times.values[-1] - seen.times.values[0] == pytest.approx(59 * 60.0)
+    assert any("the board restarted at 30 min: its counter 'ms' begins again" in q for q in seen.questions)

@@ -77,3 +77,13 @@ def test_logs_without_a_common_course_have_no_step() -> None:
     b = LogCourse("P", True, t, np.where(t > 1000.0, 5.0, 0.0))
     assert common_step([a], [b]) is None
     assert common_step([a], [LogCourse("P", True, t, np.zeros(t.size))]) is None
+
+
+def test_beside_stamps_two_temperatures_show_no_common_step(tmp_path: Path) -> None:
+    """Two places follow a step at different times: one read as the other, shifted, would say that a clock is wrong."""
+    for name, lag in (("a", 60.0), ("b", 900.0)):
+        rows = [f"2026-03-10 09:{k // 60:02d}:{k % 60:02d},{22 + 9 * (1 - np.exp(-max(k - 600, 0) / lag)):.3f}" for k in range(0, 3600, 20)]
+        (tmp_path / f"{name}.csv").write_text("\n".join([f"stamp,T_{name} [degC]", *rows]) + "\n")
+    (found,) = clocks_of([look(tmp_path / "a.csv"), look(tmp_path / "b.csv")])
+    assert found["offset"] == 0.0
+    assert "step" not in found

@@ -38,8 +38,8 @@ COMMANDS = {
     "example": Place(
         "start.example",
         "Start",
-        "Copy a shipped example with its data into a new folder.",
-        ("thermid example", "thermid example tclab --to lab"),
+        "Copy a shipped example with its data into a new folder, or list standard parts or materials.",
+        ("thermid example", "thermid example tclab --to lab", "thermid example --parts"),
     ),
     "look": Place(
         "logs.look",

@@ -38,7 +38,9 @@ from thermid.inference.criticism import EVALUATIONS
 from thermid.measure.amounts import amount
 from thermid.measure.readers import read_record
 from thermid.measure.records import without_strays
-from thermid.model.deck import load_model
+from thermid.model.deck import STANDARD, load_model, standard_parts
+from thermid.physics.finishes import FINISHES
+from thermid.physics.materials import NOT_CHECKED, materials
 from thermid.reporting import pages as page
 
 
@@ -205,12 +207,18 @@ def example(
         typer.Option("--from", help=f"Folder with copies of published repositories, OWNER/REPOSITORY/path; {PUBLIC} does the same."),
     ] = None,
     run: Annotated[bool, typer.Option("--run", help="Run its campaign too and write report.html.")] = False,
+    parts: Annotated[bool, typer.Option("--parts", help='List standard parts, for use = "std:NAME" in a deck.')] = False,
+    made_of: Annotated[bool, typer.Option("--materials", help="List materials and finishes with their sources.")] = False,
     as_json: Json = False,
 ) -> None:
-    """Copy a shipped example with its data into a new folder.
+    """Copy a shipped example with its data into a new folder, or list standard parts or materials.
 
     Published measurements are fetched and checked.
     """
+    if parts or made_of:
+        content, text = _parts_listed() if parts else _materials_listed()
+        say(as_json, content, text)
+        return
     if not name:
         rows = [{"name": e.name, "shows": e.shows, "data": e.data.words if e.data else ""} for e in EXAMPLES.values()]
         width = max(len(n) for n in EXAMPLES)
@@ -239,6 +247,37 @@ def example(
         show_campaign(result, [f.name for f in files])
         show(f"report: {where}")
     leave(result.standing, result.exit_code)
+
+
+def _parts_listed() -> tuple[dict[str, object], str]:
+    """Return the standard parts, each with its needs and how many of its values were not checked."""
+    rows, lines, open_values = [], [], 0
+    for name, file in standard_parts().items():
+        part = load_model(file)
+        values = [given for _, _, given in part.own_parameters() if given.basis]
+        unchecked = sum(NOT_CHECKED in p.basis for p in values)
+        open_values += unchecked
+        row = {"name": f"{STANDARD}{name}", "use": part.use, "needs": list(part.needs), "values": len(values), "not_checked": unchecked}
+        rows.append(row | {"deck": str(file)})
+        lines.append(f"{STANDARD + name:<22} {part.use}; needs {', '.join(part.needs)}; {unchecked} of {len(values)} values {NOT_CHECKED}")
+    head = f'{len(rows)} standard parts, for use = "std:NAME" in [submodels]; {open_values} of their values were {NOT_CHECKED}'
+    return {"parts": rows}, "\n".join([head, *lines])
+
+
+def _materials_listed() -> tuple[dict[str, object], str]:
+    """Return materials and finishes, each with its figures and its source."""
+    known = materials()
+    rows = [{k: getattr(m, k) for k in ("name", "density", "specific_heat", "conductivity", "source", "read")} for m in known.values()]
+    finishes = [{"name": f.name, "emissivity": f.typical, "low": f.low, "high": f.high, "basis": f.basis} for f in FINISHES.values()]
+    unread = sum(not m.read for m in known.values())
+    lines = [
+        f"{len(known)} materials near 300 K, for material = NAME of nodes and conductors; {unread} {NOT_CHECKED}",
+        f"{'':<34} {'kg/m3':>7} {'J/(kg K)':>9} {'W/(m K)':>9}",
+        *(f"{m.name:<34} {m.density:>7g} {m.specific_heat:>9g} {m.conductivity:>9g}  {m.basis.partition('; ')[2]}" for m in known.values()),
+        f"{len(finishes)} finishes, for finish = NAME of surfaces: emissivity, 95 % of parts",
+        *(f"{f.name:<34} {f.typical:>7g} {f.low:>9g} {f.high:>9g}  {f.basis.partition(': ')[2]}" for f in FINISHES.values()),
+    ]
+    return {"materials": rows, "finishes": finishes}, "\n".join(lines)
 
 
 def _told(count: int, whole: int) -> None:

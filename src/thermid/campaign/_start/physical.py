@@ -11,7 +11,7 @@ from thermid.campaign._start.roles import Roles
 from thermid.inference.criticism import FittedStructure
 from thermid.inference.diagnosis import HEAT, RangeCheck
 from thermid.measure.amounts import amount
-from thermid.physics.materials import MATERIALS
+from thermid.physics.materials import materials as all_materials
 
 LEAST_HEAT = 0.5e6
 """Heat capacity by volume of equipment, at least: plastics and metals have 1.5e6 to 4e6, and most of a box is air. [J/(m^3 K)]"""
@@ -70,12 +70,11 @@ def known_masses(masses: Mapping[str, str], materials: Mapping[str, str]) -> dic
     for part, text in masses.items():
         weight = amount(text, "kg", f"--mass {part}")
         named = materials.get(part, "")
-        heats = (
-            [m.specific_heat for name, m in MATERIALS.items() if name != "air" and name.lower().startswith(named.lower())] if named else []
-        )
+        solids = [m for name, m in all_materials().items() if name != "air" and name.lower().startswith(named.lower())] if named else []
+        heats = [m.specific_heat for m in solids]
         if named and not heats:
-            names = ", ".join(name for name in MATERIALS if name != "air")
-            raise ThermidError(f"no material '{named}'. Known: {names}. Or leave it out.", f"--material {part}", code="name.unknown")
+            families = ", ".join(dict.fromkeys(name.partition(",")[0] for name in all_materials() if name != "air"))
+            raise ThermidError(f"no material '{named}'. Known: {families}. Or leave it out.", f"--material {part}", code="name.unknown")
         low, high = (min(heats), max(heats)) if heats else HEAT
         out[part] = KnownMass(weight, low, high, MATERIAL_SD if heats else ANY_SD)
     return out

@@ -19,7 +19,7 @@ from thermid.measure.amounts import short
 from thermid.model.laws import literal
 from thermid.model.tree import FlatConductor
 from thermid.physics.air import dry_air
-from thermid.physics.materials import MATERIALS
+from thermid.physics.materials import materials
 from thermid.physics.plates import body_htc, conduction_floor
 from thermid.physics.radiation import linearised_htc
 from thermid.simulation.network import Network
@@ -34,7 +34,7 @@ EMISSIVITY = (0.02, 0.98)
 BARE = (100.0, 5e4)
 """Contact of metal on metal: dry and hand-tight 100 to 1000, machined under 0.1 to 10 MPa 2000 to 50 000. [W/(m^2 K)]"""
 CONTACTS = "Incropera, 6th ed., Tables 3.1 and 3.2; Yovanovich, IEEE Trans. CPT 28 (2005) 182"
-HEAT = (float(min(m.specific_heat for m in MATERIALS.values())), 1500.0)
+HEAT = (385.0, 1500.0)
 """Specific heats of what equipment is made of, copper to plastics. [J/(kg K)]"""
 EFFICIENCY = (0.6, 0.97)
 """Efficiencies of converters in equipment. [-]"""
@@ -229,7 +229,7 @@ def _coefficient(fit: Calibration, network: Network, c: FlatConductor, v: Fitted
 
 def _plain(network: Network, owners: Mapping[str, FittedValue]) -> Iterator[RangeCheck]:
     """Yield findings on values that have a range wherever they stand."""
-    conductivities = [m.conductivity for m in MATERIALS.values()]
+    best = materials()["copper"].conductivity
     ranges = {
         "emissivity": (
             *EMISSIVITY,
@@ -241,7 +241,7 @@ def _plain(network: Network, owners: Mapping[str, FittedValue]) -> Iterator[Rang
         "specific_heat": (*HEAT, "a specific heat of solids", "table of materials", "The mass is wrong, or a second mass follows it"),
         "conductivity": (
             0.02,
-            max(conductivities) * 1.1,
+            best * 1.1,
             "a conductivity",
             "table of materials",
             "The length or the area of the path is wrong",

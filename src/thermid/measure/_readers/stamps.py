@@ -110,6 +110,8 @@ def clock_column(cells: Cells, wanted: str | None) -> Clock:
         at = names.index(cells.time) if cells.time in names else 0  # first in every format that states it; a damaged unit may join its name
     else:
         at = _by_name_or_content(cells, names, dates, clocks)
+        stamps = _stamp_columns(cells)
+        at = stamps[0] if len(stamps) == 1 and _falls_back(cells, at) else at
     if at in clocks and len(dates) == 1 and names[dates[0]] != names[at]:
         return _joined(cells, names, dates[0], at)
     if at in dates and len(clocks) == 1:
@@ -138,7 +140,7 @@ def _by_name_or_content(cells: Cells, names: list[str], dates: list[int], clocks
     hits = [at for at, name in enumerate(names) if (name.lower() if len(name) > 3 else name) in TIME_NAMES]
     if len(hits) == 1:
         return hits[0]
-    stamps = [at for at, column in enumerate(cells.columns) if is_stamp(column[0]) and is_stamp(column[-1])]
+    stamps = _stamp_columns(cells)
     if len(hits) > 1:
         # a date in one column and the clock time in the other are one time
         if len(hits) == 2 and {*hits} <= {*dates, *clocks}:
@@ -178,6 +180,10 @@ def _by_name_or_content(cells: Cells, names: list[str], dates: list[int], clocks
     )
 
 
+def _stamp_columns(cells: Cells) -> list[int]:
+    return [at for at, column in enumerate(cells.columns) if is_stamp(column[0]) and is_stamp(column[-1])]
+
+
 def _numeric(cells: Cells, at: int) -> bool:
     column = cells.columns[at]
     return all(isinstance(numbers((each.strip().replace(",", "."),), "."), np.ndarray) and each.strip() for each in (column[0], column[-1]))
@@ -187,6 +193,12 @@ def _rises(cells: Cells, at: int) -> bool:
     """Whether a column has numbers that end above their begin."""
     column = cells.columns[at]
     return _numeric(cells, at) and float(column[0].replace(",", ".")) < float(column[-1].replace(",", "."))
+
+
+def _falls_back(cells: Cells, at: int) -> bool:
+    """Whether a column is a counter that begins again, as that of a board which restarts."""
+    counted = numbers(cells.columns[at], ".") if _numeric(cells, at) else 0
+    return isinstance(counted, np.ndarray) and bool(begins_again(counted).any())
 
 
 def _since_1970(cells: Cells, at: int) -> bool:

@@ -4,12 +4,12 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Iterable
-from typing import Annotated, Any, Literal, TypeAlias
+from typing import Annotated, Any, Final, Literal, Self, TypeAlias
 
 from pydantic import AfterValidator, BaseModel, Field
 from pydantic_core import PydanticCustomError
 
-from thermid.base.errors import DeckError, cap, raising
+from thermid.base.errors import DeckError, NameNotFoundError, cap, raising
 from thermid.base.grammar import Real, StrictTable, or_instance, reads
 from thermid.model._laws.curves import Curve, curve
 from thermid.model._laws.options import Source
@@ -20,10 +20,13 @@ from thermid.model._parts.ranges import RANGES, outside
 from thermid.model._tree.arrays import Use
 from thermid.model._tree.flat import allows
 from thermid.model._tree.model import Model
+from thermid.physics.materials import Material, material
 
 Where = Callable[[str], str]
 """Key below an element, or none for the element itself -> its place in the deck."""
 NO_CONVECTION = "0 [W/(m^2 K)]"
+PROPERTIES: Final = {"specific_heat": "J/(kg K)", "conductivity": "W/(m K)"}
+"""What a material gives to an element, with its unit."""
 
 
 def plain(text: str | float, field: str, slot: str, where: str = "") -> float:
@@ -126,10 +129,30 @@ def curve_of(table: Points | Curve | None, slot: str, where: str) -> Curve | Non
     return table.curve(slot, where, table.over) if isinstance(table, Points) else table
 
 
+def property_of(entry: Material, name: str) -> Parameter | Property:
+    """Return a property of a material as a deck has it: a value with its range, or points where it changes much over temperature."""
+    of = PROPERTIES[name]
+    if name in entry.over:
+        pairs = zip(entry.over["temperature"], entry.over[name], strict=True)
+        return Property(points=[[f"{t:g} [K]", f"{v:g} [{of}]"] for t, v in pairs], source="datasheet", basis=entry.basis)
+    value, share = getattr(entry, name), entry.range[name]
+    low, high = (f"{value * (1.0 + side * share):.6g} [{of}]" for side in (-1.0, 1.0))
+    return parameter({"value": f"{value:g} [{of}]", "min": low, "max": high, "source": "datasheet", "basis": entry.basis})
+
+
 class ElementTable(StrictTable):
     """Base of the tables of elements."""
 
     test_only: bool = False
+
+    def made_of(self, name: str, field: str, where: str) -> Self:
+        """Return the table with a field from the table of materials, unless the field is given beside the material."""
+        if field in self.model_fields_set:
+            return self.model_copy(update={"material": ""})
+        try:
+            return self.model_copy(update={"material": "", field: property_of(material(name), field)})
+        except NameNotFoundError as error:
+            raise DeckError(error.message, where, code=error.code) from None
 
     def parameters(self, names: Iterable[str]) -> dict[str, Parameter]:
         """Return field -> parameter of the fields among `names`; those of a group as ``group.field``."""

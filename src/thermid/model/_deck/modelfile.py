@@ -16,6 +16,7 @@ from thermid.base.extensions import by_grammar, grammar_of, refuse_another_kind
 from thermid.base.files import read_text
 from thermid.base.toml_files import Places, read_toml, resolve_inside
 from thermid.model._deck.rows import written_out
+from thermid.model._deck.standard import STANDARD, standard_part
 from thermid.model._parts.parameter import Parameter, parameter
 from thermid.model._tree.arrays import Instances, made_instances, merged
 from thermid.model._tree.identity import definition_of
@@ -185,6 +186,8 @@ def _parts(deck: Any, site: _Site) -> Iterator[tuple[str, Instances]]:
         key = f"submodels.{name}"
         if isinstance(used.use, Model):
             part, definition = used.use, definition_of(used.use)
+        elif used.use.startswith(STANDARD):
+            part, definition = _load(standard_part(used.use, site.where(f"{key}.use")), (), {})
         elif site.use is None:
             raise DeckError("a file name works in a deck file only. Here pass a Model: td.load_model(file).", site.where(f"{key}.use"))
         else:

@@ -71,9 +71,10 @@ def control_names(written: str | list[str] | None) -> tuple[str, ...]:
 
 
 class NodeTable(ElementTable):
-    """A node: mass and specific_heat or enthalpy, or capacitance, or nothing."""
+    """A node: mass and specific_heat, material or enthalpy, or capacitance, or nothing."""
 
     mass: Value | None = None
+    material: str = ""
     specific_heat: Tabulated | None = None
     enthalpy: Property | None = None
     latent_heat: str | None = None
@@ -88,6 +89,8 @@ class NodeTable(ElementTable):
 
     def element(self, where: Where) -> Node:
         """Return the node."""
+        if self.material:
+            return self.made_of(self.material, "specific_heat", where("material")).element(where)
         melts = {key: plain(text, key, MELTING[key], where(key)) for key, text in self._plain_melting(where).items()}
         fields = self.parameters(NODE_SLOTS)
         tables: dict[str, Curve] = {}
@@ -650,6 +653,7 @@ class _ConductorTable(ElementTable):
 
     kind: Annotated[str, Field(pattern=f"^({'|'.join(KINDS)})$")]
     between: tuple[str, str]
+    material: str = ""
     table: CurveTable | None = None
     takes: list[str] = []
     gas: str = ""
@@ -664,6 +668,10 @@ class _ConductorTable(ElementTable):
     def element(self, where: Where) -> Conductor:
         """Return the conductor."""
         kind = KINDS[self.kind]
+        if self.material:
+            if "conductivity" not in kind.slots:
+                raise DeckError(f"a conductor of kind '{self.kind}' has no conductivity. Leave material out.", where("material"))
+            return self.made_of(self.material, "conductivity", where("material")).element(where)
         name = kind.tabulated or "conductivity"
         written = getattr(self, name, None)
         shape = written.of(name, where(name)) if isinstance(written, Property) else None

@@ -320,7 +320,8 @@ def clocks_of(looks: Sequence[Look]) -> list[dict[str, Any]]:
     """Return of each further log how it may be joined with the first one, by the times of day of their first stamps and by a common step.
 
     `offset` is by how much its first sample is late on the first one, if both clocks are right; None where one has no stamps. [s]
-    `step` has the same by a step of a power or temperature that both logs show, with its standard error. [s]
+    `step` has the same by a step of a power or temperature that both logs show, with its standard error. [s] Beside stamps only a power
+    counts: two temperatures are of two places, which follow a step at different times.
     """
     if len(looks) < 2:
         return []
@@ -328,7 +329,9 @@ def clocks_of(looks: Sequence[Look]) -> list[dict[str, Any]]:
     for each in looks[1:]:
         own = _time_of_day(each)
         late = None if first is None or own is None else (own - first + 0.5 * DAY) % DAY - 0.5 * DAY
-        step: CommonStep | None = common_step(looks[0].courses(), each.courses())
+        here, there = looks[0].courses(), each.courses()
+        heated = any(c.power for c in (*here, *there))
+        step: CommonStep | None = common_step(here, there) if late is None or heated else None
         found = {"step": {"offset": step.offset, "error": step.error, "columns": [step.first, step.second]}} if step else {}
         out.append({"file": each.path.name, "record": each.name, "offset": late, **found})
     return out
