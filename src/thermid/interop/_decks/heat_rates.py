@@ -21,7 +21,7 @@ from thermid.interop._decks.network_file import FileCourse
 
 SUFFIX: Final = ".hra"
 """End of the name of a file of heat rates."""
-FIRST: Final = 6
+FIRST_COURSE: Final = 6
 """Number of the array that holds the course of the first node."""
 _BEGIN: Final = re.compile(r"C\s+\d+\s*=")
 _NUMBER: Final = re.compile(r"[-+]?[\d.]+(?:[eEdD][-+]?\d+)?")
@@ -77,7 +77,7 @@ def heat_rates(arrays: Mapping[int, Sequence[float]], words: Sequence[str], seco
     rates, absent = [], []
     for k, into in enumerate(nodes):
         factor = scale[0] * (float(areas[k]) if areas.any() else 1.0)
-        numbers = arrays.get(FIRST + k)
+        numbers = arrays.get(FIRST_COURSE + k)
         course = None
         if numbers is not None and times.size:
             period = float(times[-1]) if times[0] == 0.0 else 0.0
