@@ -103,6 +103,8 @@ _NAMESPACES = {
         "Discrepancy": "fit.discrepancy",
         "difference": "campaign.verdicts",
         "Difference": "campaign.verdicts",
+        "compare_models": "campaign.verdicts",
+        "Changes": "campaign.verdicts",
         "split": "prediction.bands",
         "Split": "prediction.bands",
         "credibility": "campaign.studies",

@@ -65,6 +65,7 @@ def of_a_fit(folder: Path) -> dict[str, Any]:
         "history": history,
         "law of a power": history.laws()[0],
         "difference": td.inference.difference(model, box(), HOT),
+        "changes": td.inference.compare_models(model, box(), [HOT]),
         "uncertain runs": runs,
         "hold": td.qualify.hold(runs, {"case": "60 [degC]"}),
         "criteria": td.Criteria(rmse="1 [K]"),

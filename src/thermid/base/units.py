@@ -221,6 +221,12 @@ def _registry():  # type: ignore[no-untyped-def]  # pint's registry type is dyna
 DIMENSIONLESS: Final = unit("1").dimension
 
 
+def si_unit(dimension: Dimension) -> str:
+    """Return the SI unit of a dimension: its usual name, such as ``W/(m^2 K)``, or base units; 1 for a plain number."""
+    bases = " ".join(f"{b}^{e}" if e != 1 else b for b, e in zip(("m", "kg", "s", "A", "K"), dimension, strict=True) if e)
+    return next((text for text in NAMES if unit(text).dimension == dimension), bases or "1")
+
+
 def describe(dimension: Dimension) -> str:
     """Return a dimension in words, such as 'an area', or in base units where it has no name."""
     for text, name in NAMES.items():

@@ -1,5 +1,6 @@
 """Verdicts on hold-out records, correlation, limits, margins, metrics."""
 
+from thermid.campaign._judge.changes import Change as Change, Changes as Changes, compare_models as compare_models
 from thermid.campaign._judge.correlation import (
     Correlation as Correlation,
     Exclusions as Exclusions,

@@ -2,7 +2,12 @@
 
 from thermid.campaign.stages import joint as joint
 from thermid.campaign.studies import CredibilityRecord as CredibilityRecord, credibility as credibility
-from thermid.campaign.verdicts import Difference as Difference, difference as difference
+from thermid.campaign.verdicts import (
+    Changes as Changes,
+    Difference as Difference,
+    compare_models as compare_models,
+    difference as difference,
+)
 from thermid.fit.calibration import Alignment as Alignment, align as align
 from thermid.fit.discrepancy import Discrepancy as Discrepancy, discrepancy as discrepancy
 from thermid.fit.estimation import Estimation as Estimation, estimate as estimate

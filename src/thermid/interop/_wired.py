@@ -14,7 +14,7 @@ import numpy as np
 
 from thermid.base.dual import real_power, value_of
 from thermid.base.errors import DeckError, ScenarioError
-from thermid.base.units import NAMES, describe, unit
+from thermid.base.units import si_unit
 from thermid.model.elements import HINGES
 from thermid.model.laws import Constant, Curve, Drawn, TableSignal, slopes, whole
 from thermid.model.tree import Model
@@ -152,8 +152,8 @@ class Wired:
             formula = None
             if not written.is_literal:
                 formula = written.expression.evaluate(lambda n, s=entry.scope: named(s + n, float(values[s + n])))  # type: ignore[misc]
-            note = one_line(written.note or written.basis)
-            out.append(ExportedParameter(path, float(values[path]), formula, si_unit(table.dimension(path)), note))
+            note, of = one_line(written.note or written.basis), si_unit(table.dimension(path))
+            out.append(ExportedParameter(path, float(values[path]), formula, "-" if of == "1" else of, note))
         return tuple(out)
 
     @property
@@ -171,12 +171,6 @@ class Wired:
         signals = (*self.boundaries.values(), *self.gas.values(), *self.courses.values(), *(s.signal for s in self.sources))
         times = {float(t) for s in signals if isinstance(s, TableSignal) for t in s.times}
         return sorted(t for t in times if 0.0 < t < self.scenario.seconds)
-
-
-def si_unit(dimension: Any) -> str:
-    """Return the SI unit of a dimension: ``W/(m^2 K)``, ``-`` for a plain number."""
-    text = next((t for t in NAMES if unit(t).dimension == dimension), "")
-    return {"1": "-", "": describe(dimension).removeprefix("a quantity in ")}.get(text, text)
 
 
 def wired(model: Model, scenario: Scenario, what: str | Writer) -> Wired:

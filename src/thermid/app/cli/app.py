@@ -84,6 +84,12 @@ COMMANDS = {
             "thermid steady box.toml --scenario hot.toml --limit '*.case=-40..85'",
         ),
     ),
+    "compare": Place(
+        "build.compare_versions",
+        "Build",
+        "Compare two versions of a deck, the largest effect first.",
+        ("thermid compare a.toml b.toml", "thermid compare unit.toml fitted.toml --scenario hot.toml --scenario cold.toml"),
+    ),
     "diagram": Place(
         "build.diagram",
         "Build",

@@ -41,6 +41,7 @@ from thermid.base.extensions import file_kinds, json_schema
 from thermid.base.files import DRAWING, NETCDF, TABLE, check_ending, write_text
 from thermid.base.toml_files import read_toml
 from thermid.campaign.stages import check_campaign
+from thermid.campaign.verdicts import compare_models
 from thermid.fit.problem import InputTable
 from thermid.model.deck import load_model
 from thermid.model.laws import literal
@@ -50,6 +51,7 @@ from thermid.reporting.diagrams import diagram as drawn, network_map
 from thermid.reporting.objects import comparison_object, solution_object
 from thermid.simulation import runs as transient
 from thermid.simulation.runs import margin_lines, margins, output_times, steady
+from thermid.simulation.scenarios import load_scenario
 from thermid.values.store import model_standing
 
 FIRST = 4
@@ -192,6 +194,22 @@ def steady_state(
         verbose or (None if flows else False),
     )
     leave(standing)
+
+
+def compare_versions(
+    old: Annotated[Path, typer.Argument(help="The deck before.")],
+    new: Annotated[Path, typer.Argument(help="The deck after.")],
+    scenario: Annotated[
+        list[Path], typer.Option("--scenario", help="A scenario whose steady states are compared; may be repeated. 20 degC without one.")
+    ] = [],  # noqa: B006
+    as_json: Json = False,
+) -> None:
+    """Compare two versions of a deck: parts, connections, values and totals.
+
+    Each difference states what it alone does to a steady temperature; units, order and arithmetic of the files play no part.
+    """
+    found = compare_models(load_model(old), load_model(new), [load_scenario(each) for each in scenario])
+    say(as_json, found.to_dict(), str(found))
 
 
 def _ends(text: str, pattern: str) -> tuple[float, float]:

@@ -36,7 +36,7 @@ from thermid.base.extensions import require
 from thermid.base.files import COPY, DECK, EQUATIONS, EXPORT, SCENARIO, FileKind, may_write, read_bytes, write_bytes, write_text
 from thermid.base.units import counted
 from thermid.interop.c99 import to_c
-from thermid.interop.decks import NetworkFile, balance, read_esatan, read_sinda, sinda_print, to_esatan, to_sinda
+from thermid.interop.decks import NetworkFile, agreement, balance, read_esatan, read_sinda, sinda_print, to_esatan, to_sinda
 from thermid.interop.equations import equations as derived
 from thermid.interop.fmu import to_fmu
 from thermid.interop.initfcn import read_initfcn
@@ -77,7 +77,10 @@ def import_file(
         Path | None, typer.Option("--scenario", help="The scenario to write: boundaries, starts, courses of SINDA or ESATAN.")
     ] = None,
     results: Annotated[
-        Path | None, typer.Option("--results", help="SINDA's printed output (.out): the balance of each node at its last temperatures.")
+        Path | None,
+        typer.Option(
+            "--results", help="SINDA's printed output (.out): its runs computed anew, and each node's balance at its steady state."
+        ),
     ] = None,
     block: Annotated[
         bool,
@@ -94,9 +97,14 @@ def import_file(
         _import_script(file, to, block, force, as_json)
         return
     network = _network(file)
-    model, closing = network.model(), None
+    model, judged, more = network.model(), list[str](), dict[str, object]()
     if results is not None:
-        closing = balance(network, network.celsius(sinda_print(results)[-1]))
+        prints = sinda_print(results)
+        compared = agreement(network, prints)
+        judged, more["off_rms_K"] = [str(compared)], float(compared.rms.max())
+        for settled in [each for each in prints if each.settled][-1:]:
+            closing = balance(network, settled)
+            judged, more["not_closed_W"] = [*judged, str(closing)], closing.open()
     if to is not None:
         save_model(model, to)
     if case is not None:
@@ -109,11 +117,9 @@ def import_file(
         "incomplete": network.incomplete,
         "dropped": [str(each) for each in network.remarks if each.dropped],
         "remarks": [str(each) for each in network.remarks if not each.dropped],
-    }
-    if closing is not None:
-        shown["not_closed_W"] = closing.open()
+    } | more
     files = [f"written: {each}" for each in (to, case) if each is not None]
-    say(as_json, shown, "\n".join([str(network), *([str(closing)] if closing is not None else []), *files]))
+    say(as_json, shown, "\n".join([str(network), *judged, *files]))
     leave(model_standing(model))
 
 

@@ -95,7 +95,10 @@ class FileConductor:
 
 @dataclass(frozen=True)
 class FileLoad:
-    """A load: node, power [W] as number or text, the group that its author named; a course in watts, or of a power that it scales."""
+    """A load: node, power [W] as number or text, the group that its author named; a course in watts, or of a power that it scales.
+
+    `stands` says whether the power is a number of the text that can be written back.
+    """
 
     name: str
     into: tuple[str, str]
@@ -106,6 +109,7 @@ class FileLoad:
     more: Mapping[str, Any] = field(default_factory=dict)
     scales: bool = False
     factor: float = 1.0
+    stands: bool = True
 
 
 def _defined(at: Mapping[tuple[str, str], str], end: tuple[str, str], what: str, each: FileConductor | FileLoad) -> str:
@@ -135,6 +139,8 @@ class NetworkFile:
     texts : dict                   File -> its text, as read.
     zero_and_degree : tuple        Absolute zero in the deck's unit of temperature, and a degree of it [K].
     courses : dict                 Boundary -> temperature over time, where it is no constant. [degC]
+    start : str                    Where the transient begins, as a scenario says it; empty for the temperatures of the nodes.
+    seconds : float                The deck's unit of time. [s]
     """
 
     title: str
@@ -148,6 +154,8 @@ class NetworkFile:
     texts: Mapping[str, str]
     courses: Mapping[str, FileCourse] = field(default_factory=dict)
     zero_and_degree: tuple[float, float] = (-ICE_POINT, 1.0)
+    start: str = ""
+    seconds: float = 1.0
 
     def __str__(self) -> str:
         """Return what was read in one line, then what was not."""
@@ -236,7 +244,10 @@ class NetworkFile:
             "commands": {each.name: course.table("") for each, course in followed if each.scales},
             "initial": {node.path: f"{node.celsius!r} [degC]" for node in self.nodes if not node.held and node.capacitance is not None},
         }
-        return {"title": self.title, "duration": f"{self.duration!r} [s]"} | {name: table for name, table in tables.items() if table}
+        if self.start:
+            tables["initial"] = {}
+        head = {"title": self.title, "duration": f"{self.duration!r} [s]"} | ({"start": self.start} if self.start else {})
+        return head | {name: table for name, table in tables.items() if table}
 
     def scenario(self) -> Scenario:
         """Return the case as a scenario."""
@@ -303,7 +314,7 @@ class NetworkFile:
             if isinstance(node.capacitance, float | str):
                 yield f"{node.path}.capacitance", node.where, ""
         for load in self.loads:
-            if load.course is None and not load.more:
+            if load.course is None and not load.more and load.stands:
                 yield f"{load.name}.power", load.where, ""
 
 

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -15,8 +15,10 @@ from thermid.interop._decks.network_file import NetworkFile
 from thermid.interop._decks.statements import DeckReading
 from thermid.model.tree import ParameterSet
 from thermid.physics.constants import ICE_POINT, STEFAN_BOLTZMANN
+from thermid.simulation.runs import simulate, steady
 
 _SUBMODEL = re.compile(r"\s*SUBMODEL NAME = (\w+)")
+_TIME = re.compile(r"^\s*PROBLEM TIME\s+TIMEN\s*=\s*([-+.\dE]+)")
 _PRINT = re.compile(r"\bT\s+(\d+)=\s*([-+.\dE]+)")
 
 
@@ -50,44 +52,153 @@ class Balance:
         return "\n".join([head, *(f"  {node}: {watts:+.4g} W" for node, watts in missed.items())])
 
 
-def sinda_print(path: str | Path) -> list[dict[str, float]]:
-    """Return the temperatures of each print of a SINDA output, in the file's own unit: node path -> number.
+@dataclass(frozen=True)
+class Printed:
+    """Temperatures of one print, in the file's own unit.
+
+    Parameters
+    ----------
+    routine : str          What SINDA ran: STEADY, TRANSIENT or the name of an older routine; empty where it is not printed.
+    time : float           Its problem time, in the file's unit of time.
+    numbers : dict         Node path -> temperature.
+    digits : dict          Node path -> half a unit of its last digit.
+    """
+
+    routine: str
+    time: float
+    numbers: Mapping[str, float]
+    digits: Mapping[str, float]
+
+    @property
+    def settled(self) -> bool:
+        """Whether it is of a steady state."""
+        return not self.routine.startswith(("TRANS", "FWD", "FORW", "ATS"))
+
+
+def sinda_print(path: str | Path) -> list[Printed]:
+    """Return the prints of a SINDA output in their order.
 
     Raises
     ------
     DeckError   When the file prints no temperatures.
     """
-    prints: list[dict[str, float]] = []
-    submodel = ""
+    prints: list[Printed] = []
+    numbers: dict[str, float] = {}
+    digits: dict[str, float] = {}
+    submodel, routine, time, headed = "", "", 0.0, False
     for row in DeckReading().open(Path(path)).split("\n"):
-        if found := _SUBMODEL.match(row):
+        if row.startswith(" MODEL ="):
+            headed = True
+        elif headed and row.strip():
+            routine, headed = row.strip(), False
+        elif found := _SUBMODEL.match(row):
             submodel = found[1]
+        elif found := _TIME.search(row):
+            time = float(found[1])
         for number, word in _PRINT.findall(row) if submodel else ():
             key = f"{submodel}.T{int(number)}"
-            if not prints or key in prints[-1]:
-                prints.append({})
-            prints[-1][key] = float(word)
+            if not numbers or key in numbers or (prints[-1].routine, prints[-1].time) != (routine, time):
+                numbers, digits = {}, {}
+                prints.append(Printed(routine, time, numbers, digits))
+            numbers[key] = float(word)
+            mantissa, _, exponent = word.partition("E")
+            digits[key] = 0.5 * 10.0 ** (int(exponent or 0) - len(mantissa.partition(".")[2]))
     if not prints:
         raise DeckError("the file has no printed temperatures (T 1= ... under SUBMODEL NAME).", str(path))
     return prints
 
 
-def balance(network: NetworkFile, celsius: Mapping[str, float], digit: float = 0.01) -> Balance:
-    """Return what is left of each node's balance at given temperatures, for conduction, radiation and constant loads.
+@dataclass(frozen=True, eq=False)
+class Agreement:
+    """Temperatures of an imported deck against those that its own tool printed.
 
     Parameters
     ----------
-    celsius : dict   `SUBMODEL.Tn` of every node, boundaries too -> temperature. [degC]
-    digit : float    Last digit of the print. [K]
+    times : array          Problem time of each print; the one of a steady state is nan. [s]
+    nodes : tuple of str   Nodes that both have.
+    off : array            Computed less printed: a row for each print, a column for each node. [K]
+    rounding : float       Half of the last printed digit. [K]
+    absent : tuple of str  Nodes of the deck that the print lacks.
+    """
+
+    times: np.ndarray
+    nodes: tuple[str, ...]
+    off: np.ndarray
+    rounding: float
+    absent: tuple[str, ...] = ()
+
+    @property
+    def rms(self) -> np.ndarray:
+        """Root mean square of the differences of each node over the prints. [K]"""
+        squares: np.ndarray = np.mean(self.off**2, axis=0)
+        return squares**0.5
+
+    def __str__(self) -> str:
+        """Return the largest difference of the steady state and of the transient, with its node and time."""
+        rows = [f"NOT COMPARED: the print lacks {counted(len(self.absent), 'node')}: {', '.join(self.absent[:5])}"] if self.absent else []
+        steady = np.isnan(self.times)
+        for name, chosen in (("steady state", steady), ("transient", ~steady)):
+            if not chosen.any():
+                continue
+            off = self.off[chosen]
+            k, n = np.unravel_index(np.argmax(np.abs(off)), off.shape)
+            at = "" if name == "steady state" else f" at {self.times[chosen][k]:g} s"
+            rms = float(np.sqrt(np.mean(off**2)))
+            rows.append(
+                f"{name} against the print: {counted(len(self.nodes), 'node')}, {counted(len(off), 'print')}, rms {rms:.3g} K, largest "
+                f"{off[k, n]:+.3g} K ({self.nodes[n]}{at}); the print rounds to {self.rounding:.1g} K"
+            )
+        return "\n".join(rows)
+
+
+def agreement(network: NetworkFile, prints: Sequence[Printed]) -> Agreement:
+    """Return the temperatures of a deck's own runs, computed anew, against their prints.
+
+    Of a steady state the last print counts, of a transient every one. Nodes that the print lacks are named.
+
+    Raises
+    ------
+    DeckError       When the prints have no node of the deck.
+    SolverError     When a run does not come out.
+    """
+    paths = {f"{node.submodel}.{node.name}": node.path for node in network.nodes}
+    settled = [each for each in prints if each.settled][-1:]
+    moving = [each for each in prints if not each.settled]
+    nodes = tuple(name for name in paths if all(name in each.numbers for each in (*settled, *moving)))
+    if not nodes:
+        raise DeckError("the print has none of the deck's nodes, so it is of another case.", network.title)
+    model, scenario = network.model(), network.scenario()
+    times = [each.time * network.seconds for each in moving]
+    rows = []
+    if settled:
+        calm = steady(model, scenario, "mean" if network.start == "steady, mean" else 0.0)
+        rows.append([calm[paths[name]] for name in nodes])
+    if moving:
+        run = simulate(model, scenario)
+        rows.extend(np.column_stack([np.interp(times, run.times, run[paths[name]].kelvin) for name in nodes]))
+    printed = [network.celsius(each.numbers) for each in (*settled, *moving)]
+    off = np.array(rows) - ICE_POINT - np.array([[each[name] for name in nodes] for each in printed])
+    rounding = max(each.digits[name] for each in (*settled, *moving) for name in nodes) * network.zero_and_degree[1]
+    return Agreement(np.array([*[np.nan] * len(settled), *times]), nodes, off, rounding, tuple(paths.keys() - set(nodes)))
+
+
+def balance(network: NetworkFile, printed: Printed) -> Balance:
+    """Return what is left of each node's balance at the temperatures of a print, for constant loads.
+
+    Raises
+    ------
+    DeckError   When the print lacks a node of the deck.
     """
     values = ParameterSet(network.model()).evaluate({})
     names = [f"{node.submodel}.{node.name}" for node in network.nodes]
-    missing = [name for name in names if name not in celsius]
+    missing = [name for name in names if name not in printed.numbers]
     if missing:
-        raise DeckError(f"no temperature of {', '.join(missing[:5])}{' ...' if len(missing) > 5 else ''}.", "balance")
+        raise DeckError(f"the print has no temperature of {', '.join(missing[:5])}{' ...' if len(missing) > 5 else ''}.", network.title)
     at = {name: k for k, name in enumerate(names)}
+    celsius = network.celsius(printed.numbers)
     t = np.array([celsius[name] for name in names]) + ICE_POINT
-    left, slope = np.zeros(t.size), np.zeros(t.size)
+    half = np.array([printed.digits[name] for name in names]) * network.zero_and_degree[1]
+    left, rounding = np.zeros(t.size), np.zeros(t.size)
     for each in network.conductors:
         a, b = (at[".".join(end)] for end in each.ends)
         if each.table["kind"] == "conduction":
@@ -99,16 +210,17 @@ def balance(network: NetworkFile, celsius: Mapping[str, float], digit: float = 0
         elif each.table["kind"] == "flow":
             g = float(values[f"{each.name}.mass_flow"])
             left[b] += g * (t[a] - t[b])
-            slope[b] += 2.0 * g
+            rounding[b] += g * (half[a] + half[b])
             continue
         else:
-            continue
+            at_mean, conductance = np.array([[float(cell.split()[0]) for cell in pair] for pair in each.table["table"]["points"]]).T
+            g = float(values[f"{each.name}.scale"]) * float(np.interp(0.5 * (t[a] + t[b]) - ICE_POINT, at_mean, conductance))
+            heat, steep = g * (t[a] - t[b]), (g, g)
         left[a] -= heat
         left[b] += heat
-        for k in (a, b):  # both ends were rounded
-            slope[k] += sum(steep)
+        rounding[[a, b]] += steep[0] * half[a] + steep[1] * half[b]  # both ends were rounded
     for load in network.loads:
         if not load.more:
             left[at[".".join(load.into)]] += float(values[f"{load.name}.power"])
     inner = [k for k, node in enumerate(network.nodes) if not node.held]
-    return Balance({names[k]: -float(left[k]) for k in inner}, {names[k]: 0.5 * digit * float(slope[k]) for k in inner})
+    return Balance({names[k]: -float(left[k]) for k in inner}, {names[k]: float(rounding[k]) for k in inner})

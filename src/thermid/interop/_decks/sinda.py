@@ -16,6 +16,7 @@ import numpy as np
 
 from thermid.base.errors import DeckError, ThermidError
 from thermid.base.units import counted
+from thermid.interop._decks.heat_rates import CALL, SUFFIX, CommentedArrays, heat_rates
 from thermid.interop._decks.network_file import FileConductor, FileCourse, FileLoad, FileNode, NetworkFile, TextSpan, fortran, identifier
 from thermid.interop._decks.statements import DeckReading, Line, fields, numbered, stream, with_unit
 from thermid.physics.constants import ICE_POINT, STEFAN_BOLTZMANN
@@ -36,7 +37,6 @@ _SILENT: Final = (
     "OPTIONS",
     "OUTPUT",
     "SUBROUTINE",
-    "OPERATION",
     "SOLVER",
     "VARIABLES 2",
     "USER DATA",
@@ -86,10 +86,13 @@ class SindaDeck:
     conductors: list[FileConductor] = field(default_factory=list)
     loads: list[FileLoad] = field(default_factory=list)
     arrays: dict[tuple[str, str], list[float]] = field(default_factory=dict)
+    words: dict[str, list[str]] = field(default_factory=dict)
     registers: dict[str, tuple[float | str, TextSpan]] = field(default_factory=dict)
     control: dict[str, float] = field(default_factory=dict)
     logic: list[tuple[str, list[Line]]] = field(default_factory=list)
     steps: list[tuple[str, str, list[Line]]] = field(default_factory=list)
+    settles: bool = False
+    ends: bool = False
 
 
 def read_sinda(path: str | Path) -> NetworkFile:
@@ -107,7 +110,7 @@ def read_sinda(path: str | Path) -> NetworkFile:
         deck.steps.append((header, submodel, lines))
     if not any(header.startswith("NODE") for header, _, _ in deck.steps):
         raise DeckError("no HEADER NODE DATA found: this is not a SINDA deck.", str(path))
-    for wanted in ("CONTROL", "REGISTER", "ARRAY", "NODE", "CONDUCTOR", "SOURCE", "VARIABLES 0", "VARIABLES 1"):
+    for wanted in ("OPERATION", "CONTROL", "REGISTER", "ARRAY", "CARRAY", "NODE", "CONDUCTOR", "SOURCE", "VARIABLES 0", "VARIABLES 1"):
         for header, submodel, lines in deck.steps:
             if header.startswith(wanted):
                 _READERS[wanted](deck, submodel, lines)
@@ -126,7 +129,16 @@ def read_sinda(path: str | Path) -> NetworkFile:
         identifier(deck.title), "SINDA", tuple(deck.nodes), tuple(deck.conductors), tuple(_unique(deck.loads)), parameters,
         deck.control.get("TIMEND", 0.0) * deck.units.time, tuple(deck.reading.remarks), deck.reading.texts,
         zero_and_degree=(deck.units.zero, deck.units.degree),
+        start=_start(deck),
+        seconds=deck.units.time,
     )  # fmt: skip
+
+
+def _start(deck: SindaDeck) -> str:
+    """Return where the transient begins: empty for the temperatures of NODE DATA."""
+    if not deck.settles or deck.ends:
+        return ""
+    return "steady" if deck.control.get("DTIMES", 0.0) else "steady, mean"
 
 
 Blocks = Generator[tuple[str, str, list[Line]], None, tuple[str, str]]
@@ -137,8 +149,10 @@ def _blocks(deck: SindaDeck, path: Path, text: str, inside: tuple[Path, ...], at
     """Yield the blocks of a text that begins in the block `at`, following INSERT and INCLUDE as if their text stood there."""
     (header, submodel), lines = at, list[Line]()
     words: list[str] = []
+    commented = CommentedArrays() if path.suffix.lower() == SUFFIX else None
     for line in numbered(text, str(path)):
         row = line.text
+        row = (commented.row(row) if commented is not None else None) or row
         if row[:1] in ("C", "c", "*") and not row[1:2].isalnum():
             words.append(row[1:].strip())
             _stated_unit(deck, row)
@@ -233,10 +247,10 @@ def _arrays(deck: SindaDeck, submodel: str, lines: list[Line]) -> None:
     key = ""
     for line in lines:
         row = line.text
-        found = re.match(r"\s*(\d+)\s*=", row)
+        found = re.match(r"\s*(\d+)\s*=(\s*SPACE\s*,\s*\d+\s*$)?", row, re.IGNORECASE)
         if found:
             key, row = found[1], row[found.end() :]
-            deck.arrays[submodel, key] = []
+            deck.arrays[submodel, key] = [0.0] * int(found[2].rpartition(",")[2]) if found[2] else []
         for word in re.split(r"[\s,]+", row.strip()):
             if not word or word.upper() == "END":
                 continue
@@ -244,6 +258,27 @@ def _arrays(deck: SindaDeck, submodel: str, lines: list[Line]) -> None:
                 deck.arrays[submodel, key].append(float(fortran(word)))
             except (ValueError, KeyError):
                 raise DeckError(f"'{word}' is not a number of an array.", str(line.where)) from None
+
+
+def _carrays(deck: SindaDeck, submodel: str, lines: list[Line]) -> None:
+    """Read CARRAY DATA: number = words, over as many lines as they take, in the order of the numbers."""
+    rows: list[tuple[int, str]] = []
+    for line in lines:
+        found = re.match(r"\s*(\d+)\s*=", line.text)
+        rows.append((int(found[1]) if found else rows[-1][0] if rows else 0, line.text[found.end() :] if found else line.text))
+    rows.sort(key=lambda row: row[0])
+    deck.words.setdefault(submodel, []).extend(word for _, row in rows for word in re.split(r"[\s,]+", row.strip()) if word)
+
+
+def _operation(deck: SindaDeck, _: str, lines: list[Line]) -> None:
+    """Read OPERATION DATA: whether a steady state comes before the transient, or no transient at all."""
+    if not lines:
+        return
+    calls = " ".join(line.text.upper() for line in lines)
+    steady = re.search(r"CALL\s+(?:STEADY|STDSTL|FASTIC)\b", calls)
+    transient = re.search(r"CALL\s+(?:TRANSIENT|FWDBCK|FORWRD|ATSDUF)\b", calls)
+    deck.settles = steady is not None and (transient is None or steady.start() < transient.start())
+    deck.ends = steady is not None and transient is None
 
 
 def _nodes(deck: SindaDeck, submodel: str, lines: list[Line]) -> None:
@@ -258,7 +293,7 @@ def _nodes(deck: SindaDeck, submodel: str, lines: list[Line]) -> None:
                 deck.nodes.append(_node(deck, submodel, line, cells))
             elif kind == "GEN":
                 deck.nodes.extend(_generated(deck, submodel, line, cells))
-            elif kind in ("SIV", "SPV"):
+            elif kind in ("SIV", "SPV", "DIV"):
                 deck.nodes.append(_tabulated_node(deck, submodel, line, kind, cells))
             else:
                 deck.reading.remark(line.where, f"node option {kind}: '{line.text.strip()}'")
@@ -286,21 +321,32 @@ def _generated(deck: SindaDeck, submodel: str, line: Line, cells: Cells) -> Iter
 
 
 def _tabulated_node(deck: SindaDeck, submodel: str, line: Line, kind: str, cells: Cells) -> FileNode:
-    """Return a node whose capacitance is an array over temperature (SIV) or a polynomial of it (SPV), times a factor."""
+    """Return a node whose capacitance is an array over temperature (SIV), a polynomial of it (SPV), or two arrays (DIV), times factors."""
     number, celsius = int(cells[0][0]), deck.units.celsius(float(fortran(cells[1][0])))
-    factor = float(fortran(cells[3][0])) if len(cells) > 3 else 1.0
-    points = _points(deck, submodel, kind, cells[2][0], line)
+    pairs = [(cells[k][0], float(fortran(cells[k + 1][0])) if len(cells) > k + 1 else 1.0) for k in range(2, 6 if kind == "DIV" else 4, 2)]
+    tables = [(factor, *np.array(_points(deck, submodel, kind, word, line)).T) for word, factor in pairs]
     unit = deck.units.energy / deck.units.degree
-    table = {"points": [[f"{t!r} [degC]", f"{c * unit!r} [J/(kg K)]"] for t, c in points], "source": "derived", "basis": str(line.where)}
-    return FileNode(submodel, f"T{abs(number)}", {"mass": f"{factor!r} [kg]", "specific_heat": table}, celsius, False, cells[2][1])
+    mass, (_, grid, values) = tables[0][0], tables[0]
+    if len(tables) > 1:
+        mass, grid = 1.0, np.unique(np.concatenate([t for _, t, _ in tables]))
+        values = sum(factor * np.interp(grid, t, c) for factor, t, c in tables)
+    points = [[f"{t!r} [degC]", f"{c * unit!r} [J/(kg K)]"] for t, c in zip(grid.tolist(), values.tolist(), strict=True)]
+    table = {"points": points, "source": "derived", "basis": str(line.where)}
+    return FileNode(submodel, f"T{abs(number)}", {"mass": f"{mass!r} [kg]", "specific_heat": table}, celsius, number < 0, cells[2][1])
+
+
+def _array(deck: SindaDeck, submodel: str, word: str) -> list[float] | None:
+    """Return the numbers of an array: A3 of the submodel that names it, or OTHER.A3."""
+    owner, _, name = word.upper().rpartition(".")
+    return deck.arrays.get((owner or submodel, name.removeprefix("A")))
 
 
 def _points(deck: SindaDeck, submodel: str, kind: str, word: str, line: Line) -> list[tuple[float, float]]:
     """Return temperature [degC] and value of an array of pairs, or of a polynomial every 5 K."""
-    values = deck.arrays.get((submodel, word.upper().removeprefix("A")))
+    values = _array(deck, submodel, word)
     if values is None:
         raise DeckError(f"array {word} is not in ARRAY DATA of {submodel}.", str(line.where))
-    if kind == "SIV":
+    if kind != "SPV":
         if len(values) % 2:
             raise DeckError(
                 f"array {word} has {counted(len(values), 'number')}, but needs pairs of temperature and value.", str(line.where)
@@ -323,7 +369,7 @@ def _conductors(deck: SindaDeck, submodel: str, lines: list[Line]) -> None:
         try:
             if kind == "GEN":
                 deck.conductors.extend(_generated_conductors(deck, submodel, cells, group, line))
-            elif kind in ("", "SIV", "SPV"):
+            elif kind in ("", "SIV", "SPV") and not (kind and first.lstrip().startswith("-")):
                 deck.conductors.extend(_row(deck, submodel, kind, cells, group, line))
             else:
                 deck.reading.remark(line.where, f"conductor option {kind}: '{line.text.strip()}'")
@@ -435,7 +481,7 @@ def _sources(deck: SindaDeck, submodel: str, lines: list[Line]) -> None:
 
 _ADDED: Final = re.compile(r"\s*(?:(\w+)\.)?Q(\d+)\s*=\s*(?:(\w+)\.)?Q(\d+)\s*\+\s*(.+?)\s*$", re.IGNORECASE)
 _CYCLIC: Final = re.compile(
-    r"\s*CALL\s+DA11MC\s*\(\s*([^,]+),\s*TIME[MN]\s*,\s*A(\d+)\s*,\s*A(\d+)\s*,\s*([^,]+),\s*(\w+)\s*\)", re.IGNORECASE
+    r"\s*CALL\s+DA11MC\s*\(\s*([^,]+),\s*TIME[MN]\s*,\s*([\w.]+)\s*,\s*([\w.]+)\s*,\s*([^,]+),\s*(\w+)\s*\)", re.IGNORECASE
 )
 _PAIRED: Final = re.compile(r"\s*CALL\s+(D11MCY|D1DEG1)\s*\(\s*(.+?)\s*\)\s*$", re.IGNORECASE)
 
@@ -476,6 +522,8 @@ def _logic(deck: SindaDeck, submodel: str, lines: list[Line]) -> None:
             branch = "steady"
         elif branch and text.upper().replace(" ", "") == "ENDIF":
             branch = ""
+        elif found := CALL.match(line.text):
+            _absorbed(deck, (found[1] or found[2]).upper(), line)
         elif found := _CYCLIC.match(line.text):
             course = _cyclic(deck, submodel, found, line)
         elif found := _PAIRED.match(line.text):
@@ -489,6 +537,21 @@ def _logic(deck: SindaDeck, submodel: str, lines: list[Line]) -> None:
     for begin, end in _runs(unknown):
         rows = f"lines {begin.where.line} to {end.where.line}" if begin is not end else "line"
         deck.reading.remark(begin.where, f"logic not taken over ({rows}): '{begin.text.strip()[:60]}'")
+
+
+def _absorbed(deck: SindaDeck, submodel: str, line: Line) -> None:
+    """Add the heat rates of a submodel as loads; name those that no text file holds."""
+    arrays = {int(key): numbers for (owner, key), numbers in deck.arrays.items() if owner == submodel}
+    if submodel not in deck.words:
+        deck.reading.remark(line.where, f"heat rates: no text file with those of {submodel} was read")
+        return
+    rates, absent = heat_rates(arrays, deck.words[submodel], deck.units.time, str(line.where))
+    for node in absent:
+        deck.reading.remark(line.where, f"heat rate: {node} has none in the text file of {submodel}")
+    for rate in rates:
+        name = f"{rate.into[0]}_{submodel.lower()}_{rate.into[1]}"
+        mean, course = rate.mean * deck.units.power, None if deck.ends else rate.course
+        deck.loads.append(FileLoad(name, rate.into, mean, line.where, submodel, course, factor=deck.units.power, stands=False))
 
 
 def _label(words: str) -> str:
@@ -511,7 +574,7 @@ def _runs(lines: list[Line]) -> Iterator[tuple[Line, Line]]:
 
 def _cyclic(deck: SindaDeck, submodel: str, found: re.Match[str], line: Line) -> _CourseVariable | None:
     """Return the course of DA11MC(period, time, array of times, array of values, factor, result)."""
-    times, values = (deck.arrays.get((submodel, found[k])) for k in (2, 3))
+    times, values = (_array(deck, submodel, found[k]) for k in (2, 3))
     if times is None or values is None or len(times) != len(values):
         deck.reading.remark(line.where, f"'{line.text.strip()}': its arrays are not in ARRAY DATA of {submodel}")
         return None
@@ -525,7 +588,7 @@ def _paired(deck: SindaDeck, submodel: str, found: re.Match[str], line: Line) ->
     words = [word.strip() for word in found[2].split(",")]
     cyclic = found[1].upper() == "D11MCY"
     at = 1 if cyclic else 0
-    values = deck.arrays.get((submodel, words[at + 1].upper().removeprefix("A"))) if len(words) > at + 1 else None
+    values = _array(deck, submodel, words[at + 1]) if len(words) > at + 1 else None
     if values is None or words[at].upper() not in ("TIMEM", "TIMEN") or len(values) % 2:
         deck.reading.remark(line.where, f"'{line.text.strip()}' is not a function of time by an array of pairs")
         return None
@@ -626,6 +689,8 @@ def _name_what_is_left(deck: SindaDeck) -> None:
 
 
 _READERS = {
+    "OPERATION": _operation,
+    "CARRAY": _carrays,
     "CONTROL": _control,
     "REGISTER": _registers,
     "ARRAY": _arrays,

@@ -7,12 +7,11 @@ import platform
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from datetime import UTC, datetime
-from fractions import Fraction
 from importlib.metadata import PackageNotFoundError, version
 
 import numpy as np
 
-from thermid.base.units import NAMES, Dimension, from_si, unit
+from thermid.base.units import from_si, si_unit, unit
 from thermid.campaign.stages import Campaign
 from thermid.campaign.verdicts import Check, Verdict, largest, metric
 from thermid.fit.calibration import BLAME, Calibration, instrument_shares, sensor_shares
@@ -415,7 +414,7 @@ def held(calibration: Calibration) -> Table:
     for path, entry in values.table.items():
         literal = entry.parameter.expression.literal
         shown = plain(from_si(float(numbers[path]), literal.unit if literal else ""), 6)
-        text = literal.unit.text if literal else _unit_text(values.dimension(path))
+        text = literal.unit.text if literal else si_unit(values.dimension(path))
         hides = "; ".join(f"{value} ({origin})" for origin, value in reversed(entry.shadowed))
         written = entry.parameter.text if not literal else DASH
         look = "main" if path in calibration.values.assignments else ""
@@ -442,14 +441,6 @@ def inputs(calibration: Calibration) -> Table:
         words = ", ".join(w for w in (r.words, "fitted" if r.fitted and "fitted" not in r.words else "") if w)
         rows.append([source, r.kind, Cell(r.name, "", "main"), r.record, r.range, r.shown(r.mean), pretty(r.unit), words or DASH])
     return Table.of(columns, rows, "Inputs of the fit and their sources.")
-
-
-def _unit_text(dimension: Dimension) -> str:
-    """Return the SI unit of a dimension: its usual name, or base units."""
-    for text in NAMES:
-        if unit(text).dimension == dimension:
-            return text
-    return " ".join(f"{b}^{e}" if e != Fraction(1) else b for b, e in zip(("m", "kg", "s", "A", "K"), dimension, strict=True) if e) or "1"
 
 
 MOST, LINES = 8, 5

@@ -1,0 +1,240 @@
+"""Two versions of a model: parts, connections, values and totals that differ, each with what it does to steady temperatures."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import asdict, dataclass, field, fields, is_dataclass, replace
+from math import inf, isclose
+from typing import Any, Final
+
+import numpy as np
+
+from thermid.base.arguments import takes_objects
+from thermid.base.dual import value_of
+from thermid.base.errors import SolverError
+from thermid.base.results import Result
+from thermid.base.units import si_unit
+from thermid.model.tree import Model, ParameterSet, identities
+from thermid.simulation.network import Numbers, compile_network
+from thermid.simulation.runs import steady
+from thermid.simulation.scenarios import Scenario
+
+SAME: Final = 1e-9
+"""Relative difference below which two numbers are one number written twice."""
+_WORDS: Final = frozenset({"source", "note", "basis", "where", "title", "text", "standing", "fields"})
+"""Fields of an element that say where it comes from, or whose values are compared by path."""
+
+
+@dataclass(frozen=True)
+class Change:
+    """One difference.
+
+    Parameters
+    ----------
+    path : str          Element or value.
+    what : str          In words: the old and the new.
+    effect : float      Largest change of a steady temperature by this difference alone; nan where it cannot be made alone. [K]
+    node : str          Where.
+    """
+
+    path: str
+    what: str
+    effect: float = float("nan")
+    node: str = ""
+
+    def __str__(self) -> str:
+        """Return it in one line."""
+        alone = "" if np.isnan(self.effect) else f": {self.effect:.3g} K at {self.node}" if self.node else ": no effect"
+        return f"{self.path}: {self.what}{alone}"
+
+
+@dataclass(frozen=True)
+class Changes(Result):
+    """What differs between two versions of a model.
+
+    Parameters
+    ----------
+    old, new : str          Titles.
+    changes : tuple         Those that cannot be made alone first, then the largest effect first.
+    totals : dict           Capacitance [J/K], area [m^2] and power [W] -> of the old and of the new.
+    temperatures : dict     Scenario -> node -> new less old, at steady state, by all together. [K]
+    assumed : str           What stands for scenarios where none was given.
+    """
+
+    old: str
+    new: str
+    changes: tuple[Change, ...]
+    totals: Mapping[str, tuple[float, float]]
+    temperatures: Mapping[str, Mapping[str, float]] = field(default_factory=dict)
+    assumed: str = ""
+
+    def __str__(self) -> str:
+        """Return it as text, a line a difference."""
+        count = f"{len(self.changes)} difference{'' if len(self.changes) == 1 else 's'}"
+        lines = [f"{self.old} -> {self.new}: {count if self.changes else 'no difference'}"]
+        lines += [f"  {self.assumed}"] if self.assumed else []
+        lines += [f"  {each}" for each in self.changes]
+        units = {"capacitance": "J/K", "area": "m^2", "power": "W"}
+        lines += [
+            f"  total {what}: {a:.6g} -> {b:.6g} {units[what]}" for what, (a, b) in self.totals.items() if not isclose(a, b, rel_tol=SAME)
+        ]
+        for title, apart in self.temperatures.items():
+            node = max(apart, key=lambda n: abs(apart[n]), default="")
+            steady_state = f"{apart[node]:+.3f} K at {node}" if node else "not compared, because one version has no steady state"
+            lines += [f"  {title}, steady: {steady_state}"] if self.changes or not node else []
+        return "\n".join(lines)
+
+    def to_dict(self) -> dict[str, Any]:
+        """Return it for a file."""
+        rows = [asdict(each) | {"effect": each.effect if np.isfinite(each.effect) else None} for each in self.changes]
+        totals = {what: list(pair) for what, pair in self.totals.items()}
+        return {"changes": rows, "totals": totals, "steady_K": {s: dict(apart) for s, apart in self.temperatures.items()}}
+
+    def _as_rows(self) -> list[Mapping[str, object]]:
+        return [{"path": each.path, "what": each.what, "effect [K]": each.effect, "node": each.node} for each in self.changes]
+
+
+@takes_objects
+def compare_models(old: Model, new: Model, scenarios: Sequence[Scenario] = ()) -> Changes:
+    """Return what differs between two versions of a model, whatever units, order or arithmetic their decks are written in.
+
+    Parameters
+    ----------
+    old, new : Model        The versions.
+    scenarios : sequence    What their steady states are compared in; every boundary at 20 degC and the loads of the deck without any.
+
+    Raises
+    ------
+    ScenarioError   When a scenario does not fit a version.
+    """
+    common = "every boundary at 20 degC, loads as in the deck: no scenario was given"
+    needs = {*old.needs, *new.needs}
+    asked = tuple(scenarios) or (Scenario("20 degC", boundaries=dict.fromkeys(sorted(needs), "20 [degC]")),)
+    before, after = ([_temperatures(model, each) for each in asked] for model in (old, new))
+    moved, changes = _values(old, new, asked, before)
+    changes = [*_parts(old, new), *_rest(moved, new), *changes]
+    apart = {s.title: {n: b[n] - a[n] for n in a if n in b} for s, a, b in zip(asked, before, after, strict=True)}
+    ranked = sorted(changes, key=lambda c: -inf if np.isnan(c.effect) else -c.effect)
+    totals = {what: (a, b) for (what, a), b in zip(_totals(old).items(), _totals(new).values(), strict=True)}
+    return Changes(old.title, new.title, tuple(ranked), totals, apart, "" if scenarios else common)
+
+
+def _temperatures(model: Model, scenario: Scenario) -> dict[str, float]:
+    """Return the steady temperatures of a model under the inputs of a scenario that it has; none where it has no steady state. [K]"""
+    needed = {name: value for name, value in scenario.boundaries.items() if name in model.needs}
+    try:
+        return dict(steady(model, replace(scenario, boundaries=needed)))
+    except SolverError:
+        return {}
+
+
+def _elements(model: Model) -> dict[tuple[str, str], Any]:
+    """Return (group, path) -> element, of every part."""
+    return {(group, prefix + name): each for part, prefix in model.walk() for group, name, each in part.elements()}
+
+
+def _parts(old: Model, new: Model) -> Iterator[Change]:
+    """Yield boundaries and elements that only one of them has."""
+    a, b = ({("boundary", name): None for name in model.needs} | _elements(model) for model in (old, new))
+    for one, other, word in ((a, b, "only in the old"), (b, a, "only in the new")):
+        yield from (Change(path, f"{group.removesuffix('s')} {word}") for group, path in one.keys() - other.keys())
+
+
+def _values(old: Model, new: Model, asked: Sequence[Scenario], before: Sequence[Mapping[str, float]]) -> tuple[Model, list[Change]]:
+    """Return the old model with every value of the new that it has, and the changed values with their effects.
+
+    Plain numbers come first; what still differs after them is arithmetic that changed, or a number in its place.
+    """
+    target = ParameterSet(new)
+    wanted = target.evaluate({})
+    moved, changes = old, list[Change]()
+    one = identities(old)
+    for plain in (True, False):
+        values = ParameterSet(moved)
+        now = values.evaluate({})
+        for path in [p for p in now if p in wanted]:
+            twin = path in one and path != one[path].paths[0]  # a deck that is used twice writes it once
+            if twin or _same(now[path], wanted[path]) or (plain and values.table[path].parameter.expression.names):
+                continue
+            unit = si_unit(values.dimension(path))
+            number = {path: f"{float(wanted[path])!r} [{unit}]"}
+            changes.append(Change(path, f"{now[path]:.6g} -> {wanted[path]:.6g} {unit}".removesuffix(" 1"), *_effect(old, number, asked, before)))
+            moved = moved.with_values(number)
+    here = ParameterSet(old).table
+    for path in here.keys() & target.table.keys():
+        (low, high), (least, most) = ((p.minimum, p.maximum) for p in (here[path].parameter, target.table[path].parameter))
+        if not _same((low, high), (least, most)):
+            changes.append(Change(path, f"bounds {low} .. {high} -> {least} .. {most}", 0.0))
+    return moved, changes
+
+
+def _effect(old: Model, number: Mapping[str, str], asked: Sequence[Scenario], before: Sequence[Mapping[str, float]]) -> tuple[float, str]:
+    """Return the largest change of a steady temperature by one value, and its node. [K]"""
+    after = [_temperatures(old.with_values(number), scenario) for scenario in asked]
+    apart = [(abs(b[n] - a[n]), n) for a, b in zip(before, after, strict=True) for n in a if n in b]
+    largest = max(apart, default=(float("nan"), ""))
+    return largest if largest[0] != 0.0 else (0.0, "")
+
+
+def _rest(moved: Model, new: Model) -> Iterator[Change]:
+    """Yield what still differs in the elements that both have, with all common values equal: ends, laws, tables, courses, controls."""
+    a, b = _elements(moved), _elements(new)
+    rows, others = (_rows(compile_network(model).numbers()) for model in (moved, new))
+    for key in a.keys() & b.keys():
+        group, path = key
+        names = {*a[key].fields, *b[key].fields} if hasattr(a[key], "fields") else set()
+        shared = names == {*getattr(a[key], "fields", ())} == {*getattr(b[key], "fields", ())}
+        where = _apart(a[key], b[key])
+        if shared and not where:
+            continue
+        if group in ("nodes", "conductors") and where in ("", "kind") and _same(rows.get(path), others.get(path)):
+            continue  # the same capacitance or law by other fields
+        yield Change(path, f"{where or 'fields'} differ" if where else f"{sorted({*a[key].fields})} -> {sorted({*b[key].fields})}")
+    if _apart(moved.made_in, new.made_in):
+        yield Change("made_in", "fill of the volumes differs")
+
+
+def _rows(numbers: Numbers) -> dict[str, Any]:
+    """Return element -> its capacitance, or the rows of its law."""
+    rows: dict[str, Any] = dict(numbers.capacitances)
+    for row in numbers.conductors:
+        rows.setdefault(row.name, []).append((sorted(row.ends), row.law, row.curve))  # a direction is the element's own
+    return rows
+
+
+def _apart(a: Any, b: Any) -> str:
+    """Return the first field in which two elements differ; empty for none."""
+    if not is_dataclass(a):
+        return "" if _same(a, b) else "content"
+    one_way = getattr(a, "kind", "") in ("flow", "stream")
+    for each in fields(a):
+        x, y = getattr(a, each.name), getattr(b, each.name, None)
+        if each.name == "between" and not one_way:
+            x, y = sorted(x), sorted(y or ())
+        if each.name not in _WORDS and not _same(x, y):
+            return each.name
+    return ""
+
+
+def _same(a: Any, b: Any) -> bool:
+    """Return whether two values mean the same: numbers within `SAME`, and whatever holds them."""
+    if isinstance(a, int | float) and isinstance(b, int | float):
+        return isclose(a, b, rel_tol=SAME)
+    if isinstance(a, np.ndarray) and isinstance(b, np.ndarray):
+        return a.shape == b.shape and bool(np.allclose(a, b, rtol=SAME, atol=0.0))
+    if is_dataclass(a) and not isinstance(a, type):
+        return type(a) is type(b) and not _apart(a, b)
+    if isinstance(a, Mapping) and isinstance(b, Mapping):
+        return a.keys() == b.keys() and all(_same(a[key], b[key]) for key in a)
+    if isinstance(a, list | tuple) and isinstance(b, list | tuple):
+        return len(a) == len(b) and all(_same(x, y) for x, y in zip(a, b, strict=True))
+    return bool(a == b)
+
+
+def _totals(model: Model) -> dict[str, float]:
+    """Return the capacitance [J/K], area [m^2] and power [W] of a model."""
+    values = ParameterSet(model).evaluate({})
+    capacitances = compile_network(model).numbers().capacitances.values()
+    paths = {what: [p for p in values if p.rpartition(".")[2] == what and "." in p] for what in ("area", "power")}
+    stored = sum(float(value_of(c)) for c in capacitances if c is not None)
+    return {"capacitance": stored} | {what: sum(float(values[p]) for p in there) for what, there in paths.items()}
