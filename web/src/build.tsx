@@ -6,7 +6,7 @@ import { dropped, Log } from "./log";
 import { Results } from "./results";
 import { ask, type Draft, type Fault } from "./server";
 import { Sheet } from "./sheet";
-import { arm, chosen, command, compare, diff, draft, error, errors, job, pane, save, take, told, tool } from "./state";
+import { arm, chosen, command, compare, diff, draft, error, errors, idle, job, pane, save, take, told, tool } from "./state";
 import type { Pane } from "./text";
 
 const PANES: [typeof pane.value, string][] = [["log", "Log and fit"], ["text", "Text"], ["check", "Check"], ["results", "Results"]];
@@ -94,4 +94,4 @@ function Build() {
 }
 
 render(<Build />, document.body);
-Object.assign(window, { studio: { errors, get ready() { return draft.value !== null; } } });
+Object.assign(window, { studio: { errors, get ready() { return idle(); } } });

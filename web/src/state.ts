@@ -16,10 +16,12 @@ export const idOf = (e: Element) => `${e.table}/${e.name}`;
 export const element = computed(() => draft.value?.elements.find((e) => idOf(e) === chosen.value) ?? null);
 export const nodes = computed(() => draft.value?.elements.filter((e) => ["nodes", "needs", "submodels"].includes(e.table)) ?? []);
 
-let last: Promise<unknown> = Promise.resolve();
+let last: Promise<unknown> = Promise.resolve(), waiting = 0;
+export const idle = () => draft.value !== null && waiting === 0;
 
 // commands go one after the other: each is about the state that the one before has left
 export function told<T>(make: () => Promise<T>): Promise<T | null> {
+  waiting++;
   const next = last.then(async () => {
     try {
       const out = await make();
@@ -28,7 +30,7 @@ export function told<T>(make: () => Promise<T>): Promise<T | null> {
     } catch (e) {
       error.value = String((e as Error).message ?? e);
       return null;
-    }
+    } finally { waiting--; }
   });
   last = next;
   return next;

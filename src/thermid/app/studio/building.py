@@ -13,8 +13,9 @@ from thermid.app.studio.draft import CAMPAIGN, DECK, PLACES, VIEW, Draft, keep, 
 from thermid.app.studio.follow import Follower
 from thermid.app.studio.orders import curves_object
 from thermid.app.studio.shapes import PALETTE, SOURCES, added, palette, removed, renamed, sheets, stored, valued
-from thermid.app.studio.work import Job, Jobs
+from thermid.app.studio.work import Jobs, JobState
 from thermid.base.errors import DeckError, MissingDataError, NameNotFoundError, ThermidError, refuse_unknown
+from thermid.base.files import OWN, read_bytes, write_bytes
 from thermid.base.toml_files import read_toml, resolve_inside
 from thermid.campaign.stages import request_of
 from thermid.campaign.start import word
@@ -29,9 +30,9 @@ from thermid.simulation.network import compile_network
 from thermid.simulation.scenarios import Scenario
 
 Body = Mapping[str, Any]
-STEP: Final = 8.0
+PLACE_GRID: Final = 8.0
 """Places are multiples of this. [px]"""
-CARD: Final = (216.0, 80.0)
+CARD_ROOM: Final = (216.0, 80.0)
 """Room of a node on the canvas, with that for the labels beside it. [px]"""
 LETTERS: Final = {"c": "degC", "k": "K", "f": "degF", "w": "W", "mw": "mW"}
 """Units as the last word of a column's name."""
@@ -84,23 +85,23 @@ class Building:
         return [self._fault(f.severity, f.code, f.message, f.where) for f in self.model.check()]
 
     def _fault(self, severity: str, code: str, message: str, where: str, text: str | None = None) -> dict[str, Any]:
-        told = re.search(r"line (\d+)", message)
-        line = int(told[1]) if told else parsed_line(self.draft.deck.text if text is None else text, where)
+        numbered = re.search(r"line (\d+)", message)
+        line = int(numbered[1]) if numbered else parsed_line(self.draft.deck.text if text is None else text, where)
         return {"severity": severity, "code": code, "message": message, "where": where, "line": line}
 
     def _places(self, elements: Sequence[Mapping[str, Any]]) -> dict[str, tuple[float, float]]:
         """Return the place of every node: where a person put it, else where the map of reports has it or there is room."""
-        kept = self.draft.documents[VIEW].content.get(PLACES, {})
+        placed = self.draft.documents[VIEW].content.get(PLACES, {})
         nodes = [e["name"] for e in elements if e["table"] in ("nodes", "needs", "submodels")]
         pairs = [tuple(n.partition(".")[0] for n in e["ends"][:2]) for e in elements if len(e["ends"]) > 1]
         pairs += [(e["name"], end.partition(".")[0]) for e in elements if e["table"] == "submodels" for end in e["ends"]]
-        made = card_places(nodes, [(a, b) for a, b in pairs if a != b and {a, b} <= set(nodes)], CARD)
-        out = {n: (float(kept[n][0]), float(kept[n][1])) for n in nodes if n in kept}
-        for name, place in made.items():
+        after = card_places(nodes, [(a, b) for a, b in pairs if a != b and {a, b} <= set(nodes)], CARD_ROOM)
+        out = {n: (float(placed[n][0]), float(placed[n][1])) for n in nodes if n in placed}
+        for name, place in after.items():
             while name not in out:
-                if all(abs(place[0] - x) >= CARD[0] or abs(place[1] - y) >= CARD[1] for x, y in out.values()):
+                if all(abs(place[0] - x) >= CARD_ROOM[0] or abs(place[1] - y) >= CARD_ROOM[1] for x, y in out.values()):
                     out[name] = place
-                place = place[0] + CARD[0] + 8.0 * STEP, place[1]
+                place = place[0] + CARD_ROOM[0] + 8.0 * PLACE_GRID, place[1]
         return out
 
     def _logged(self, element: dict[str, Any], log: Mapping[str, Any] | None) -> dict[str, Any]:
@@ -135,9 +136,9 @@ class Building:
         if name is None or "file" not in content["records"][name]:
             return None
         table = content["records"][name]
-        seen = look(self._inside(table["file"]), time=table.get("time")).as_object()
-        seen = {k: seen[k] for k in ("problem", "rows", "columns", "questions", "notes", "sampling", "clock")}
-        return {"record": name, "file": table["file"], "channels": table["channels"], "others": len(content["records"]) - 1, **seen}
+        looked = look(self._inside(table["file"]), time=table.get("time")).as_object()
+        looked = {k: looked[k] for k in ("problem", "rows", "columns", "questions", "notes", "sampling", "clock")}
+        return {"record": name, "file": table["file"], "channels": table["channels"], "others": len(content["records"]) - 1, **looked}
 
     def _inside(self, name: str) -> Path:
         return resolve_inside(self.draft.deck.path.parent, name, "log")
@@ -154,14 +155,14 @@ class Building:
         what, more = text_of(body, "do"), {}
         refuse_unknown([what], self._commands, "build", "no command '{}'.", NameNotFoundError)
         try:
-            made = self._commands[what](self, body)
+            after = self._commands[what](self, body)
         except ThermidError as error:
             if what != "text":
                 raise
             return self.state() | {"refused": self._fault("error", error.code, error.message, error.where, text_of(body, "text"))}
-        if isinstance(made, tuple):
-            made, more = made
-        self._take(made)
+        if isinstance(after, tuple):
+            after, more = after
+        self._take(after)
         return self.state() | more
 
     def _take(self, draft: Draft) -> None:
@@ -193,13 +194,13 @@ class Building:
         return {"use": deck} | ({"bind": {n: n if n in nodes else nodes[0] for n in needs}} if needs else {})
 
     def _place(self, name: str, body: Body) -> Edit:
-        return Edit((PLACES, name), [round(number_of(body, axis) / STEP) * STEP for axis in ("x", "y")])
+        return Edit((PLACES, name), [round(number_of(body, axis) / PLACE_GRID) * PLACE_GRID for axis in ("x", "y")])
 
     def _rename(self, body: Body) -> Draft:
         keys, name = texts_of(body, "keys"), text_of(body, "name").strip()
         edits = renamed(self.draft.deck.content, keys, name)
-        kept, bound = self.draft.documents[VIEW].content.get(PLACES, {}), self.draft.documents[CAMPAIGN].content
-        places = [Edit((PLACES, keys[1])), Edit((PLACES, name), kept[keys[1]])] if keys[1] in kept else []
+        placed, bound = self.draft.documents[VIEW].content.get(PLACES, {}), self.draft.documents[CAMPAIGN].content
+        places = [Edit((PLACES, keys[1])), Edit((PLACES, name), placed[keys[1]])] if keys[1] in placed else []
         channels = [
             Edit(("records", record, "channels", column, role), name)
             for record, table in bound["records"].items()
@@ -214,21 +215,21 @@ class Building:
 
     def _remove(self, body: Body) -> Draft:
         keys = texts_of(body, "keys")
-        kept = self.draft.documents[VIEW].content.get(PLACES, {})
-        places = [Edit((PLACES, keys[1]))] if keys[1] in kept else []
+        placed = self.draft.documents[VIEW].content.get(PLACES, {})
+        places = [Edit((PLACES, keys[1]))] if keys[1] in placed else []
         return self.draft.edited({DECK: removed(self.draft.deck.content, keys), VIEW: places})
 
     def _bind(self, body: Body) -> Draft:
         """Return the draft with columns of the log bound, each to nothing where no target is given."""
-        found = self._bound()
-        if found is None:
+        log = self._bound()
+        if log is None:
             raise MissingDataError("no log is open. Drop one on the page first.", "log")
         edits = []
         for column, table in dict(body.get("channels", {})).items():
-            keys = ("records", found["record"], "channels", str(column))
+            keys = ("records", log["record"], "channels", str(column))
             if table:
                 edits.append(Edit(keys, {str(k): str(v) for k, v in dict(table).items() if v}))
-            elif column in found["channels"]:
+            elif column in log["channels"]:
                 edits.append(Edit(keys))
         return self.draft.edited({CAMPAIGN: edits})
 
@@ -239,11 +240,11 @@ class Building:
     def _log(self, body: Body) -> Draft:
         """Return the draft with a log of the folder as its record, its columns bound as their names and units suggest."""
         file = text_of(body, "file")
-        seen = look(self._inside(file)).as_object()
+        looked = look(self._inside(file)).as_object()
         name, content = word(Path(file).name.partition(".")[0]), self.draft.documents[CAMPAIGN].content
         stage = len(content["stages"]) - 1
         records = [*(r for r in self._stage().get("records", []) if r != name), name]
-        table = {"file": file, "channels": self._proposed(seen["columns"])}
+        table = {"file": file, "channels": self._proposed(looked["columns"])}
         edits = [Edit(("records", name), table), Edit(("stages", stage, "records"), records)]
         return self.draft.edited({CAMPAIGN: edits})
 
@@ -255,25 +256,25 @@ class Building:
         for column in columns:
             words, unit = word(column["name"]), column["unit"] if column["assumed"] else ""
             stem, _, letter = words.rpartition("_")
-            known = rooms.get(column["guess"], {})
+            targets = rooms.get(column["guess"], {})
             if letter in LETTERS and any(stem == word(n) for role in (*warm.values(), *heats.values()) for n in role):
-                unit, known = LETTERS[letter], heats if letter.endswith("w") else warm
-            hits = [(len(n), role, n) for role, names in known.items() for n in names if word(n) in words]
+                unit, targets = LETTERS[letter], heats if letter.endswith("w") else warm
+            hits = [(len(n), role, n) for role, names in targets.items() for n in names if word(n) in words]
             if hits:
                 _, role, target = max(hits)
                 out[column["name"]] = {role: target} | ({"unit": unit} if unit else {})
         return out
 
     def _take_fit(self, body: Body) -> Draft:
-        """Return the draft with values that the last fit found."""
+        """Return the draft with values that the last fit log."""
         if not self.fitted:
-            raise MissingDataError("no fit was made yet. Run one first.", "build")
+            raise MissingDataError("no fit exists yet. Run one first.", "build")
         values = {p: f"{v['value']:.7g} [{v['unit']}]" for p, v in self.fitted.items()}
         return self.draft.with_values(values, f"fitted to {', '.join(self._stage()['records'])}")
 
     def _restart(self, body: Body) -> Draft:
         """Return the draft of the files as they are; what was not saved is gone."""
-        return Draft.of(self.path)
+        return Draft.opened(self.path)
 
     _commands: Final[Mapping[str, Callable[[Building, Body], Any]]] = {
         "add": _add,
@@ -314,8 +315,8 @@ class Building:
 
     def desk(self) -> Desk:
         """Return the draft ready to run: on its record, or in a room where no log is bound."""
-        found, title = self._bound(), str(self.draft.deck.content["title"])
-        if found is not None and found["channels"]:
+        log, title = self._bound(), str(self.draft.deck.content["title"])
+        if log is not None and log["channels"]:
             request = self.request()
             return Desk(title, self.model, build_problem(request))
         boundaries = dict.fromkeys(compile_network(self.model).boundaries, "24 [degC]")
@@ -324,7 +325,7 @@ class Building:
     def run(self) -> dict[str, Any]:
         """Begin a run of the draft as it is."""
 
-        def job(j: Job) -> None:
+        def job(j: JobState) -> None:
             j.result = curves_object(self.desk(), {}, "air")
 
         return self.jobs.start("run", str(self.draft.deck.content["title"]), job)
@@ -333,11 +334,11 @@ class Building:
         """Begin a fit of the ticked values to the log."""
         request = self.request()
 
-        def job(j: Job) -> None:
-            found = fit(request, j.tell)
-            shown = fit_object(found)
+        def job(j: JobState) -> None:
+            result = fit(request, j.tell)
+            shown = fit_object(result)
             self.fitted = shown["values"]
-            desk = Desk(request.name, found.model, found.problem, (), found)
+            desk = Desk(request.name, result.model, result.problem, (), result)
             j.result = {**shown, "fitted": self.fitted, **curves_object(desk, {}, "air")}
 
         return self.jobs.start("fit", request.name, job)
@@ -378,9 +379,8 @@ class Building:
             target = folder / (plain if k == 1 else f"{stem}_{k}{dot}{ending}")
             self._inside(f"logs/{target.name}")
             if not target.exists():
-                target.write_bytes(data)
-                return f"logs/{target.name}"
-            if target.is_file() and target.read_bytes() == data:
+                write_bytes(target, data, OWN)
+            if target.is_file() and read_bytes(target) == data:
                 return f"logs/{target.name}"
         raise DeckError("there are too many logs of this name.", "log")
 

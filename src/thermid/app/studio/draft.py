@@ -9,9 +9,8 @@ from pathlib import Path
 from typing import Any, Final
 
 from thermid.base.errors import DeckError, ThermidError
-from thermid.base.extensions import by_grammar
-from thermid.base.files import OWN, command, write_bytes
-from thermid.base.toml_files import Places, line_numbers, read_toml
+from thermid.base.files import OWN, command, read_bytes, read_text, write_bytes
+from thermid.base.toml_files import line_numbers, read_toml
 from thermid.campaign.stages import CampaignSource, campaign_of
 from thermid.model.deck import DeckDocument, Edit, model_beside
 from thermid.model.tree import Model
@@ -21,8 +20,10 @@ PLACES: Final = "places"
 """Table of a view file: node -> [x, y] of its card's middle. [px]"""
 
 
-def _campaign(path: Path, content: Mapping[str, Any]) -> object:
-    return by_grammar("thermid.campaign._schema.CampaignFile", content, Places(path.name))
+def _campaign(path: Path, content: Mapping[str, Any]) -> None:
+    """Refuse what is no campaign; one that has no record yet waits for its first."""
+    if content.get("records"):
+        campaign_of(path, content)
 
 
 def _view(path: Path, content: Mapping[str, Any]) -> None:
@@ -53,7 +54,7 @@ class Draft:
     future: tuple[tuple[str, ...], ...] = field(default=())
 
     @classmethod
-    def of(cls, path: Path) -> Draft:
+    def opened(cls, path: Path) -> Draft:
         """Return the draft of a deck, or of a campaign with the deck of its last stage; a deck that is not there yet is empty.
 
         Raises
@@ -179,7 +180,7 @@ def _document(path: Path, empty: str, check: Callable[[Path, Mapping[str, Any]],
 
 def _text_of(document: DeckDocument) -> str:
     """Return the text of a document's file; empty where there is none."""
-    return document.path.read_bytes().decode("utf-8") if document.path.exists() else ""
+    return read_bytes(document.path).decode("utf-8") if document.path.exists() else ""
 
 
 def journal_of(path: Path) -> Path:
@@ -200,16 +201,16 @@ def recalled(path: Path) -> tuple[Draft, str]:
 
     A journal that does not read is dropped, and so is one without an edit that waits when somebody else changed a file since.
     """
-    plain = Draft.of(path)
+    plain = Draft.opened(path)
     try:
-        kept = json.loads(journal_of(plain.deck.path).read_text(encoding="utf-8"))
-        documents = {name: plain.documents[name].with_history(**of) for name, of in kept["documents"].items()}
-        draft = Draft(documents, *(tuple(map(tuple, kept[key])) for key in ("past", "future")))
+        journal = json.loads(read_text(journal_of(plain.deck.path)))
+        documents = {name: plain.documents[name].with_history(**of) for name, of in journal["documents"].items()}
+        draft = Draft(documents, *(tuple(map(tuple, journal[key])) for key in ("past", "future")))
         for document in documents.values():
             document.check(document.path, document.content)
     except (OSError, ValueError, KeyError, TypeError, ThermidError):
         return plain, ""
-    if draft.moved_on() and not kept["waiting"]:
+    if draft.moved_on() and not journal["waiting"]:
         return plain, ""
     return draft, "Edits that were not saved are back." if draft.to_save() else ""
 

@@ -16,17 +16,17 @@ from thermid.app.studio.orders import orders, questions
 from thermid.app.studio.project import Project
 from thermid.app.studio.work import Work
 from thermid.base.errors import DeckError, ThermidError, refuse_unknown
-from thermid.base.files import OWN, command, write_bytes
+from thermid.base.files import OWN, command, read_text, write_bytes
 from thermid.base.toml_files import read_toml
 from thermid.campaign.start import EXAMPLES, copies, copy_example, word
 
 Query = Mapping[str, str]
 Body = Mapping[str, Any]
-OFFERED: Final = 300
+FILES_SHOWN: Final = 300
 """Files that the start page shows."""
-REMEMBERED: Final = 12
+RECENT_FILES: Final = 12
 """Files that it remembers."""
-DEEP: Final = 3
+FOLDERS_DEEP: Final = 3
 """How many folders deep it looks."""
 
 
@@ -126,9 +126,9 @@ class Room:
     def _files(self) -> list[dict[str, str]]:
         """Return the decks and campaigns below the folder."""
         out: list[dict[str, str]] = []
-        for pattern in ("*.toml", *("*/" * k + "*.toml" for k in range(1, DEEP + 1))):
+        for pattern in ("*.toml", *("*/" * k + "*.toml" for k in range(1, FOLDERS_DEEP + 1))):
             for file in sorted(self.folder.glob(pattern)):
-                kind, title = _kind(file) if len(out) < OFFERED and file.resolve().is_relative_to(self.folder) else ("", "")
+                kind, title = _kind(file) if len(out) < FILES_SHOWN and file.resolve().is_relative_to(self.folder) else ("", "")
                 if kind:
                     out.append({"file": file.relative_to(self.folder).as_posix(), "kind": kind, "title": title})
         return out
@@ -164,8 +164,8 @@ class Room:
     def example(self, name: str) -> dict[str, Any]:
         """Copy an example into a new folder and open it."""
         refuse_unknown([name], EXAMPLES, "examples", "no example '{}'.")
-        made = copy_example(name, self.inside(name), copies(None))
-        file = made.folder / made.example.campaign if made.example.campaign else next(iter(sorted(made.folder.glob("*.toml"))))
+        copied = copy_example(name, self.inside(name), copies(None))
+        file = copied.folder / copied.example.campaign if copied.example.campaign else next(iter(sorted(copied.folder.glob("*.toml"))))
         return self.open(file.relative_to(self.folder).as_posix())
 
     def forget(self) -> dict[str, Any]:
@@ -175,13 +175,13 @@ class Room:
 
     def _recent(self) -> list[Path]:
         try:
-            return [Path(str(f)) for f in json.loads(_recents().read_text(encoding="utf-8"))][:REMEMBERED]
+            return [Path(str(f)) for f in json.loads(read_text(_recents()))][:RECENT_FILES]
         except (OSError, ValueError, TypeError):
             return []
 
     def _remember(self, path: Path) -> None:
         """Keep a file in the list of recent ones; where it cannot be written there is none."""
-        files = list(dict.fromkeys([path, *self._recent()]))[:REMEMBERED]
+        files = list(dict.fromkeys([path, *self._recent()]))[:RECENT_FILES]
         try:
             _recents().parent.mkdir(parents=True, exist_ok=True)
             with command(force=True):

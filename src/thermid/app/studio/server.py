@@ -99,11 +99,11 @@ def _part(request: Request) -> Response:
     return _file(f"{request.path_params['folder']}/{request.path_params['name']}")
 
 
-def _reads(known: Callable[[], Mapping[str, Callable[[Mapping[str, str]], Any]]], lock: threading.Lock) -> Callable[[Request], Response]:
+def _reads(answers: Callable[[], Mapping[str, Callable[[Mapping[str, str]], Any]]], lock: threading.Lock) -> Callable[[Request], Response]:
     """Return an endpoint that answers with JSON, errors of ours in words."""
 
     def endpoint(request: Request) -> Response:
-        make = known().get(request.path_params["name"])
+        make = answers().get(request.path_params["name"])
         if make is None:
             return _refused(NOTHING, 404)
         with lock:
@@ -113,14 +113,14 @@ def _reads(known: Callable[[], Mapping[str, Callable[[Mapping[str, str]], Any]]]
 
 
 def _writes(
-    known: Callable[[], Mapping[str, Callable[[Mapping[str, Any]], Any]]], lock: threading.Lock
+    orders: Callable[[], Mapping[str, Callable[[Mapping[str, Any]], Any]]], lock: threading.Lock
 ) -> Callable[[Request], Awaitable[Response]]:
     """Return the same for a request with a body of JSON."""
 
     async def endpoint(request: Request) -> Response:
         from starlette.concurrency import run_in_threadpool
 
-        make = known().get(request.path_params.get("name", "bench"))
+        make = orders().get(request.path_params.get("name", "bench"))
         if make is None:
             return _refused(NOTHING, 404)
         try:
@@ -286,11 +286,11 @@ def _file(name: str) -> Response:
 
     folder, _, rest = name.partition("/")
     home = files("thermid.app.studio").joinpath(folder) if folder in FOLDERS else None
-    known = {f.name: f for f in home.iterdir()} if home is not None and home.is_dir() else {}
-    if rest in known and Path(rest).suffix in KINDS:
+    parts = {f.name: f for f in home.iterdir()} if home is not None and home.is_dir() else {}
+    if rest in parts and Path(rest).suffix in KINDS:
         kind = KINDS[Path(rest).suffix]
-        return Response(known[rest].read_text(encoding="utf-8"), media_type=kind, headers={"cache-control": "no-store"})
-    if folder == "bundle" and not known:
+        return Response(parts[rest].read_text(encoding="utf-8"), media_type=kind, headers={"cache-control": "no-store"})
+    if folder == "bundle" and not parts:
         return Response(NOT_BUILT, 503, media_type=KINDS[".html"])
     return _refused("this page does not exist.", 404)
 

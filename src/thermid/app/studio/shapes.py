@@ -28,7 +28,7 @@ UNITS: Final = {
     "s": ("s", "min", "h"),
     "1": ("1",),
 }
-"""Units that a picker offers for a slot, the first one its own; any other unit is typed with its value."""
+"""Units that a picker offers for a slot, the first one its unit; any other unit is typed with its value."""
 ENDS: Final = {"surfaces": ("of", "to"), "loads": ("into",)}
 """Fields that name what an element is joined to; conductors have ``between``, submodels ``bind``."""
 NAMING: Final = ("of", "to", "into", "sees", "radiates_to", "rest", "between", "bind", "faces", "sensor", "follows")
@@ -42,7 +42,7 @@ def _assumed(value: str, **more: Any) -> dict[str, Any]:
 
 
 @dataclass(frozen=True)
-class Shape:
+class PaletteEntry:
     """An entry of the palette.
 
     Parameters
@@ -61,19 +61,19 @@ class Shape:
     content: Mapping[str, Any] = field(default_factory=dict)
 
 
-PALETTE: Final[Mapping[str, Shape]] = {
+PALETTE: Final[Mapping[str, PaletteEntry]] = {
     s.name: s
     for s in (
-        Shape(
+        PaletteEntry(
             "mass", "a mass with one temperature", "m", "nodes", 0, {"capacitance": _assumed("100 [J/K]", min="1 [J/K]", max="1e5 [J/K]")}
         ),
-        Shape("massless", "a node without heat capacity", "n", "nodes"),
-        Shape("boundary", "a temperature from outside: room, plate, shroud", "b", "needs"),
-        Shape(
+        PaletteEntry("massless", "a node without heat capacity", "n", "nodes"),
+        PaletteEntry("boundary", "a temperature from outside: room, plate, shroud", "b", "needs"),
+        PaletteEntry(
             *("conduction", "conduction between two nodes", "k", "conductors", 2),
             {"kind": "conduction", "conductance": _assumed("1 [W/K]", min="1e-3 [W/K]", max="1e3 [W/K]")},
         ),
-        Shape(
+        PaletteEntry(
             *("contact", "two faces pressed together", "c", "conductors", 2),
             {
                 "kind": "contact",
@@ -81,17 +81,17 @@ PALETTE: Final[Mapping[str, Shape]] = {
                 "area": _assumed("10 [cm^2]"),
             },
         ),
-        Shape(
+        PaletteEntry(
             *("convection", "a surface to air, radiation included", "v", "surfaces", 2),
             {"area": _assumed("100 [cm^2]"), "effective_htc": _assumed("8 [W/(m^2 K)]", min="1 [W/(m^2 K)]", max="100 [W/(m^2 K)]")},
         ),
-        Shape(
+        PaletteEntry(
             *("radiation", "radiation between two nodes", "r", "conductors", 2),
             {"kind": "radiation", "emissivity": _assumed("0.8 [1]", min=0.02, max=1.0), "area": _assumed("100 [cm^2]")},
         ),
-        Shape("load", "heat into a node", "l", "loads", 1, {"power": _assumed("1 [W]")}),
-        Shape("sensor", "a node whose temperature is measured or judged", "s", "sensors", 1),
-        Shape("submodel", "a deck of this folder as a part", "u", "submodels"),
+        PaletteEntry("load", "heat into a node", "l", "loads", 1, {"power": _assumed("1 [W]")}),
+        PaletteEntry("sensor", "a node whose temperature is measured or judged", "s", "sensors", 1),
+        PaletteEntry("submodel", "a deck of this folder as a part", "u", "submodels"),
     )
 }
 
@@ -108,7 +108,7 @@ def added(content: Mapping[str, Any], shape: str, name: str, ends: Sequence[str]
     ----------
     content : dict      Of the deck.
     shape : str         A name of the palette.
-    name : str          Of the element; one of its own is made where it is empty.
+    name : str          Of the element; one of its unit is chosen where it is empty.
     ends : sequence     Nodes that it is joined to.
     part : dict         What a submodel says.
 
@@ -123,23 +123,23 @@ def added(content: Mapping[str, Any], shape: str, name: str, ends: Sequence[str]
         raise DeckError(f"'{shape}' joins {kind.ends} different nodes; {len(set(ends))} were chosen.", "palette", code="value.incomplete")
     if kind.table == "sensors":
         return [Edit(("nodes", ends[0], "reference_point"), True)], ends[0]
-    known = names_of(content)
-    made = name.strip() or _free_name("_".join(ends if kind.ends == 2 else (shape, *ends)), known)
-    if made in known or not re.fullmatch(r"[A-Za-z_][A-Za-z0-9_]*", made):
-        raise _no_name(made)
+    taken = names_of(content)
+    chosen = name.strip() or _free_name("_".join(ends if kind.ends == 2 else (shape, *ends)), taken)
+    if chosen in taken or not re.fullmatch(r"[A-Za-z_][A-Za-z0-9_]*", chosen):
+        raise _no_name(chosen)
     if kind.table == "needs":
-        return [Edit(("needs",), [*content.get("needs", []), made])], made
+        return [Edit(("needs",), [*content.get("needs", []), chosen])], chosen
     fields: dict[str, Any] = dict(zip(ENDS.get(kind.table, ()), ends, strict=False)) or ({"between": list(ends)} if ends else {})
-    return [Edit((kind.table, made), {**fields, **part, **kind.content})], made
+    return [Edit((kind.table, chosen), {**fields, **part, **kind.content})], chosen
 
 
-def _free_name(wanted: str, known: Sequence[str] | set[str]) -> str:
+def _free_name(wanted: str, taken: Sequence[str] | set[str]) -> str:
     plain = word(wanted)
-    return next(n for k in range(1, 10**6) if (n := plain if k == 1 else f"{plain}_{k}") not in known)
+    return next(n for k in range(1, 10**6) if (n := plain if k == 1 else f"{plain}_{k}") not in taken)
 
 
 def _no_name(name: str) -> DeckError:
-    why = f"'{name}' is taken, or is no name. Give letters, digits and _ only, a letter first."
+    why = f"'{name}' is taken, or cannot be one. Give letters, digits and _ only, a letter first."
     return DeckError(why, "palette", code="output.edit-refused")
 
 
@@ -275,10 +275,10 @@ def _field(name: str, written: Any, slot: str) -> dict[str, Any]:
     table = written if isinstance(written, Mapping) else {} if written is None else {"value": written}
     text = str(table.get("value", ""))
     plain = re.fullmatch(r"\s*([-+0-9.eE]+)\s*(?:\[([^\]]*)\])?\s*", text)
-    number, own = (plain[1], plain[2] or slot) if plain else (text, "")
-    units = list(dict.fromkeys([*([own] if own else []), *UNITS.get(slot, (slot,))]))
+    number, unit = (plain[1], plain[2] or slot) if plain else (text, "")
+    units = list(dict.fromkeys([*([unit] if unit else []), *UNITS.get(slot, (slot,))]))
     return {
-        **{"name": name, "number": number, "unit": own or slot, "units": units, "expression": bool(text) and not plain},
+        **{"name": name, "number": number, "unit": unit or slot, "units": units, "expression": bool(text) and not plain},
         **{"source": table.get("source", ""), "given": bool(table), "law": bool(table) and "value" not in table},
         **{"missing": table.get("basis") == PLACEHOLDER, "low": str(table.get("min", "")), "high": str(table.get("max", ""))},
     }

@@ -15,7 +15,7 @@ from thermid.reporting.objects import fit_object
 
 
 @dataclass
-class Job:
+class JobState:
     """What is running, or ran last."""
 
     what: str
@@ -59,7 +59,7 @@ class Jobs:
     """One job at a time."""
 
     def __init__(self) -> None:
-        self._job: Job | None = None
+        self._job: JobState | None = None
         self._thread: threading.Thread | None = None
 
     def state(self) -> dict[str, Any]:
@@ -78,7 +78,7 @@ class Jobs:
             self._thread = None
         return self.state()
 
-    def start(self, what: str, stage: str, make: Callable[[Job], None]) -> dict[str, Any]:
+    def start(self, what: str, stage: str, make: Callable[[JobState], None]) -> dict[str, Any]:
         """Begin a job and return its state.
 
         Raises
@@ -87,7 +87,7 @@ class Jobs:
         """
         if self.busy:
             raise DeckError(f"'{self._job.stage if self._job else ''}' is still running. Wait until it ends, or stop it.", "studio")
-        job = self._job = Job(what, stage)
+        job = self._job = JobState(what, stage)
 
         def work() -> None:
             try:
@@ -105,6 +105,11 @@ class Jobs:
         self._thread = threading.Thread(target=work, name=f"studio {what}", daemon=True)
         self._thread.start()
         return self.state()
+
+    def wait(self) -> None:
+        """Return once nothing runs."""
+        if self._thread is not None:
+            self._thread.join()
 
     @property
     def busy(self) -> bool:
@@ -130,7 +135,7 @@ class Work(Jobs):
     def fresh(self) -> dict[str, Any]:
         """Look at all stages anew where a file was changed on disk, unless something runs; return the state and edition of each."""
         if not self.busy:
-            self._look_again(Job("look", ""))
+            self._look_again(JobState("look", ""))
         states = self._project.states
         return {name: [states[name].state, states[name].edition] for name in self._project.stages}
 
@@ -139,7 +144,7 @@ class Work(Jobs):
         project = self._project
         project.known(stage)
 
-        def job(j: Job) -> None:
+        def job(j: JobState) -> None:
             self._look_again(j)
             for name in [n for n in (*(project.below(stage) if below else ()), stage) if n == stage or n not in project.done]:
                 j.stage = name
@@ -153,7 +158,7 @@ class Work(Jobs):
     def fit(self, stage: str, values: Mapping[str, float], free: tuple[str, ...]) -> dict[str, Any]:
         """Begin to fit chosen parameters from values of the sliders."""
 
-        def job(j: Job) -> None:
+        def job(j: JobState) -> None:
             j.result = fit_object(self._project.fit(stage, values, free, j.tell))
 
         return self.start("fit", self._project.known(stage), job)
@@ -163,7 +168,7 @@ class Work(Jobs):
         desk = self._project.desk(stage)
         course = self.shelf.course(desk, key)
 
-        def job(j: Job) -> None:
+        def job(j: JobState) -> None:
             def told(step: int, steps: int, reached: float) -> None:
                 j.going()
                 j.share, j.reached = step / steps, reached
@@ -175,7 +180,7 @@ class Work(Jobs):
 
         return self.start("scenario", stage, job)
 
-    def _look_again(self, job: Job) -> None:
+    def _look_again(self, job: JobState) -> None:
         """Take the files as they are now, and look at every stage; where none was changed, nothing is done."""
         changed = self._project.watch.changed()
         if not changed:
@@ -184,7 +189,7 @@ class Work(Jobs):
         self.shelf = Shelf(self._project.path)
         self._look(job)
 
-    def _look(self, job: Job) -> None:
+    def _look(self, job: JobState) -> None:
         for name in self._project.stages:
             job.stage = name
             self._project.look(name)
