@@ -147,7 +147,7 @@ export function Canvas() {
   const bound = Object.values(state.log?.channels ?? {}).map((b) => (typeof b === "string" ? b : b.node ?? b.boundary ?? ""));
   return (
     <div class="canvas">
-      <svg ref={host} role="group" aria-label="Canvas of the model. Arrows go from node to node, Alt and arrows move one, letters of the palette add." tabIndex={0} id="canvas"
+      <svg ref={host} role="group" aria-label="Canvas of the model. Arrows go from node to node, Alt and arrows move one, letters of the palette add." tabindex={0} id="canvas"
         class={tool.value ? "armed" : ""} onPointerDown={(e) => down(e, "pan")} onPointerMove={move} onPointerUp={up} onKeyDown={keys} onDragOver={(e) => e.preventDefault()} onDrop={drop}>
         <g transform={`scale(${box.k}) translate(${-box.x} ${-box.y})`}>
           {drawn.map((e) => {
@@ -157,7 +157,7 @@ export function Canvas() {
             const mid: Point = [(p[0] + q[0]) / 2 - (q[1] - p[1]) / len * off, (p[1] + q[1]) / 2 + (q[0] - p[0]) / len * off];
             const d = `M${p[0]} ${p[1]} Q${2 * mid[0] - (p[0] + q[0]) / 2} ${2 * mid[1] - (p[1] + q[1]) / 2} ${q[0]} ${q[1]}`, id = idOf(e);
             return (
-              <g key={id} class={`wire ${e.shape} ${chosen.value === id ? "chosen" : ""} ${lacking(e) ? "lacking" : ""}`} tabIndex={0} role="button" aria-pressed={chosen.value === id} aria-label={`${e.shape} ${e.name}, ${e.ends.join(" to ")}, ${valueOf(e)}`} data-wire={e.name}
+              <g key={id} class={`wire ${e.shape} ${chosen.value === id ? "chosen" : ""} ${lacking(e) ? "lacking" : ""}`} tabindex={0} role="button" aria-pressed={chosen.value === id} aria-label={`${e.shape} ${e.name}, ${e.ends.join(" to ")}, ${valueOf(e)}`} data-wire={e.name}
                 onPointerDown={(v) => { v.stopPropagation(); chosen.value = id; }} onKeyDown={(v) => { if (v.key === "Enter" || v.key === " ") { chosen.value = id; focusName.value++; v.preventDefault(); v.stopPropagation(); } }}>
                 <path class="hit" d={d} /><path class="line" d={d} /><text x={mid[0]} y={mid[1] - 6} class="label">{valueOf(e) || e.name}</text><text x={mid[0]} y={mid[1] + 15} class={`label small ${wanting(e) ? "wanting" : ""}`}>{wanting(e) || e.shape}</text>
               </g>
@@ -169,7 +169,7 @@ export function Canvas() {
             const [x, y] = at(n.name), id = idOf(n), heats = state.elements.filter((l) => l.table === "loads" && top(l.ends[0] ?? "") === n.name);
             const low = n.table === "submodels" ? n.use : n.table === "needs" ? "boundary" : valueOf(n) || "massless";
             return (
-              <g key={id} transform={`translate(${x} ${y})`} class={`node ${n.shape} ${chosen.value === id ? "chosen" : ""} ${tool.value?.ends.includes(n.name) ? "picked" : ""} ${lacking(n) ? "lacking" : ""}`} tabIndex={0} role="button" data-node={n.name}
+              <g key={id} transform={`translate(${x} ${y})`} class={`node ${n.shape} ${chosen.value === id ? "chosen" : ""} ${tool.value?.ends.includes(n.name) ? "picked" : ""} ${lacking(n) ? "lacking" : ""}`} tabindex={0} role="button" data-node={n.name}
                 aria-pressed={chosen.value === id} aria-label={`${n.shape} ${n.name}, ${low}${heats.length ? `, loads ${heats.map((l) => `${l.name} ${valueOf(l)}`).join(", ")}` : ""}`} onPointerDown={(e) => down(e, "move", n.name)}>
                 <rect x={-W / 2} y={-H / 2} width={W} height={H} rx={n.shape === "boundary" ? H / 2 : 8} />
                 <text y={heats.length ? -10 : -2} class="name">{n.name.length > 18 ? `${n.name.slice(0, 17)}…` : n.name}</text><text y={heats.length ? 5 : 15} class="value">{low}</text>

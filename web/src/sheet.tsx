@@ -8,6 +8,8 @@ const plain = (name: string) => name.replaceAll("_", " ");
 
 function Value({ of, field }: { of: Element; field: Field }) {
   const [number, setNumber] = useState(field.number), [source, setSource] = useState(field.missing ? "" : field.source);
+  // the field keeps the focus while what it shows is another
+  useEffect(() => { setNumber(field.number); setSource(field.missing ? "" : field.source); }, [of.table, of.name, field.number, field.source, field.missing]);
   const keys = [of.table, of.name, field.name];
   const write = (value: string, unit: string, from: string) => {
     const bare = /^[-+0-9.eE\s]+$/.test(value);
@@ -31,6 +33,7 @@ function Value({ of, field }: { of: Element; field: Field }) {
 
 export function Sheet() {
   const one = element.value, state = draft.value, name = useRef<HTMLInputElement>(null), wanted = focusName.value;
+  useEffect(() => { if (name.current && one) name.current.value = one.name; }, [one?.table, one?.name]);
   useEffect(() => { if (wanted) { name.current?.focus(); name.current?.select(); } }, [wanted]);
   if (!one || !state) return <p class="soft">Choose a node or a line to see its values.</p>;
   const place = state.places[one.name], keys = [one.table, one.name], shown = one.fields.filter((f) => f.given), rest = one.fields.filter((f) => !f.given);
@@ -38,13 +41,13 @@ export function Sheet() {
   const heat = one.fields.some((f) => f.name === "mass" && f.given) ? "mass" : one.shape === "massless" ? "massless" : "capacitance";
   const loads = state.elements.filter((l) => l.table === "loads" && l.ends[0] === one.name);
   return (
-    <form onSubmit={(e) => e.preventDefault()} key={chosen.value}>
+    <form onSubmit={(e) => e.preventDefault()}>
       <div class="field wide"><label for="sheet-name">name of this {one.shape}</label><input id="sheet-name" ref={name} type="text" autocomplete="off" defaultValue={one.name} onChange={(e) => void rename(e.currentTarget.value)} /></div>
       {one.ends.length > 0 && <p class="soft">{one.table === "submodels" ? "bound to" : one.table === "loads" ? "into" : "between"} {one.ends.join(" and ")}</p>}
       {one.table === "nodes" && <div class="field wide"><label for="sheet-heat">stores heat by</label><select id="sheet-heat" value={heat} onChange={(e) => command({ do: "stored", name: one.name, how: e.currentTarget.value })}>
         <option value="capacitance">capacitance</option><option value="mass">mass and specific heat</option><option value="massless">nothing (massless)</option></select></div>}
-      {shown.map((f) => <Value key={`${chosen.value}/${f.name}/${f.number}/${f.unit}/${f.source}/${f.missing}`} of={one} field={f} />)}
-      {one.table !== "nodes" && rest.length > 0 && <details><summary>{rest.length} more that may be given</summary>{rest.map((f) => <Value key={`${chosen.value}/${f.name}`} of={one} field={f} />)}</details>}
+      {shown.map((f) => <Value key={f.name} of={one} field={f} />)}
+      {one.table !== "nodes" && rest.length > 0 && <details><summary>{rest.length} more that may be given</summary>{rest.map((f) => <Value key={f.name} of={one} field={f} />)}</details>}
       {one.table === "nodes" && <label class="tick"><input type="checkbox" checked={one.sensor} onChange={(e) => command({ do: "sensor", name: one.name, on: e.currentTarget.checked })} /> sensor: its temperature is measured or judged</label>}
       {one.table === "submodels" && <Part of={one} />}
       {loads.map((l) => <button type="button" key={l.name} onClick={() => { chosen.value = `loads/${l.name}`; focusName.value++; }}>load {l.name}</button>)}
