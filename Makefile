@@ -3,26 +3,31 @@
 ENV := .venv
 BIN := $(ENV)/bin
 KERNEL := CMakeLists.txt pyproject.toml $(wildcard src/kernel/*/*)
-COMPILE = uv pip compile pyproject.toml --universal --fork-strategy fewest --python-version 3.11 --generate-hashes --no-annotate \
+WEB := $(wildcard web/src/* web/*.json web/build.mjs)
+PINNED = --universal --fork-strategy fewest --python-version 3.11 --generate-hashes --no-annotate \
 	--no-emit-index-url --no-emit-find-links --custom-compile-command "make lock" --quiet $(UPGRADE)
+COMPILE = uv pip compile pyproject.toml $(PINNED)
+COMPILE_WEB = uv pip compile --group web $(PINNED)
 
 # What calls the kernel itself, or through networks, runs and fits; the other tests reach nothing of it that these do not.
 SANITIZED := tests/unit/kernel tests/unit/simulation/network tests/unit/simulation tests/unit/fit tests/unit/inference tests/unit/fit/power tests/unit/inference/explain \
 	tests/unit/campaign/judge tests/unit/campaign tests/unit/prediction tests/unit/prediction/advice tests/unit/model/test_law.py \
 	tests/analytic tests/properties tests/recovery tests/regression
 
+BROWSED := tests/studio tests/unit/reporting/test_in_a_browser.py tests/docs/test_site_browser.py
+
 # uv where it is present; it does not read pip's settings, so pip has the last word.
 install = { command -v uv >/dev/null && uv pip install --quiet --python $(BIN)/python --require-hashes -r $(1); } \
 	|| $(BIN)/python -m pip install --disable-pip-version-check --quiet --require-hashes -r $(1)
 
-.PHONY: help setup setup-test demo test test-all bench screenshots firmware bench-tools docs lint torture sanitize format lengths lock clean
+.PHONY: help setup setup-test demo test test-all test-browser bench screenshots firmware bench-tools docs lint torture sanitize format lengths lock clean
 
 help:  ## what can be made
 	@sed -nE 's/^([a-z-]+):[^#]*## (.*)/  make \1\t\2/p' Makefile | expand -t 20
 	@echo '  PYTHON=/path/to/python chooses the interpreter of the environment.'
 
-setup: $(ENV)/.kernel  ## the environment of the demo, with the compiled kernel
-setup-test: $(ENV)/.test $(ENV)/.kernel  ## the same, with the tools of the tests
+setup: $(ENV)/.kernel $(ENV)/.web  ## the environment of the demo, with the compiled kernel
+setup-test: $(ENV)/.test $(ENV)/.kernel $(ENV)/.web  ## the same, with the tools of the tests
 
 demo: setup  ## the demonstration; ends with the path of its page
 	@$(BIN)/python examples/demo.py
@@ -32,6 +37,10 @@ test: lint  ## lint, then every test but the whole campaigns
 
 test-all: lint  ## lint, then every test
 	OMP_NUM_THREADS=1 $(BIN)/python -m pytest -n 2 --dist loadfile -rs --durations=10
+
+test-browser: setup-test  ## every test of a page in a browser; it fails, and does not skip, where Chromium and its driver are missing
+	@command -v chromium >/dev/null && command -v chromedriver >/dev/null || { echo 'Chromium or its driver is missing (Debian, Ubuntu: chromium, chromium-driver).' >&2; exit 1; }
+	OMP_NUM_THREADS=1 $(BIN)/python -m pytest -n 2 --dist loadfile -rs --durations=10 $(BROWSED)
 
 bench: setup-test  ## every benchmark beside the peers that are installed, the tables of docs/benchmarks.md, the guards
 	@for case in B1 B2 B3 B4 B5 B6; do $(BIN)/python benchmarks/run.py $$case --save benchmarks/results || exit 1; done
@@ -72,10 +81,11 @@ lengths: setup-test  ## which functions are long
 lock:  ## pin every package again (needs uv; UPGRADE=--upgrade for newer versions)
 	@command -v uv >/dev/null || { echo 'make lock needs uv on the PATH.' >&2; exit 1; }
 	$(COMPILE) --extra report --extra symbolic --group build -o requirements.lock
+	$(COMPILE_WEB) -o requirements-web.lock
 	$(COMPILE) --all-extras --group build -c requirements.lock -o requirements-test.lock
 
 clean:  ## remove the environment and everything that was built
-	rm -rf $(ENV) build dist .mypy_cache .ruff_cache .pytest_cache .hypothesis
+	rm -rf $(ENV) build dist web/node_modules src/thermid/app/studio/bundle .mypy_cache .ruff_cache .pytest_cache .hypothesis
 	find src tests scripts examples -name __pycache__ -type d -prune -exec rm -rf {} +
 
 # Another PYTHON than the one that made the environment makes it anew.
@@ -108,3 +118,8 @@ $(ENV)/.kernel: $(KERNEL) $(ENV)/.demo
 	@tools=$$(scripts/find_tools) && eval "$$tools" && CXX="$$CXX" PATH="$(CURDIR)/$(BIN):$$PATH" $(BIN)/python -m pip install \
 		--disable-pip-version-check --quiet --no-deps --no-build-isolation --editable .
 	@touch $@
+
+# Without npm's packages the rest is set up all the same; the next `make setup` tries again.
+$(ENV)/.web: $(WEB) scripts/build_web requirements-web.lock $(ENV)/.demo
+	@echo "building the studio's pages"
+	@if scripts/build_web; then touch $@; fi

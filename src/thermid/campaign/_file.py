@@ -269,7 +269,14 @@ def read_campaign(path: str | os.PathLike[str], data: str | os.PathLike[str] | N
     DeckError       When it does not follow the grammar, or names a stage that is not there or comes later.
     """
     target = Path(path)
-    content, lines = read_toml(target)
+    return campaign_of(target, *read_toml(target), data)
+
+
+def campaign_of(
+    target: Path, content: Mapping[str, Any], lines: Mapping[str, int] | None = None, data: str | os.PathLike[str] | None = None
+) -> CampaignSource:
+    """Return a campaign of its content, as it would be read from a file; see `read_campaign`."""
+    lines = lines or {}
     checked: CampaignFile = by_grammar("thermid.campaign._schema.CampaignFile", content, Places(target.name, lines))
     logs = data if data is not None else os.environ.get(DATA)
     folder = Path(logs).resolve() if logs else None

@@ -4,6 +4,7 @@ from thermid.campaign._advice import next_command as next_command
 from thermid.campaign._cache import changed_since as changed_since, file_name as file_name, recall as recall, remember as remember
 from thermid.campaign._file import (
     CampaignSource as CampaignSource,
+    campaign_of as campaign_of,
     local_of as local_of,
     read_campaign as read_campaign,
     scenario_of as scenario_of,

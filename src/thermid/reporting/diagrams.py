@@ -2,3 +2,4 @@
 
 from thermid.reporting._diagrams.diagram import diagram as diagram, parts_of as parts_of
 from thermid.reporting._diagrams.map import network_map as network_map
+from thermid.reporting._diagrams.places import card_places as card_places

@@ -10,26 +10,31 @@ import typer
 
 from thermid.app.cli.options import Data
 from thermid.app.studio.project import Project
+from thermid.app.studio.room import Room
 from thermid.app.studio.server import serve
+from thermid.base.errors import DeckError
 from thermid.base.extensions import require
 from thermid.base.files import PAGE, scratch, write_text
 
 
 def studio(
-    file: Annotated[Path, typer.Argument(help="A deck or a campaign (TOML).")],
+    file: Annotated[Path | None, typer.Argument(help="A deck or a campaign (TOML); without one the start page.")] = None,
     data: Data = None,
     results: Annotated[Path | None, typer.Option("--results", help="Folder of finished stages; 'results' beside the file.")] = None,
     log: Annotated[Path | None, typer.Option("--log", help="A log that grows, to be followed in the view Bench.")] = None,
     port: Annotated[int, typer.Option("--port", min=0, max=65535, help="Port on this machine; any free one where it is 0.")] = 0,
     browser: Annotated[bool, typer.Option("--browser/--no-browser", help="Whether to open the page in a browser.")] = True,
 ) -> None:
-    """Open a deck or campaign as a page on this machine.
+    """Open a deck or campaign as a page on this machine; without one, begin or choose one there.
 
-    The page has sliders, levels, scenarios, and a view of a log that grows. Nothing leaves this machine. The address holds a token: who has
-    it sees the project and may save values; other users of the machine are refused.
+    The page has a view in which models are built, sliders, levels, scenarios, and a view of a log that grows. Nothing leaves this machine.
+    The address holds a token: who has it sees the project and may save values; other users of the machine are refused.
     """
     require("studio", "thermid studio")
-    project = Project(file, data, results)
+    if file is None and (data or results or log):
+        raise DeckError("--data, --results and --log belong to a deck or campaign. Give one.", "studio", code="value.incomplete")
+    project = None if file is None else Project(file, data, results)
+    room = Room(Path.cwd() if project is None else project.path.parent, project, log.resolve() if log is not None else None)
     with scratch() as folder:
 
         def ready(address: str) -> None:
@@ -37,7 +42,7 @@ def studio(
             if browser:
                 webbrowser.open(_leading_to(address, folder).as_uri())
 
-        serve(project, port, ready, log.resolve() if log is not None else None)
+        serve(room, port, ready)
 
 
 def _leading_to(address: str, folder: Path) -> Path:

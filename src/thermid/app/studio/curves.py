@@ -93,6 +93,32 @@ def texts_of(asked: Mapping[str, Any], key: str) -> tuple[str, ...]:
     return tuple(several)
 
 
+def text_of(asked: Mapping[str, Any], key: str) -> str:
+    """Return a text that a page gives; empty without one.
+
+    Raises
+    ------
+    DeckError   When it is no text.
+    """
+    text = asked.get(key, "")
+    if not isinstance(text, str):
+        raise DeckError(f"'{key}' is not a text.", "studio")
+    return text
+
+
+def number_of(asked: Mapping[str, Any], key: str) -> float:
+    """Return a number that a page gives.
+
+    Raises
+    ------
+    DeckError   When it is no number, or has no end.
+    """
+    number = asked.get(key)
+    if not isinstance(number, int | float) or isinstance(number, bool) or not math.isfinite(number):
+        raise DeckError(f"'{key}' is not a number.", "studio")
+    return float(number)
+
+
 def window_of(asked: Mapping[str, Any]) -> Window:
     """Return the stretch that a page shows, or None for all of it. [s]
 

@@ -12,7 +12,7 @@ from typing import Any
 import numpy as np
 
 from thermid.app.studio.courses import Shelf, outcome_object, profile_for, profile_object
-from thermid.app.studio.curves import RunCurves, ThinnedCurve, Window, texts_of, window_of
+from thermid.app.studio.curves import RunCurves, ThinnedCurve, Window, text_of, texts_of, window_of
 from thermid.app.studio.desk import Desk
 from thermid.app.studio.follow import Follower
 from thermid.app.studio.project import Project
@@ -46,11 +46,11 @@ def orders(project: Project, work: Work) -> dict[str, Callable[[Body], Any]]:
     """Return name -> answer to what comes with a body of JSON."""
 
     def curves(body: Body) -> Any:
-        desk, measured = project.desk(_text(body, "stage")), bool(body.get("measured", True))
-        return curves_object(desk, _values(body), _text(body, "gas"), measured, window_of(body))
+        desk, measured = project.desk(text_of(body, "stage")), bool(body.get("measured", True))
+        return curves_object(desk, _values(body), text_of(body, "gas"), measured, window_of(body))
 
     def profile(body: Body) -> Any:
-        course = work.shelf.course(project.desk(_text(body, "stage")), _text(body, "course"))
+        course = work.shelf.course(project.desk(text_of(body, "stage")), text_of(body, "course"))
         if course.kind != "profile":
             raise DeckError(f"'{course.title}' is not a profile, so it has no numbers to change.", "studio")
         return profile_object(profile_for(course, body))
@@ -62,25 +62,18 @@ def orders(project: Project, work: Work) -> dict[str, Callable[[Body], Any]]:
 
     return {
         "curves": curves,
-        "picture": lambda b: picture(project.desk(_text(b, "stage")), _values(b), b),
-        "run": lambda b: work.run(_text(b, "stage"), bool(b.get("below"))),
-        "fit": lambda b: work.fit(_text(b, "stage"), _values(b), texts_of(b, "free")),
-        "save": lambda b: {"file": project.save(_text(b, "stage"), _values(b), _text(b, "name")).name},
-        "difference": lambda b: {"diff": project.written_back(_text(b, "stage"), _values(b))[1]},
-        "write": lambda b: {"file": project.write_back(_text(b, "stage"), _values(b), _text(b, "diff")).name},
+        "picture": lambda b: picture(project.desk(text_of(b, "stage")), _values(b), b),
+        "run": lambda b: work.run(text_of(b, "stage"), bool(b.get("below"))),
+        "fit": lambda b: work.fit(text_of(b, "stage"), _values(b), texts_of(b, "free")),
+        "save": lambda b: {"file": project.save(text_of(b, "stage"), _values(b), text_of(b, "name")).name},
+        "difference": lambda b: {"diff": project.written_back(text_of(b, "stage"), _values(b))[1]},
+        "write": lambda b: {"file": project.write_back(text_of(b, "stage"), _values(b), text_of(b, "diff")).name},
         "profile": profile,
-        "scenario": lambda b: work.scenario(_text(b, "stage"), _text(b, "course"), _values(b), b),
+        "scenario": lambda b: work.scenario(text_of(b, "stage"), text_of(b, "course"), _values(b), b),
         "stop": lambda b: work.stop(),
         "outcome": outcome,
-        "swap": lambda b: swap_object(project.swap(_text(b, "part"), _text(b, "deck"))),
+        "swap": lambda b: swap_object(project.swap(text_of(b, "part"), text_of(b, "deck"))),
     }
-
-
-def _text(body: Mapping[str, Any], key: str) -> str:
-    text = body.get(key, "")
-    if not isinstance(text, str):
-        raise DeckError(f"'{key}' is not a text.", "studio")
-    return text
 
 
 def _values(body: Mapping[str, Any]) -> dict[str, float]:

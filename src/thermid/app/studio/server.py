@@ -16,11 +16,8 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any, Final
 from urllib.parse import parse_qs
 
-from thermid.app.studio.follow import Follower
-from thermid.app.studio.live import LiveWatch
-from thermid.app.studio.orders import as_json, orders, questions
-from thermid.app.studio.project import Project
-from thermid.app.studio.work import Work
+from thermid.app.studio.orders import as_json
+from thermid.app.studio.room import Room
 from thermid.base.errors import DeckError, MissingExtraError, ThermidError, cap, raising
 from thermid.base.extensions import missing
 from thermid.base.grammar import endless
@@ -46,18 +43,25 @@ PATIENCE: Final = 10.0
 """Time in which a connection must bring the headers of a request, and then its body. [s]"""
 CROWD: Final = 4
 """Open connections for each that the studio answers at once, beyond which one more is closed."""
+NOTHING: Final = "this studio has no such thing, or no project is open. Open one on the start page."
+FOLDERS: Final = ("static", "bundle")
+STARTS, BUILDS = "bundle/start.html", "bundle/build.html"
+NOT_BUILT: Final = """<!doctype html><html lang="en"><meta charset="utf-8"><title>thermid studio</title><h1>This page was not built</h1>
+<p>The start page and Build are made by <code>make setup</code>, which needs Node 20 or newer, or a registry of Python packages for the one
+that it pins, and a registry of npm packages. Run it again where both can be reached, or install a wheel, which has them.</p>
+<p><code>thermid studio FILE</code> opens a deck or campaign without it.</p></html>"""
+"""What stands in place of a page of the bundle where there is none."""
 KINDS = {".html": "text/html; charset=utf-8", ".js": "text/javascript; charset=utf-8", ".css": "text/css; charset=utf-8"}
 
 
-def application(project: Project, port: int, token: str, log: Path | None = None) -> Starlette:
-    """Return the studio of a project as an ASGI application.
+def application(room: Room, port: int, token: str) -> Starlette:
+    """Return a studio as an ASGI application.
 
     Parameters
     ----------
-    project : Project   What is open.
-    port : int          Where it will listen; requests under any other name are refused.
-    token : str         What every request must bring, in its address or as the page's cookie.
-    log : Path or None  A log that grows, to be followed.
+    room : Room     What is open.
+    port : int      Where it will listen; requests under any other name are refused.
+    token : str     What every request must bring, in its address or as the page's cookie.
 
     Raises
     ------
@@ -68,40 +72,57 @@ def application(project: Project, port: int, token: str, log: Path | None = None
         from starlette.routing import Route
     except ImportError:
         raise MissingExtraError(missing(["starlette", "uvicorn"], "the studio")) from None
-    work, lock = Work(project), threading.Lock()
-    follower = Follower(project.path.parent, log, LiveWatch(project.subject))
-    answers, asked = questions(project, work, follower), orders(project, work)
-    routes = [Route("/", _page), Route("/static/{name}", _page)]
-    routes += [Route(f"/api/{name}", _reads(answer, lock)) for name, answer in answers.items()]
-    routes += [Route(f"/api/{name}", _writes(order, lock), methods=["POST"]) for name, order in asked.items()]
-    # a long log is read beside what the sliders ask for, not before it
-    routes.append(Route("/api/bench", _writes(follower.look, threading.Lock()), methods=["POST"]))
+    lock = threading.Lock()
+    routes = [
+        Route("/", _page(lambda: STARTS if room.project is None else "static/index.html")),
+        Route("/start", _page(lambda: STARTS)),
+        Route("/build", _page(lambda: BUILDS)),
+        # a long log is read beside what the sliders ask for, not before it
+        Route("/api/bench", _writes(lambda: {"bench": room.look}, threading.Lock()), methods=["POST"]),
+        Route("/api/draft/log/{name}", _takes(room, lock), methods=["POST"]),
+        Route("/api/{name:path}", _reads(lambda: room.answering, lock)),
+        Route("/api/{name:path}", _writes(lambda: room.ordering, lock), methods=["POST"]),
+        Route("/{folder}/{name}", _part),
+    ]
     application = Starlette(routes=routes)
     application.add_middleware(Guard, port=port, token=token)
     return application
 
 
-def _page(request: Request) -> Response:
-    """Answer with a file of the page."""
-    return _file(request.path_params.get("name", "index.html"))
+def _page(name: Callable[[], str]) -> Callable[[Request], Response]:
+    """Return an endpoint that answers with a page."""
+    return lambda request: _file(name())
 
 
-def _reads(make: Callable[[Mapping[str, str]], Any], lock: threading.Lock) -> Callable[[Request], Response]:
+def _part(request: Request) -> Response:
+    """Answer with a file that a page loads."""
+    return _file(f"{request.path_params['folder']}/{request.path_params['name']}")
+
+
+def _reads(answers: Callable[[], Mapping[str, Callable[[Mapping[str, str]], Any]]], lock: threading.Lock) -> Callable[[Request], Response]:
     """Return an endpoint that answers with JSON, errors of ours in words."""
 
     def endpoint(request: Request) -> Response:
+        make = answers().get(request.path_params["name"])
+        if make is None:
+            return _refused(NOTHING, 404)
         with lock:
             return _answer(lambda: make(request.query_params))
 
     return endpoint
 
 
-def _writes(make: Callable[[Mapping[str, Any]], Any], lock: threading.Lock) -> Callable[[Request], Awaitable[Response]]:
+def _writes(
+    orders: Callable[[], Mapping[str, Callable[[Mapping[str, Any]], Any]]], lock: threading.Lock
+) -> Callable[[Request], Awaitable[Response]]:
     """Return the same for a request with a body of JSON."""
 
     async def endpoint(request: Request) -> Response:
         from starlette.concurrency import run_in_threadpool
 
+        make = orders().get(request.path_params.get("name", "bench"))
+        if make is None:
+            return _refused(NOTHING, 404)
         try:
             body = await _object(request)
         except _RefusedError as refused:
@@ -112,6 +133,26 @@ def _writes(make: Callable[[Mapping[str, Any]], Any], lock: threading.Lock) -> C
                 return _answer(lambda: make(body))
 
         return await run_in_threadpool(locked)
+
+    return endpoint
+
+
+def _takes(room: Room, lock: threading.Lock) -> Callable[[Request], Awaitable[Response]]:
+    """Return an endpoint for a log that was dropped on the page, its bytes as they are."""
+
+    async def endpoint(request: Request) -> Response:
+        from starlette.concurrency import run_in_threadpool
+
+        try:
+            data = await _bytes(request, "unpacked")
+        except _RefusedError as refused:
+            return _refused(str(refused), refused.status)
+
+        def stored() -> Response:
+            with lock:
+                return _answer(lambda: {"file": room.built().stored_log(request.path_params["name"], data)})
+
+        return await run_in_threadpool(stored)
 
     return endpoint
 
@@ -131,18 +172,8 @@ async def _object(request: Request) -> dict[str, Any]:
     ------
     _RefusedError   When it is none, is too large or slow, or does not come from the page.
     """
-    from starlette.requests import ClientDisconnect
-
-    if request.headers.get(GUARD) != "1":
-        raise _RefusedError("requests that change something must come from the studio's page.")
     try:
-        body = json.loads(await _body(request))
-    except OverflowError:
-        raise _RefusedError(f"the body has more than {cap('body') / 1e6:.3g} MB.{raising('body')}", 413) from None
-    except ClientDisconnect:
-        raise _RefusedError("the connection was closed before the body came.") from None
-    except TimeoutError:
-        raise _RefusedError(f"the body did not come within {PATIENCE:g} s.", 408) from None
+        body = json.loads(await _bytes(request, "body"))
     except (ValueError, RecursionError):
         raise _RefusedError("the body is not JSON.") from None
     if not isinstance(body, dict):
@@ -151,6 +182,27 @@ async def _object(request: Request) -> dict[str, Any]:
     if fault:
         raise _RefusedError(f"{fault[0]}: {fault[1]}")
     return body
+
+
+async def _bytes(request: Request, most: str) -> bytes:
+    """Return the body that the page sent, up to a cap.
+
+    Raises
+    ------
+    _RefusedError   When it is too large or slow, or does not come from the page.
+    """
+    from starlette.requests import ClientDisconnect
+
+    if request.headers.get(GUARD) != "1":
+        raise _RefusedError("requests that change something must come from the studio's page.")
+    try:
+        return await _body(request, cap(most))
+    except OverflowError:
+        raise _RefusedError(f"the body has more than {cap(most) / 1e6:.3g} MB.{raising(most)}", 413) from None
+    except ClientDisconnect:
+        raise _RefusedError("the connection was closed before the body came.") from None
+    except TimeoutError:
+        raise _RefusedError(f"the body did not come within {PATIENCE:g} s.", 408) from None
 
 
 class Guard:
@@ -205,7 +257,7 @@ def _answer(make: Callable[[], Any]) -> Response:
     return Response(as_json(said), media_type="application/json")
 
 
-async def _body(request: Request) -> bytes:
+async def _body(request: Request, most: float) -> bytes:
     """Return the body of a request.
 
     Raises
@@ -217,7 +269,7 @@ async def _body(request: Request) -> bytes:
     async with asyncio.timeout(PATIENCE):
         async for part in request.stream():
             body += part
-            if len(body) > cap("body"):
+            if len(body) > most:
                 raise OverflowError
     return bytes(body)
 
@@ -229,24 +281,28 @@ def _refused(why: str, status: int = 400) -> Response:
 
 
 def _file(name: str) -> Response:
-    """Return a file of the page."""
+    """Return a file of a page, those of the bundle with what to do where they were not built."""
     from starlette.responses import Response
 
-    known = {f.name: f for f in files("thermid.app.studio").joinpath("static").iterdir()}
-    if name not in known:
-        return _refused("this page does not exist.", 404)
-    return Response(known[name].read_text(encoding="utf-8"), media_type=KINDS[Path(name).suffix], headers={"cache-control": "no-store"})
+    folder, _, rest = name.partition("/")
+    home = files("thermid.app.studio").joinpath(folder) if folder in FOLDERS else None
+    parts = {f.name: f for f in home.iterdir()} if home is not None and home.is_dir() else {}
+    if rest in parts and Path(rest).suffix in KINDS:
+        kind = KINDS[Path(rest).suffix]
+        return Response(parts[rest].read_text(encoding="utf-8"), media_type=kind, headers={"cache-control": "no-store"})
+    if folder == "bundle" and not parts:
+        return Response(NOT_BUILT, 503, media_type=KINDS[".html"])
+    return _refused("this page does not exist.", 404)
 
 
-def serve(project: Project, port: int, ready: Callable[[str], None] | None = None, log: Path | None = None) -> None:
-    """Serve the studio of a project on loopback until it is interrupted.
+def serve(room: Room, port: int, ready: Callable[[str], None] | None = None) -> None:
+    """Serve a studio on loopback until it is interrupted.
 
     Parameters
     ----------
-    project : Project   What is open.
+    room : Room         What is open.
     port : int          A free one is taken where it is 0.
     ready : callable    Called with the address once it answers; it holds the token.
-    log : Path or None  A log that grows, to be followed.
 
     Raises
     ------
@@ -271,7 +327,7 @@ def serve(project: Project, port: int, ready: Callable[[str], None] | None = Non
     token = secrets.token_urlsafe()
     if ready is not None:
         ready(f"http://127.0.0.1:{taken}/?token={token}")
-    server = uvicorn.Server(limited(application(project, taken, token, log), log_level="warning"))
+    server = uvicorn.Server(limited(application(room, taken, token), log_level="warning"))
     server.run(sockets=[listener])
 
 

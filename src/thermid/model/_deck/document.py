@@ -5,12 +5,13 @@ from __future__ import annotations
 import difflib
 import os
 import re
-from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, replace
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import asdict, dataclass, replace
 from pathlib import Path
 from typing import Any, Final
 
 import tomlkit
+import tomlkit.items
 from tomlkit.exceptions import TOMLKitError
 
 from thermid.base.errors import DeckError, ThermidError
@@ -25,16 +26,23 @@ GONE: Final = object()
 
 
 @dataclass(frozen=True)
+class Renamed:
+    """In place of a value: what stands there keeps its text, comments and place under another name."""
+
+    name: str
+
+
+@dataclass(frozen=True)
 class Edit:
     """One command.
 
     Parameters
     ----------
-    keys : tuple of str     Where: ``("nodes", "case", "capacitance")``.
-    value : object          What stands there then: text, number, list or table; `GONE`, the default, takes it away.
+    keys : tuple of str     Where: ``("nodes", "case", "capacitance")``; a number is a place in a list, ``("stages", 0, "free")``.
+    value : object          What stands there then: text, number, list or table; `Renamed`; `GONE`, the default, takes it away.
     """
 
-    keys: tuple[str, ...]
+    keys: tuple[str | int, ...]
     value: Any = GONE
 
 
@@ -56,6 +64,16 @@ class _Splice:
         return _Splice(self.at, self.new, self.old)
 
 
+def _valid(path: Path, content: Mapping[str, Any]) -> None:
+    """Refuse what is no deck, or a deck whose elements or values do not hold together.
+
+    Raises
+    ------
+    ThermidError   With what is wrong, and where.
+    """
+    flatten(model_beside(path, content))
+
+
 @dataclass(frozen=True)
 class DeckDocument:
     """A deck that is being edited; an edit returns another document.
@@ -66,23 +84,27 @@ class DeckDocument:
     text : str          As it is now: a byte order mark and line ends as they are in the file.
     past : tuple        Edits that were done, the last one last.
     future : tuple      Edits that were undone, the next one last.
+    check : callable    Refuses a content that is none of its kind: a campaign is edited in the same way.
+    new : bool          Whether there is no file of it yet.
     """
 
     path: Path
     text: str
     past: tuple[_Splice, ...] = ()
     future: tuple[_Splice, ...] = ()
+    check: Callable[[Path, Mapping[str, Any]], object] = _valid
+    new: bool = False
 
     @classmethod
-    def opened(cls, path: str | os.PathLike[str]) -> DeckDocument:
+    def opened(cls, path: str | os.PathLike[str], check: Callable[[Path, Mapping[str, Any]], object] = _valid) -> DeckDocument:
         """Return the document of a deck.
 
         Raises
         ------
         DeckError   When it is no valid deck.
         """
-        made = cls(Path(path), read_bytes(path).decode("utf-8"))
-        _valid(made.path, made.content)
+        made = cls(Path(path), read_bytes(path).decode("utf-8"), check=check)
+        check(made.path, made.content)
         return made
 
     @property
@@ -106,8 +128,27 @@ class DeckDocument:
         made = replace(self, text=text, future=())
         if made.content != wanted:
             raise _refused("this edit cannot be written without touching other lines. Edit the text.", self.path.name)
-        _valid(self.path, wanted)
-        return replace(made, past=(*self.past, _splice(self.text, text))) if text != self.text else made
+        return self._then(text, wanted)
+
+    def rewritten(self, text: str) -> DeckDocument:
+        """Return it with another text, which is one edit; new lines end as the others do.
+
+        Raises
+        ------
+        DeckError   When the text is no valid deck; nothing is changed then.
+        """
+        text = _ended(self.text[: self.text.startswith(BOM)] + text.removeprefix(BOM), self.text)
+        try:
+            wanted = replace(self, text=text).content
+        except ValueError as error:
+            raise DeckError(f"this is not valid TOML: {error}.", self.path.name, code="file.not-valid") from None
+        return self._then(text, wanted)
+
+    def _then(self, text: str, content: Mapping[str, Any]) -> DeckDocument:
+        """Return it with a text and its content as the next step."""
+        self.check(self.path, content)
+        past = (*self.past, _splice(self.text, text)) if text != self.text else self.past
+        return replace(self, text=text, past=past, future=())
 
     def undo(self) -> DeckDocument:
         """Return it before the last edit; itself where there is none."""
@@ -158,18 +199,38 @@ class DeckDocument:
         ------
         DeckError   When somebody else changed the file since it was read or last saved.
         """
-        there, known = read_bytes(self.path).decode("utf-8"), {self.text}
-        for step in (DeckDocument.undo, DeckDocument.redo):
-            here = self
-            while (after := step(here)) is not here:
-                known.add(after.text)
-                here = after
-        if there not in known:
-            why = "the file was changed by somebody else since it was opened. Open it again."
-            raise DeckError(why, self.path.name, code="output.changed-meanwhile")
-        if there != self.text:
+        if self.check_file() != self.text:
             with command(force=True):  # an input, but one that this document carries on
                 write_bytes(self.path, self.text.encode("utf-8"), OWN)
+
+    def check_file(self) -> str | None:
+        """Return the text of its file, which is a state of this document; None where there is none yet.
+
+        Raises
+        ------
+        DeckError   When somebody else changed the file since it was read or last saved.
+        """
+        there: str | None = read_bytes(self.path).decode("utf-8") if self.path.exists() else None
+        known: set[str | None] = set() if self.new else {self.text}
+        for step in (DeckDocument.undo, DeckDocument.redo):
+            here = self
+            while not self.new and (after := step(here)) is not here:
+                known.add(after.text)
+                here = after
+        if there not in (known or {None}):
+            why = "the file was changed by somebody else since it was opened. Open it again."
+            raise DeckError(why, self.path.name, code="output.changed-meanwhile")
+        return there
+
+    def with_history(self, text: str, past: Sequence[Mapping[str, Any]], future: Sequence[Mapping[str, Any]], new: bool) -> DeckDocument:
+        """Return it with a text and the steps that led there, as `history` gave them: from a journal."""
+        steps = (tuple(_Splice(**s) for s in several) for several in (past, future))
+        return replace(self, text=text, past=next(steps), future=next(steps), new=new)
+
+    @property
+    def history(self) -> dict[str, Any]:
+        """Its text and steps as JSON holds them."""
+        return {"text": self.text, "past": [asdict(s) for s in self.past], "future": [asdict(s) for s in self.future], "new": self.new}
 
 
 def _splice(before: str, after: str) -> _Splice:
@@ -184,22 +245,12 @@ def _alike(one: str, other: str) -> int:
     return next((k for k, (a, b) in enumerate(zip(one, other, strict=False)) if a != b), min(len(one), len(other)))
 
 
-def _valid(path: Path, content: Mapping[str, Any]) -> None:
-    """Refuse what is no deck, or a deck whose elements or values do not hold together.
-
-    Raises
-    ------
-    ThermidError   With what is wrong, and where.
-    """
-    flatten(model_beside(path, content))
-
-
 def _refused(why: str, where: str) -> DeckError:
     """Return the error of an edit that is not made."""
     return DeckError(why, where, code="output.edit-refused")
 
 
-def _at(content: Mapping[str, Any], keys: Sequence[str]) -> Any:
+def _at(content: Mapping[str, Any], keys: Sequence[str | int]) -> Any:
     """Return what stands under some keys; `GONE` for nothing."""
     here: Any = content
     for key in keys:
@@ -209,15 +260,23 @@ def _at(content: Mapping[str, Any], keys: Sequence[str]) -> Any:
     return here
 
 
-def _with(content: dict[str, Any], edit: Edit, name: str) -> dict[str, Any]:
+def _with(content: Any, edit: Edit, name: str) -> Any:
     """Return content after an edit."""
     head, *rest = edit.keys
-    out = dict(content)
-    if rest:
+    out: Any = list(content) if isinstance(content, list) else dict(content)
+    if isinstance(out, list):
+        if not rest or not isinstance(head, int) or not 0 <= head < len(out):
+            raise _refused("there is no such entry.", f"{name}, {head}")
+        out[head] = _with(out[head], Edit(tuple(rest), edit.value), f"{name}, {head}")
+    elif rest:
         inner = out.get(head, {} if edit.value is not GONE else GONE)
-        if not isinstance(inner, dict):
+        if not isinstance(inner, dict | list):
             raise _refused("there is no such table.", f"{name}, {head}")
         out[head] = _with(inner, Edit(tuple(rest), edit.value), f"{name}, {head}")
+    elif isinstance(edit.value, Renamed):
+        if head not in out or edit.value.name in out:
+            raise _refused("there is nothing of the old name, or something of the new one.", f"{name}, {head}")
+        out[edit.value.name] = out.pop(head)
     elif edit.value is not GONE:
         out[head] = edit.value
     elif head in out:
@@ -234,19 +293,28 @@ def _rewritten(text: str, edit: Edit, name: str) -> str:
         document = tomlkit.parse(plain)
         home: Any = document
         for key in edit.keys[:-1]:
-            if key not in home:
+            if not isinstance(key, int) and key not in home:
                 home[key] = tomlkit.table() if home is document else tomlkit.inline_table()
             home = home[key]
         if edit.value is GONE:
             del home[edit.keys[-1]]
+        elif isinstance(edit.value, Renamed):
+            old = edit.keys[-1]
+            if isinstance(home[old], tomlkit.items.Table):
+                home[old].display_name = None  # a header is written by its key
+            getattr(home, "value", home)._replace(old, edit.value.name, home[old])
         else:
             home[edit.keys[-1]] = _item(edit.value, home is document)
         written = tomlkit.dumps(document)
-    except (TOMLKitError, ThermidError, KeyError, TypeError, ValueError) as error:
-        raise _refused(f"this edit cannot be written: {error}.", f"{name}, {'.'.join(edit.keys)}") from None
-    if "\r\n" in plain and "\n" not in plain.replace("\r\n", ""):  # new lines end as the others do
-        written = re.sub(r"(?<!\r)\n", "\r\n", written)
-    return mark + written
+    except (TOMLKitError, ThermidError, AttributeError, KeyError, TypeError, ValueError) as error:
+        raise _refused(f"this edit cannot be written: {error}.", f"{name}, {'.'.join(map(str, edit.keys))}") from None
+    return mark + _ended(written, plain)
+
+
+def _ended(text: str, like: str) -> str:
+    """Return a text with the line ends of another."""
+    crlf = "\r\n" in like and "\n" not in like.replace("\r\n", "")
+    return re.sub(r"(?<!\r)\n", "\r\n", text) if crlf else text
 
 
 def _item(value: Any, top: bool) -> Any:

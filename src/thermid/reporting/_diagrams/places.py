@@ -136,6 +136,24 @@ def places(nodes: Sequence[str], pairs: Sequence[tuple[str, str]], widths: Mappi
     return MapPlaces(tuple(cards), hubs, docks, lines, *size)
 
 
+def card_places(nodes: Sequence[str], pairs: Sequence[tuple[str, str]], size: tuple[float, float]) -> dict[str, Point]:
+    """Return the middle of each node's card where each has one, none docked: what an editor begins with. [px]
+
+    Parameters
+    ----------
+    nodes, pairs : sequence     As in `places`.
+    size : (width, height)      Of a card. [px]
+    """
+    if not nodes:
+        return {}
+    index = {node: k for k, node in enumerate(nodes)}
+    weight = np.zeros((len(nodes), len(nodes)))
+    for a, b in pairs:
+        weight[index[a], index[b]] = weight[index[b], index[a]] = 1.0
+    cards, *_ = _laid([((n, 0),) for n in nodes], weight, [size] * len(nodes), 0.0)
+    return {card.nodes[0]: card.middle for card in cards}
+
+
 def _up(length: float) -> float:
     return PLACE_STEP * math.ceil(length / PLACE_STEP - 1e-9)
 

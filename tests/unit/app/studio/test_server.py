@@ -20,6 +20,7 @@ import uvicorn
 
 from thermid.app.studio import server as serving
 from thermid.app.studio.project import Project
+from thermid.app.studio.room import Room
 from thermid.app.studio.server import application, limited, serve
 from thermid.base.errors import DeckError
 from thermid.fit.problem import Unknown
@@ -42,7 +43,7 @@ def port(tmp_path_factory: pytest.TempPathFactory) -> Iterator[int]:
     listener.bind(("127.0.0.1", 0))
     listener.listen()
     taken = listener.getsockname()[1]
-    server = uvicorn.Server(limited(application(Project(root / "deck.toml"), taken, TOKEN), log_level="error"))
+    server = uvicorn.Server(limited(application(Room(root, Project(root / "deck.toml")), taken, TOKEN), log_level="error"))
     thread = threading.Thread(target=server.run, kwargs={"sockets": [listener]}, daemon=True)
     thread.start()
     yield taken
@@ -143,7 +144,7 @@ def test_no_argument_of_the_browser_shows_the_token(tmp_path: Path, monkeypatch:
         opened.append((what, page.read_text(encoding="utf-8"), page.parent.stat().st_mode & 0o777))
 
     monkeypatch.setattr(command.webbrowser, "open", browse)
-    monkeypatch.setattr(command, "serve", lambda project, port, ready, log: ready(address))
+    monkeypatch.setattr(command, "serve", lambda room, port, ready: ready(address))
     command.studio(EXAMPLES / "01_accelerometer" / "accelerometer.toml", None, None, None, 0, True)
     ((what, page, mode),) = opened
     assert ("secret" in what, address in page, mode) == (False, True, 0o700)
@@ -220,7 +221,7 @@ def test_a_fit_without_logs_ends_with_its_reason(port: int) -> None:
 
 def test_a_taken_port_is_said(port: int) -> None:
     with pytest.raises(DeckError, match=f"port {port} is in use"):
-        serve(Project(EXAMPLES / "01_accelerometer" / "accelerometer.toml"), port)
+        serve(Room(EXAMPLES, Project(EXAMPLES / "01_accelerometer" / "accelerometer.toml")), port)
 
 
 def test_a_body_beyond_measure_is_not_read(port: int) -> None:

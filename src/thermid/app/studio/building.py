@@ -1,0 +1,389 @@
+"""`Building`: the view Build; a draft that the page edits by commands, with a log looked at and bound to it, run and fitted."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Callable, Mapping, Sequence
+from pathlib import Path
+from typing import Any, Final
+
+from thermid.app.studio.curves import number_of, text_of, texts_of
+from thermid.app.studio.desk import Desk
+from thermid.app.studio.draft import CAMPAIGN, DECK, PLACES, VIEW, Draft, keep, parsed_line, recalled
+from thermid.app.studio.follow import Follower
+from thermid.app.studio.orders import curves_object
+from thermid.app.studio.shapes import PALETTE, SOURCES, added, palette, removed, renamed, sheets, stored, valued
+from thermid.app.studio.work import Jobs, JobState
+from thermid.base.errors import DeckError, MissingDataError, NameNotFoundError, ThermidError, refuse_unknown
+from thermid.base.files import OWN, read_bytes, write_bytes
+from thermid.base.toml_files import read_toml, resolve_inside
+from thermid.campaign.stages import request_of
+from thermid.campaign.start import word
+from thermid.fit.calibration import fit
+from thermid.fit.problem import Request, build_problem
+from thermid.model.deck import Edit
+from thermid.model.tree import Model, parameter_table
+from thermid.reporting.diagrams import card_places
+from thermid.reporting.objects import fit_object
+from thermid.reporting.pictures import look
+from thermid.simulation.network import compile_network
+from thermid.simulation.scenarios import Scenario
+
+Body = Mapping[str, Any]
+PLACE_GRID: Final = 8.0
+"""Places are multiples of this. [px]"""
+CARD_ROOM: Final = (216.0, 80.0)
+"""Room of a node on the canvas, with that for the labels beside it. [px]"""
+LETTERS: Final = {"c": "degC", "k": "K", "f": "degF", "w": "W", "mw": "mW"}
+"""Units as the last word of a column's name."""
+ROLES: Final = ("node", "boundary", "load", "command")
+
+
+class Building:
+    """One draft and what is done with it.
+
+    Parameters
+    ----------
+    path : Path     The deck, or a campaign; a deck that is not there yet is begun.
+    """
+
+    def __init__(self, path: Path) -> None:
+        self.path = path
+        self.draft, self.notice = recalled(path)
+        self.jobs = Jobs()
+        self._model: tuple[str, Model] | None = None
+        self.fitted: dict[str, dict[str, Any]] = {}
+
+    # ---- what the page is told -------------------------------------------------------------------------------------------------
+
+    def state(self) -> dict[str, Any]:
+        """Return everything that the page shows of the draft."""
+        draft, text = self.draft, self.draft.deck.text
+        log = self._bound()
+        elements = [self._logged(e, log) for e in sheets(draft.deck)]
+        content = draft.deck.content
+        others = {t: len(v) for t, v in content.items() if isinstance(v, Mapping) and t not in _SHOWN and v}
+        return {
+            **{"file": draft.deck.path.name, "title": content["title"], "text": text.removeprefix("\ufeff"), "notice": self.notice},
+            **{"elements": elements, "others": others, "places": self._places(elements), "palette": palette(), "sources": SOURCES},
+            **{"faults": self.faults(), "undo": len(draft.past), "redo": len(draft.future), "unsaved": [*draft.to_save()]},
+            **{"changed": list(draft.moved_on()), "log": log, "parameters": self._parameters(), "decks": self._decks()},
+            "logs": Follower(draft.deck.path.parent).offered()["logs"],
+            "missing": sum(f["missing"] for e in elements for f in e["fields"]),
+        }
+
+    @property
+    def model(self) -> Model:
+        """The model of the draft as it is."""
+        text = self.draft.deck.text
+        if self._model is None or self._model[0] != text:
+            self._model = text, self.draft.model
+        return self._model[1]
+
+    def faults(self) -> list[dict[str, Any]]:
+        """Return what `thermid check` says of the deck, each with its line."""
+        return [self._fault(f.severity, f.code, f.message, f.where) for f in self.model.check()]
+
+    def _fault(self, severity: str, code: str, message: str, where: str, text: str | None = None) -> dict[str, Any]:
+        numbered = re.search(r"line (\d+)", message)
+        line = int(numbered[1]) if numbered else parsed_line(self.draft.deck.text if text is None else text, where)
+        return {"severity": severity, "code": code, "message": message, "where": where, "line": line}
+
+    def _places(self, elements: Sequence[Mapping[str, Any]]) -> dict[str, tuple[float, float]]:
+        """Return the place of every node: where a person put it, else where the map of reports has it or there is room."""
+        placed = self.draft.documents[VIEW].content.get(PLACES, {})
+        nodes = [e["name"] for e in elements if e["table"] in ("nodes", "needs", "submodels")]
+        pairs = [tuple(n.partition(".")[0] for n in e["ends"][:2]) for e in elements if len(e["ends"]) > 1]
+        pairs += [(e["name"], end.partition(".")[0]) for e in elements if e["table"] == "submodels" for end in e["ends"]]
+        after = card_places(nodes, [(a, b) for a, b in pairs if a != b and {a, b} <= set(nodes)], CARD_ROOM)
+        out = {n: (float(placed[n][0]), float(placed[n][1])) for n in nodes if n in placed}
+        for name, place in after.items():
+            while name not in out:
+                if all(abs(place[0] - x) >= CARD_ROOM[0] or abs(place[1] - y) >= CARD_ROOM[1] for x, y in out.values()):
+                    out[name] = place
+                place = place[0] + CARD_ROOM[0] + 8.0 * PLACE_GRID, place[1]
+        return out
+
+    def _logged(self, element: dict[str, Any], log: Mapping[str, Any] | None) -> dict[str, Any]:
+        """Return an element as the page shows it: the power of a load that a column of the log gives is not missing."""
+        channels = log["channels"] if log is not None else {}
+        given = [c for c, t in channels.items() if isinstance(t, Mapping) and t.get("load") == element["name"]]
+        if element["table"] != "loads" or not given:
+            return element
+        return {**element, "logged": "from the log", "fields": [f | {"missing": False} for f in element["fields"]]}
+
+    def _parameters(self) -> list[dict[str, Any]]:
+        """Return the values that a fit may find, and whether it is asked to."""
+        free = set(self._stage().get("free", []))
+        table = parameter_table(self.model)
+        return [
+            {"path": path, "text": e.parameter.text, "free": path in free}
+            for path, e in table.items()
+            if (literal := e.parameter.expression.literal) is not None and literal.value > 0 and not path.startswith("loads.")
+        ]
+
+    def _decks(self) -> list[str]:
+        folder = self.draft.deck.path.parent
+        return sorted(f.name for f in folder.glob("*.toml") if f != self.draft.deck.path and not f.name.endswith(".view.toml"))
+
+    def _stage(self) -> dict[str, Any]:
+        return dict(self.draft.documents[CAMPAIGN].content["stages"][-1])
+
+    def _bound(self) -> dict[str, Any] | None:
+        """Return the log of the stage with its columns and what they are bound to; None where there is none."""
+        content = self.draft.documents[CAMPAIGN].content
+        name = next((n for n in reversed(self._stage().get("records", [])) if n in content["records"]), None)
+        if name is None or "file" not in content["records"][name]:
+            return None
+        table = content["records"][name]
+        looked = look(self._inside(table["file"]), time=table.get("time")).as_object()
+        looked = {k: looked[k] for k in ("problem", "rows", "columns", "questions", "notes", "sampling", "clock")}
+        return {"record": name, "file": table["file"], "channels": table["channels"], "others": len(content["records"]) - 1, **looked}
+
+    def _inside(self, name: str) -> Path:
+        return resolve_inside(self.draft.deck.path.parent, name, "log")
+
+    # ---- commands -----------------------------------------------------------------------------------------------------------------
+
+    def commanded(self, body: Body) -> dict[str, Any]:
+        """Do one command and return the state after it; a text that is no deck changes nothing and comes back with its fault.
+
+        Raises
+        ------
+        ThermidError   When it is refused; nothing is changed then.
+        """
+        what, more = text_of(body, "do"), {}
+        refuse_unknown([what], self._commands, "build", "no command '{}'.", NameNotFoundError)
+        try:
+            after = self._commands[what](self, body)
+        except ThermidError as error:
+            if what != "text":
+                raise
+            return self.state() | {"refused": self._fault("error", error.code, error.message, error.where, text_of(body, "text"))}
+        if isinstance(after, tuple):
+            after, more = after
+        self._take(after)
+        return self.state() | more
+
+    def _take(self, draft: Draft) -> None:
+        if draft is not self.draft:
+            self.draft, self.notice = draft, ""
+            keep(draft)
+
+    def _add(self, body: Body) -> tuple[Draft, dict[str, Any]]:
+        shape, ends = text_of(body, "shape"), texts_of(body, "ends")
+        part = self._part(text_of(body, "use")) if shape == "submodel" else {}
+        edits, name = added(self.draft.deck.content, shape, text_of(body, "name"), ends, part)
+        places: list[Edit] = []
+        if "x" in body and not ends:
+            places = [self._place(name, body)]
+        return self.draft.edited({DECK: edits, VIEW: places}), {"made": name, "table": PALETTE[shape].table}
+
+    def _part(self, deck: str) -> dict[str, Any]:
+        """Return what a submodel of a deck says: its needs bound to nodes of their names, or to the first one.
+
+        Raises
+        ------
+        DeckError   When the deck needs a node and there is none.
+        """
+        content = self.draft.deck.content
+        nodes = [*content.get("needs", []), *content.get("nodes", {})]
+        needs = list(read_toml(self._inside(deck))[0].get("needs", []))
+        if needs and not nodes:
+            raise DeckError(f"'{deck}' needs {', '.join(needs)}. Add a node or boundary for it first.", "palette", code="value.incomplete")
+        return {"use": deck} | ({"bind": {n: n if n in nodes else nodes[0] for n in needs}} if needs else {})
+
+    def _place(self, name: str, body: Body) -> Edit:
+        return Edit((PLACES, name), [round(number_of(body, axis) / PLACE_GRID) * PLACE_GRID for axis in ("x", "y")])
+
+    def _rename(self, body: Body) -> Draft:
+        keys, name = texts_of(body, "keys"), text_of(body, "name").strip()
+        edits = renamed(self.draft.deck.content, keys, name)
+        placed, bound = self.draft.documents[VIEW].content.get(PLACES, {}), self.draft.documents[CAMPAIGN].content
+        places = [Edit((PLACES, keys[1])), Edit((PLACES, name), placed[keys[1]])] if keys[1] in placed else []
+        channels = [
+            Edit(("records", record, "channels", column, role), name)
+            for record, table in bound["records"].items()
+            for column, channel in table["channels"].items()
+            for role in ROLES
+            if isinstance(channel, Mapping) and channel.get(role) == keys[1]
+        ]
+        free = self._stage().get("free", [])
+        new = [name + p[len(keys[1]) :] if p.startswith(f"{keys[1]}.") else p for p in free]
+        freed = [Edit(("stages", len(bound["stages"]) - 1, "free"), new)] if new != free else []
+        return self.draft.edited({DECK: edits, VIEW: places, CAMPAIGN: [*channels, *freed]})
+
+    def _remove(self, body: Body) -> Draft:
+        keys = texts_of(body, "keys")
+        placed = self.draft.documents[VIEW].content.get(PLACES, {})
+        places = [Edit((PLACES, keys[1]))] if keys[1] in placed else []
+        return self.draft.edited({DECK: removed(self.draft.deck.content, keys), VIEW: places})
+
+    def _bind(self, body: Body) -> Draft:
+        """Return the draft with columns of the log bound, each to nothing where no target is given."""
+        log = self._bound()
+        if log is None:
+            raise MissingDataError("no log is open. Drop one on the page first.", "log")
+        edits = []
+        for column, table in dict(body.get("channels", {})).items():
+            keys = ("records", log["record"], "channels", str(column))
+            if table:
+                edits.append(Edit(keys, {str(k): str(v) for k, v in dict(table).items() if v}))
+            elif column in log["channels"]:
+                edits.append(Edit(keys))
+        return self.draft.edited({CAMPAIGN: edits})
+
+    def _free(self, body: Body) -> Draft:
+        content = self.draft.documents[CAMPAIGN].content
+        return self.draft.edited({CAMPAIGN: [Edit(("stages", len(content["stages"]) - 1, "free"), list(texts_of(body, "paths")))]})
+
+    def _log(self, body: Body) -> Draft:
+        """Return the draft with a log of the folder as its record, its columns bound as their names and units suggest."""
+        file = text_of(body, "file")
+        looked = look(self._inside(file)).as_object()
+        name, content = word(Path(file).name.partition(".")[0]), self.draft.documents[CAMPAIGN].content
+        stage = len(content["stages"]) - 1
+        records = [*(r for r in self._stage().get("records", []) if r != name), name]
+        table = {"file": file, "channels": self._proposed(looked["columns"])}
+        edits = [Edit(("records", name), table), Edit(("stages", stage, "records"), records)]
+        return self.draft.edited({CAMPAIGN: edits})
+
+    def _proposed(self, columns: Sequence[Mapping[str, Any]]) -> dict[str, dict[str, str]]:
+        """Return column -> binding where a name of the deck stands in the column's name and its unit fits."""
+        content, out = self.draft.deck.content, {}
+        warm = {"node": content.get("nodes", {}), "boundary": content.get("needs", [])}
+        rooms = {"temperature": warm, "boundary": warm, "power": (heats := {"load": content.get("loads", {})}), "duty": heats}
+        for column in columns:
+            words, unit = word(column["name"]), column["unit"] if column["assumed"] else ""
+            stem, _, letter = words.rpartition("_")
+            targets = rooms.get(column["guess"], {})
+            if letter in LETTERS and any(stem == word(n) for role in (*warm.values(), *heats.values()) for n in role):
+                unit, targets = LETTERS[letter], heats if letter.endswith("w") else warm
+            hits = [(len(n), role, n) for role, names in targets.items() for n in names if word(n) in words]
+            if hits:
+                _, role, target = max(hits)
+                out[column["name"]] = {role: target} | ({"unit": unit} if unit else {})
+        return out
+
+    def _take_fit(self, body: Body) -> Draft:
+        """Return the draft with values that the last fit log."""
+        if not self.fitted:
+            raise MissingDataError("no fit exists yet. Run one first.", "build")
+        values = {p: f"{v['value']:.7g} [{v['unit']}]" for p, v in self.fitted.items()}
+        return self.draft.with_values(values, f"fitted to {', '.join(self._stage()['records'])}")
+
+    def _restart(self, body: Body) -> Draft:
+        """Return the draft of the files as they are; what was not saved is gone."""
+        return Draft.opened(self.path)
+
+    _commands: Final[Mapping[str, Callable[[Building, Body], Any]]] = {
+        "add": _add,
+        "set": lambda s, b: s.draft.edited(
+            {DECK: valued(s.draft.deck.content, texts_of(b, "keys"), text_of(b, "value"), text_of(b, "source"))}
+        ),
+        "stored": lambda s, b: s.draft.edited({DECK: stored(s.draft.deck.content, text_of(b, "name"), text_of(b, "how"))}),
+        "sensor": lambda s, b: s.draft.edited({DECK: [Edit(("nodes", text_of(b, "name"), "reference_point"), bool(b.get("on")))]}),
+        "use part": lambda s, b: s.draft.edited(
+            {DECK: [Edit(("submodels", text_of(b, "name"), k), v) for k, v in s._part(text_of(b, "deck")).items()]}
+        ),
+        "bind part": lambda s, b: s.draft.edited({DECK: [Edit(("submodels", *texts_of(b, "keys")), text_of(b, "node"))]}),
+        "rename": _rename,
+        "remove": _remove,
+        "move": lambda s, b: s.draft.edited({VIEW: [s._place(text_of(b, "name"), b)]}),
+        "text": lambda s, b: s.draft.rewritten(text_of(b, "text")),
+        "undo": lambda s, b: s.draft.undo(),
+        "redo": lambda s, b: s.draft.redo(),
+        "log": _log,
+        "bind": _bind,
+        "free": _free,
+        "take fit": _take_fit,
+        "restart": _restart,
+    }
+
+    # ---- run, fit, save ---------------------------------------------------------------------------------------------------------
+
+    def request(self) -> Request:
+        """Return what the stage asks of the draft as it is.
+
+        Raises
+        ------
+        ThermidError   When no log is bound, or it does not fit.
+        """
+        source = self.draft.source
+        k = len(source.content.stages) - 1
+        return request_of(source, source.content.stages[k], k, {}, self.model)
+
+    def desk(self) -> Desk:
+        """Return the draft ready to run: on its record, or in a room where no log is bound."""
+        log, title = self._bound(), str(self.draft.deck.content["title"])
+        if log is not None and log["channels"]:
+            request = self.request()
+            return Desk(title, self.model, build_problem(request))
+        boundaries = dict.fromkeys(compile_network(self.model).boundaries, "24 [degC]")
+        return Desk(title, self.model, None, (Scenario("24 °C, five hours", boundaries=boundaries, start="24 [degC]", duration="5 [h]"),))
+
+    def run(self) -> dict[str, Any]:
+        """Begin a run of the draft as it is."""
+
+        def job(j: JobState) -> None:
+            j.result = curves_object(self.desk(), {}, "air")
+
+        return self.jobs.start("run", str(self.draft.deck.content["title"]), job)
+
+    def fit(self) -> dict[str, Any]:
+        """Begin a fit of the ticked values to the log."""
+        request = self.request()
+
+        def job(j: JobState) -> None:
+            result = fit(request, j.tell)
+            shown = fit_object(result)
+            self.fitted = shown["values"]
+            desk = Desk(request.name, result.model, result.problem, (), result)
+            j.result = {**shown, "fitted": self.fitted, **curves_object(desk, {}, "air")}
+
+        return self.jobs.start("fit", request.name, job)
+
+    def difference(self) -> dict[str, Any]:
+        """Return what saving would change, as a unified diff."""
+        return {"diff": self.draft.diff(), "files": [d.path.name for d in self.draft.to_save().values()]}
+
+    def save(self, confirmed: str) -> dict[str, Any]:
+        """Write the files, as a diff that was shown says it.
+
+        Raises
+        ------
+        DeckError   When the diff is another by now, or somebody else changed a file.
+        """
+        if self.draft.diff() != confirmed:
+            raise DeckError(
+                "the files or the model changed since the difference was shown. Look at it again.", code="output.changed-meanwhile"
+            )
+        self.draft = self.draft.save()
+        keep(self.draft)
+        return self.state()
+
+    def stored_log(self, name: str, data: bytes) -> str:
+        """Write a log that was dropped on the page into the folder ``logs`` and return its name there; nothing is replaced.
+
+        Raises
+        ------
+        DeckError   When the name is none for a file.
+        """
+        plain = Path(name.replace("\\", "/")).name
+        if not plain.strip(". ") or any(ord(c) < 32 for c in plain) or len(plain.encode()) > 200:
+            raise DeckError("the log has no name for a file. Rename it.", "log")
+        folder = self.draft.deck.path.parent / "logs"
+        folder.mkdir(parents=True, exist_ok=True)
+        stem, dot, ending = plain.partition(".")
+        for k in range(1, 1000):
+            target = folder / (plain if k == 1 else f"{stem}_{k}{dot}{ending}")
+            self._inside(f"logs/{target.name}")
+            if not target.exists():
+                write_bytes(target, data, OWN)
+            if target.is_file() and read_bytes(target) == data:
+                return f"logs/{target.name}"
+        raise DeckError("there are too many logs of this name.", "log")
+
+
+_SHOWN: Final = ("nodes", "surfaces", "conductors", "loads", "submodels")
+"""Tables that the canvas draws."""

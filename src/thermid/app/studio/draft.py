@@ -1,0 +1,222 @@
+"""`Draft`: a deck, the campaign that fits it and the places of its nodes, edited together with one undo; a journal keeps the edits."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, field, replace
+from pathlib import Path
+from typing import Any, Final
+
+from thermid.base.errors import DeckError, ThermidError
+from thermid.base.files import OWN, command, read_bytes, read_text, write_bytes
+from thermid.base.toml_files import line_numbers, read_toml
+from thermid.campaign.stages import CampaignSource, campaign_of
+from thermid.model.deck import DeckDocument, Edit, model_beside
+from thermid.model.tree import Model
+
+DECK, CAMPAIGN, VIEW = "deck", "campaign", "view"
+PLACES: Final = "places"
+"""Table of a view file: node -> [x, y] of its card's middle. [px]"""
+
+
+def _campaign(path: Path, content: Mapping[str, Any]) -> None:
+    """Refuse what is no campaign; one that has no record yet waits for its first."""
+    if content.get("records"):
+        campaign_of(path, content)
+
+
+def _view(path: Path, content: Mapping[str, Any]) -> None:
+    """Refuse what is no table of places.
+
+    Raises
+    ------
+    DeckError   When a place is not two numbers.
+    """
+    for name, place in content.get(PLACES, {}).items():
+        if not (isinstance(place, list) and len(place) == 2 and all(isinstance(v, int | float) for v in place)):
+            raise DeckError("a place is two numbers, [x, y].", f"{path.name}, {PLACES}.{name}")
+
+
+@dataclass(frozen=True)
+class Draft:
+    """What is being built; an edit returns another draft.
+
+    Parameters
+    ----------
+    documents : dict    'deck', 'campaign' and 'view' -> document. A campaign without records is not written.
+    past : tuple        For each step the documents that it changed, the last one last.
+    future : tuple      For each step that was undone, the next one last.
+    """
+
+    documents: Mapping[str, DeckDocument]
+    past: tuple[tuple[str, ...], ...] = field(default=())
+    future: tuple[tuple[str, ...], ...] = field(default=())
+
+    @classmethod
+    def opened(cls, path: Path) -> Draft:
+        """Return the draft of a deck, or of a campaign with the deck of its last stage; a deck that is not there yet is empty.
+
+        Raises
+        ------
+        ThermidError   When a file is there that cannot be read.
+        """
+        content = read_toml(path)[0] if path.exists() else {}
+        if "stages" in content:
+            campaign, deck = path, path.parent / str(content["stages"][-1]["model"])
+        else:
+            campaign, deck = path.with_name(f"{path.stem}_campaign.toml"), path
+        title = deck.stem.replace("_", " ")
+        stage = f'[[stages]]\nname = {json.dumps(title)}\nmodel = "{deck.name}"\nrecords = []\nfree = []\n'
+        return cls(
+            {
+                DECK: _document(deck, f"title = {json.dumps(title)}\n"),
+                CAMPAIGN: _document(campaign, f"title = {json.dumps(title)}\n\n[records]\n\n{stage}", _campaign),
+                VIEW: _document(deck.with_suffix(".view.toml"), f"# Where the studio draws the nodes of {deck.name}.\n", _view),
+            }
+        )
+
+    @property
+    def deck(self) -> DeckDocument:
+        """The deck."""
+        return self.documents[DECK]
+
+    @property
+    def model(self) -> Model:
+        """The model that it is."""
+        return model_beside(self.deck.path, self.deck.content)
+
+    @property
+    def source(self) -> CampaignSource:
+        """The campaign that it is."""
+        document = self.documents[CAMPAIGN]
+        return campaign_of(document.path, document.content, line_numbers(document.text))
+
+    def edited(self, edits: Mapping[str, Sequence[Edit]]) -> Draft:
+        """Return it after edits of its documents, which are undone together.
+
+        Raises
+        ------
+        DeckError   When one of them would not be valid; nothing is changed then.
+        """
+        return self._then({name: self.documents[name].edited(*several) for name, several in edits.items() if several})
+
+    def rewritten(self, text: str, name: str = DECK) -> Draft:
+        """Return it with another text of one document.
+
+        Raises
+        ------
+        DeckError   When the text is not valid; nothing is changed then.
+        """
+        return self._then({name: self.documents[name].rewritten(text)})
+
+    def with_values(self, values: Mapping[str, str], basis: str) -> Draft:
+        """Return it with values of parameters in the deck; see `DeckDocument.with_values`."""
+        return self._then({DECK: self.deck.with_values(values, basis)})
+
+    def _then(self, documents: Mapping[str, DeckDocument]) -> Draft:
+        changed = tuple(name for name, d in documents.items() if d.text != self.documents[name].text)
+        if not changed:
+            return self
+        return Draft({**self.documents, **{name: documents[name] for name in changed}}, (*self.past, changed))
+
+    def undo(self) -> Draft:
+        """Return it before the last step; itself where there is none."""
+        return self._stepped(self.past, DeckDocument.undo, lambda past, other: (past[:-1], (*self.future, other)))
+
+    def redo(self) -> Draft:
+        """Return it with the last step that was undone; itself where there is none."""
+        return self._stepped(self.future, DeckDocument.redo, lambda future, other: ((*self.past, other), future[:-1]))
+
+    def _stepped(self, steps: tuple[tuple[str, ...], ...], how: Callable[[DeckDocument], DeckDocument], then: Callable[..., Any]) -> Draft:
+        if not steps:
+            return self
+        past, future = then(steps, steps[-1])
+        return Draft({n: how(d) if n in steps[-1] else d for n, d in self.documents.items()}, past, future)
+
+    def to_save(self) -> dict[str, DeckDocument]:
+        """Return the documents that differ from their files; a campaign or a view that says nothing yet needs none."""
+        empty = {CAMPAIGN: "records", VIEW: PLACES}
+        return {
+            name: d
+            for name, d in self.documents.items()
+            if _text_of(d) != d.text and not (d.new and name in empty and not d.content.get(empty[name]))
+        }
+
+    def diff(self) -> str:
+        """Return what saving would change, as unified diffs."""
+        parts = [d.diff(replace(d, text=_text_of(d))) for d in self.to_save().values()]
+        return "\n".join(part for part in parts if part)
+
+    def save(self) -> Draft:
+        """Write what differs and return the draft that is on disk.
+
+        Raises
+        ------
+        DeckError   When somebody else changed one of the files; nothing is written then.
+        """
+        changed = self.to_save()
+        for document in changed.values():
+            document.check_file()
+        for document in changed.values():
+            document.save()
+        return replace(self, documents={n: replace(d, new=d.new and n not in changed) for n, d in self.documents.items()})
+
+    def moved_on(self) -> tuple[str, ...]:
+        """Return the names of files that somebody else changed."""
+        out = []
+        for document in self.documents.values():
+            try:
+                document.check_file()
+            except DeckError:
+                out.append(document.path.name)
+        return tuple(out)
+
+
+def _document(path: Path, empty: str, check: Callable[[Path, Mapping[str, Any]], object] | None = None) -> DeckDocument:
+    kind: dict[str, Any] = {} if check is None else {"check": check}
+    return DeckDocument.opened(path, **kind) if path.exists() else DeckDocument(path, empty, **kind, new=True)
+
+
+def _text_of(document: DeckDocument) -> str:
+    """Return the text of a document's file; empty where there is none."""
+    return read_bytes(document.path).decode("utf-8") if document.path.exists() else ""
+
+
+def journal_of(path: Path) -> Path:
+    """Return where the edits of a deck are kept until they are saved, and the undo of those that were."""
+    return path.with_name(f".{path.stem}.studio.json")
+
+
+def keep(draft: Draft) -> None:
+    """Write the journal of a draft, so that a killed studio loses nothing."""
+    documents = {name: d.history for name, d in draft.documents.items()}
+    text = json.dumps({"documents": documents, "past": draft.past, "future": draft.future, "waiting": bool(draft.to_save())})
+    with command(force=True):
+        write_bytes(journal_of(draft.deck.path), text.encode(), OWN)
+
+
+def recalled(path: Path) -> tuple[Draft, str]:
+    """Return the draft of a deck with the edits of its journal, and what is to be said of them; without a journal that of its files.
+
+    A journal that does not read is dropped, and so is one without an edit that waits when somebody else changed a file since.
+    """
+    plain = Draft.opened(path)
+    try:
+        journal = json.loads(read_text(journal_of(plain.deck.path)))
+        documents = {name: plain.documents[name].with_history(**of) for name, of in journal["documents"].items()}
+        draft = Draft(documents, *(tuple(map(tuple, journal[key])) for key in ("past", "future")))
+        for document in documents.values():
+            document.check(document.path, document.content)
+    except (OSError, ValueError, KeyError, TypeError, ThermidError):
+        return plain, ""
+    if draft.moved_on() and not journal["waiting"]:
+        return plain, ""
+    return draft, "Edits that were not saved are back." if draft.to_save() else ""
+
+
+def parsed_line(text: str, where: str) -> int | None:
+    """Return the line of a text that a place, ``file, key.path``, is about; None where it tells none."""
+    lines, (_, _, key) = line_numbers(text), where.partition(", ")
+    steps = key.split(".") if key else []
+    return next((lines[k] for n in range(len(steps), 0, -1) if (k := ".".join(steps[:n])) in lines), None)

@@ -1,0 +1,290 @@
+"""A model built in a real browser, from the start page to the saved files: by clicks, and again by keys alone; counted in actions."""
+
+from __future__ import annotations
+
+import os
+import time
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from thermid.campaign.stages import check_campaign
+from thermid.fit.calibration import calibrate
+from thermid.measure.readers import read_record
+from thermid.model.deck import load_model
+from two_masses import write_log
+
+from .browser import Page, needed, studio
+
+MOST_ACTIONS = 60
+EVIL = '"><script>window.evil = 1</script><img src=x onerror="window.evil = 1">'
+
+
+class Person:
+    """What a person does on a page: a click, a field filled, a key; Tab and arrows count a tenth.
+
+    Parameters
+    ----------
+    page : Page     Where.
+    """
+
+    def __init__(self, page: Page) -> None:
+        self.page, self.actions = page, 0.0
+
+    def settle(self) -> None:
+        """Wait until the page has what the server answered."""
+        time.sleep(0.05)
+        self.page.until("!window.studio || window.studio.ready")
+
+    def element(self, selector: str) -> Any:
+        from selenium.webdriver.common.by import By
+
+        return self.page.driver.find_element(By.CSS_SELECTOR, selector)
+
+    def click(self, *selectors: str) -> None:
+        for selector in selectors:
+            self.actions += 1
+            self.element(selector).click()
+            self.settle()
+
+    def fill(self, selector: str, text: str) -> None:
+        from selenium.webdriver.common.keys import Keys
+
+        self.actions += 1
+        self.element(selector).send_keys(Keys.CONTROL + "a")
+        self.element(selector).send_keys(text + Keys.ENTER)
+        self.settle()
+
+    def give(self, selector: str, file: Path) -> None:
+        self.actions += 1
+        self.element(selector).send_keys(str(file))
+        self.settle()
+
+    def press(self, *keys: str, count: float = 1.0) -> None:
+        from selenium.webdriver import ActionChains
+
+        self.actions += count
+        ActionChains(self.page.driver, duration=0).send_keys(*keys).perform()
+        self.settle() if count >= 1 else None
+
+    def chord(self, hold: str, key: str, count: float = 1.0) -> None:
+        from selenium.webdriver import ActionChains
+
+        self.actions += count
+        ActionChains(self.page.driver, duration=0).key_down(hold).send_keys(key).key_up(hold).perform()
+        self.settle() if count >= 1 else None
+
+    def at(self, selector: str) -> bool:
+        return bool(self.page.run("return document.activeElement.matches(arguments[0])", selector))
+
+    def go(self, selector: str, back: bool = False) -> None:
+        """Press Tab, or Shift and Tab, until the focus is on an element."""
+        for _ in range(120):
+            if self.at(selector):
+                return
+            if back:
+                self.chord("\ue008", "\ue004", 0.1)
+            else:
+                self.press("\ue004", count=0.1)
+        pytest.fail(
+            f"{selector} is not reached by the keyboard; the focus is on {self.page.run('return document.activeElement.outerHTML')[:200]}"
+        )
+
+
+@pytest.fixture
+def folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
+    needed()
+    monkeypatch.setenv("XDG_STATE_HOME", str(tmp_path / "state"))
+    home = tmp_path / "project"
+    home.mkdir()
+    monkeypatch.chdir(home)
+    return home
+
+
+@pytest.fixture
+def page(folder: Path) -> Iterator[Page]:
+    with studio() as address:
+        made = Page(address)
+        try:
+            made.driver.get(address)
+            made.until("document.querySelector('[data-ready]')")
+            yield made
+        finally:
+            made.close()
+
+
+def check_result(page: Page, folder: Path, actions: float) -> None:
+    """Fail unless the files are without errors and say what `calibrate` finds, within one per cent, in few actions."""
+    print(f"{actions:.1f} actions")
+    assert actions <= MOST_ACTIONS
+    campaign = folder / "box_campaign.toml"
+    findings, _ = check_campaign(campaign, None)
+    assert [f for f in findings if f.severity == "error"] == []
+    model = load_model(folder / "box.toml")
+    channels = {"board C": {"node": "board", "unit": "degC"}, "case C": {"node": "case", "unit": "degC"}}
+    channels |= {"room C": {"boundary": "room", "unit": "degC"}, "heater W": {"load": "heater", "unit": "W"}}
+    free = ["board_case.contact_conductance", "case_room.effective_htc"]
+    found = calibrate(model, read_record(next(folder.glob("logs/*.csv")), channels), free).values
+    for path in free:
+        name, _, field = path.partition(".")
+        table = model.surfaces[name].fields if name in model.surfaces else model.conductors[name].fields
+        literal = table[field].expression.literal
+        assert literal is not None
+        assert literal.value == pytest.approx(found[path].value, rel=0.01)
+    page.listen()
+    assert page.said == []
+    assert page.run("return window.studio.errors") == []
+
+
+def test_two_masses_are_built_and_fitted_by_clicks(page: Page, folder: Path, tmp_path: Path) -> None:
+    log, person = write_log(tmp_path / "board test.csv"), Person(page)
+    person.fill("#new-name", "box")
+    page.until("window.studio && window.studio.ready", 15)
+    for name, value in (("board", "120"), ("case", "450")):
+        person.click("[data-shape=mass]")
+        person.fill("#sheet-name", name)
+        person.fill("#field-capacitance", value)
+    person.click("[data-shape=boundary]")
+    person.fill("#sheet-name", "room")
+    board, case, room = (f"[data-node={n}] rect" for n in ("board", "case", "room"))
+    person.click("[data-shape=contact]", board, case, "[data-shape=convection]", case, room)
+    person.fill("#field-area", "600")
+    person.click("[data-shape=load]", board)
+    person.fill("#sheet-name", "heater")
+    person.click("[data-shape=sensor]", board, "[data-shape=sensor]", case)
+    person.give("#log-file", log)
+    page.until("document.querySelector('#columns')", 15)
+    person.click("[data-path='board_case.contact_conductance']", "[data-path='case_room.effective_htc']", "#fit")
+    page.until("document.querySelector('#fitted')", 15)
+    for dark in (False, True):
+        assert page.serious(dark) == []
+    person.click("#take-fit", "#save", "#write")
+    page.until("document.getElementById('save').disabled", 15)
+    check_result(page, folder, person.actions)
+
+
+def test_two_masses_are_built_and_fitted_by_keys_alone(page: Page, folder: Path) -> None:
+    from selenium.webdriver.common.keys import Keys
+
+    (folder / "logs").mkdir()
+    write_log(folder / "logs" / "board test.csv")
+    person = Person(page)
+    assert person.at("#new-name")
+    person.press("box", Keys.ENTER)
+    page.until("window.studio && window.studio.ready", 15)
+    for name, value in (("board", "120"), ("case", "450")):
+        person.press("m")
+        person.press(name, Keys.ENTER)
+        person.go("#field-capacitance")
+        person.chord(Keys.CONTROL, "a", 0.0)
+        person.press(value, Keys.ENTER)
+        person.press(Keys.ESCAPE)
+    person.press("b")
+    person.press("room", Keys.ENTER)
+    for key, ends in (("c", ("board", "case")), ("v", ("case", "room")), ("l", ("board",)), ("s", ("board",)), ("s", ("case",))):
+        person.press(Keys.ESCAPE)
+        person.go(f"[data-node={ends[0]}]")
+        person.press(key)
+        if len(ends) > 1:
+            person.go(f"[data-node={ends[1]}]")
+            person.press(Keys.ENTER)
+        if key == "v":
+            person.go("#field-area")
+            person.chord(Keys.CONTROL, "a", 0.0)
+            person.press("600", Keys.ENTER)
+        if key == "l":
+            person.press("heater", Keys.ENTER)
+    person.go("#log-known")
+    person.press(Keys.ARROW_DOWN, Keys.ENTER)
+    page.until("document.querySelector('#columns')", 15)
+    for path in ("board_case.contact_conductance", "case_room.effective_htc"):
+        person.go(f"[data-path='{path}']", back="board" not in path)
+        person.press(Keys.SPACE)
+    person.go("#fit")
+    person.press(Keys.ENTER)
+    page.until("document.querySelector('#fitted')", 15)
+    person.go("#take-fit")
+    person.press(Keys.ENTER)
+    person.chord(Keys.CONTROL, "s")
+    person.press(Keys.ENTER)
+    page.until("document.getElementById('save').disabled", 15)
+    check_result(page, folder, person.actions)
+
+
+def test_nodes_are_dragged_moved_by_keys_and_joined_by_a_drag(page: Page, folder: Path) -> None:
+    from selenium.webdriver import ActionChains
+    from selenium.webdriver.common.keys import Keys
+
+    person = Person(page)
+    person.fill("#new-name", "pair")
+    page.until("window.studio && window.studio.ready", 15)
+    person.click("[data-shape=mass]", "[data-shape=mass]")
+    where = "return document.querySelector('[data-node=mass]').getAttribute('transform')"
+    before = page.run(where)
+    ActionChains(page.driver, duration=50).drag_and_drop_by_offset(person.element("[data-node=mass] rect"), -80, 40).perform()
+    person.settle()
+    dragged = page.run(where)
+    assert dragged != before
+    page.run("document.querySelector('[data-node=mass]').focus()")
+    person.chord(Keys.ALT, Keys.ARROW_UP)
+    assert page.run(where) != dragged
+    ActionChains(page.driver, duration=50).drag_and_drop(
+        person.element("[data-node=mass_2] .handle"), person.element("[data-node=mass] rect")
+    ).perform()
+    person.settle()
+    assert page.run("return document.querySelector('[data-wire]').dataset.wire") == "mass_2_mass"
+    for _ in range(3):
+        person.click("#undo")
+    person.settle()
+    assert page.run(where) == before
+    assert page.run("return document.querySelector('[data-wire]')") is None
+
+
+def test_the_text_shows_its_fault_at_the_line_and_the_canvas_follows_it(page: Page, folder: Path) -> None:
+    from selenium.webdriver.common.keys import Keys
+
+    deck = f"title = '''{EVIL}'''\n\n[nodes]\na = {{ capacitance = \"5 [J/K]\" }} # weighed\n"
+    (folder / "hostile.toml").write_text(deck, encoding="utf-8")
+    person = Person(page)
+    page.driver.refresh()
+    page.until("document.querySelector('[data-file=\"hostile.toml\"]')", 15)
+    person.click('[data-file="hostile.toml"]')
+    page.until("window.studio && window.studio.ready", 15)
+    page.driver.get(page.address.partition("?")[0] + "build")
+    page.until("document.querySelector('[data-node=a]')", 15)
+    person.click("[data-pane=text]")
+    page.until("document.querySelector('.cm-content')", 15)
+    time.sleep(0.3)
+    editor = person.element(".cm-content")
+    editor.send_keys(Keys.CONTROL + Keys.END)
+    editor.send_keys("b = 3")
+    page.until("document.querySelector('#refused')", 15)
+    assert page.text("#refused").startswith("Line 5")
+    assert page.run("return document.querySelectorAll('.cm-lint-marker-error').length") == 1
+    editor.send_keys(Keys.BACKSPACE, '{{ capacitance = "2 [J/K]" }'[1:])
+    page.until("document.querySelector('[data-node=b]')", 15)
+    assert page.run("return document.querySelector('#refused')") is None
+    assert page.run("return window.evil") is None
+    assert (folder / "hostile.toml").read_text(encoding="utf-8") == deck  # nothing is written before it is saved
+
+
+def test_edits_come_back_after_the_server_was_killed(folder: Path) -> None:
+    for begun in (True, False):
+        with studio() as address:
+            shown = Page(address)
+            person = Person(shown)
+            try:
+                shown.driver.get(address)
+                shown.until("document.querySelector('[data-ready]')")
+                person.fill("#new-name", "box")
+                shown.until("window.studio && window.studio.ready", 15)
+                if begun:
+                    person.click("[data-shape=mass]")
+                    shown.driver.refresh()
+                shown.until("document.querySelector('[data-node=mass]')", 15)
+            finally:
+                shown.close()
+    assert not list(folder.glob("*.toml"))
+    assert os.listdir(folder) == [".box.studio.json"]

@@ -1,0 +1,242 @@
+"""Models built by commands: every step a deck, one undo over deck, campaign and places, nothing lost, nothing of others overwritten."""
+
+from __future__ import annotations
+
+import json
+import random
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+from thermid.app.studio.building import Building
+from thermid.app.studio.draft import journal_of
+from thermid.app.studio.shapes import PALETTE
+from thermid.base.errors import DeckError, ThermidError
+from thermid.campaign.stages import check_campaign
+from thermid.fit.calibration import calibrate
+from thermid.measure.readers import read_record
+from thermid.model.deck import load_model, model_from_dict
+from thermid.simulation.runs import simulate
+from thermid.simulation.scenarios import Scenario
+from two_masses import write_log
+
+
+def do(building: Building, what: str, **more: Any) -> dict[str, Any]:
+    return building.commanded({"do": what, **more})
+
+
+def box(folder: Path) -> Building:
+    """Return the box of two masses, built by commands."""
+    building = Building(folder / "box.toml")
+    for name, value in (("board", "120 [J/K]"), ("case", "450 [J/K]")):
+        do(building, "add", shape="mass", name=name, x=100, y=100)
+        do(building, "set", keys=["nodes", name, "capacitance"], value=value, source="measured")
+    do(building, "add", shape="boundary", name="room", x=500, y=300)
+    do(building, "add", shape="contact", name="joint", ends=["board", "case"])
+    do(building, "add", shape="convection", name="skin", ends=["case", "room"])
+    do(building, "set", keys=["surfaces", "skin", "area"], value="600 [cm^2]", source="")
+    do(building, "add", shape="load", name="heater", ends=["board"])
+    return building
+
+
+def test_what_is_built_fits_as_calibrate_does(tmp_path: Path) -> None:
+    building = box(tmp_path)
+    file = building.stored_log("test run.csv", write_log(tmp_path / "elsewhere.csv").read_bytes())
+    state = do(building, "log", file=file)
+    assert state["log"]["channels"] == {
+        "board C": {"node": "board", "unit": "degC"},
+        "case C": {"node": "case", "unit": "degC"},
+        "room C": {"boundary": "room", "unit": "degC"},
+        "heater W": {"load": "heater", "unit": "W"},
+    }
+    free = ["joint.contact_conductance", "skin.effective_htc"]
+    do(building, "free", paths=free)
+    building.fit()
+    building.jobs.wait()
+    assert not building.jobs.state()["error"]
+    do(building, "take fit")
+    building.save(building.difference()["diff"])
+    record = read_record(tmp_path / file, state["log"]["channels"])
+    truth = calibrate(load_model(tmp_path / "box.toml"), record, free).values
+    for path in free:
+        assert building.fitted[path]["value"] == pytest.approx(truth[path].value, rel=0.01)
+    findings, _ = check_campaign(tmp_path / "box_campaign.toml", None)
+    assert [f for f in findings if f.severity == "error"] == []
+
+
+def test_a_value_of_the_palette_is_missing_until_somebody_gives_it(tmp_path: Path) -> None:
+    building = Building(tmp_path / "one.toml")
+    state = do(building, "add", shape="mass", name="case")
+    assert state["missing"] == 1
+    state = do(building, "set", keys=["nodes", "case", "capacitance"], value="3 [kJ/K]", source="measured")
+    assert state["missing"] == 0
+    assert load_model(_saved(building)).nodes["case"].fields["capacitance"].text == "3 [kJ/K]"
+
+
+def _saved(building: Building) -> Path:
+    building.save(building.difference()["diff"])
+    return building.draft.deck.path
+
+
+def test_a_new_name_goes_wherever_the_old_one_stood(tmp_path: Path) -> None:
+    building = box(tmp_path)
+    do(building, "log", file=building.stored_log("run.csv", write_log(tmp_path / "elsewhere.csv").read_bytes()))
+    do(building, "free", paths=["board.capacitance"])
+    state = do(building, "rename", keys=["nodes", "board"], name="pcb")
+    assert {e["name"]: e["ends"] for e in state["elements"]}["joint"] == ["pcb", "case"]
+    assert state["log"]["channels"]["board C"]["node"] == "pcb"
+    assert [p["path"] for p in state["parameters"] if p["free"]] == ["pcb.capacitance"]
+    assert state["places"]["pcb"] == (96.0, 96.0)
+    state = do(building, "undo")
+    assert state["log"]["channels"]["board C"]["node"] == "board"
+
+
+def test_what_is_joined_goes_with_a_node_and_comes_back_with_it(tmp_path: Path) -> None:
+    building = box(tmp_path)
+    before = building.draft.deck.text
+    state = do(building, "remove", keys=["nodes", "case"])
+    assert sorted(e["name"] for e in state["elements"]) == ["board", "heater", "room"]
+    do(building, "undo")
+    assert building.draft.deck.text == before
+
+
+def test_a_text_that_is_no_deck_changes_nothing_and_tells_its_line(tmp_path: Path) -> None:
+    building = box(tmp_path)
+    text = building.draft.deck.text
+    for wrong, line in (("600 [cm^2]", "600 [kg]"), ('of = "case"', 'of = "nobody"')):
+        state = do(building, "text", text=text.replace(wrong, line))
+        assert state["refused"]["line"] == next(k for k, row in enumerate(text.split("\n"), 1) if wrong in row)
+        assert building.draft.deck.text == text
+    assert do(building, "text", text=text + "\n[nodes.x\n")["refused"]["line"] is not None
+    state = do(building, "text", text="# a comment\n" + text)
+    assert "refused" not in state
+    assert do(building, "set", keys=["loads", "heater", "power"], value="4 [W]", source="")["text"].startswith("# a comment\n")
+
+
+def test_edits_survive_a_killed_studio(tmp_path: Path) -> None:
+    building = box(tmp_path)
+    again = Building(tmp_path / "box.toml")
+    assert again.draft == building.draft
+    assert again.notice
+    while again.draft.past:
+        do(again, "undo")
+    assert again.state()["elements"] == []
+
+
+def test_a_file_that_somebody_else_changed_is_not_overwritten(tmp_path: Path) -> None:
+    building = box(tmp_path)
+    file = _saved(building)
+    do(building, "set", keys=["loads", "heater", "power"], value="4 [W]", source="")
+    theirs = file.read_text(encoding="utf-8").replace("600 [cm^2]", "700 [cm^2]")
+    file.write_text(theirs, encoding="utf-8")
+    for one in (building, Building(file)):
+        assert one.state()["changed"] == ["box.toml"]
+        with pytest.raises(DeckError) as refused:
+            one.save(one.difference()["diff"])
+        assert refused.value.code == "output.changed-meanwhile"
+        assert file.read_text(encoding="utf-8") == theirs
+    state = do(building, "restart")
+    assert "700 [cm^2]" in state["text"]
+    assert state["changed"] == []
+
+
+def test_a_broken_journal_is_dropped(tmp_path: Path) -> None:
+    file = _saved(box(tmp_path))
+    for text in ("", "{}", "[1]", json.dumps({"documents": {"deck": {"text": "a = ["}}})):
+        journal_of(file).write_text(text, encoding="utf-8")
+        assert not Building(file).draft.past
+
+
+def test_a_log_is_stored_once_and_replaces_nothing(tmp_path: Path) -> None:
+    building = Building(tmp_path / "box.toml")
+    assert [building.stored_log("../a.csv", data) for data in (b"1", b"2", b"1")] == ["logs/a.csv", "logs/a_2.csv", "logs/a.csv"]
+    for name in ("..", "a\nb.csv", "/", "x" * 300):
+        with pytest.raises(DeckError):
+            building.stored_log(name, b"1")
+
+
+def test_a_part_has_its_needs_bound(tmp_path: Path) -> None:
+    (tmp_path / "part.toml").write_text('title = "part"\nneeds = ["air"]\n[nodes]\nbody = { capacitance = "9 [J/K]" }\n', encoding="utf-8")
+    building = Building(tmp_path / "whole.toml")
+    with pytest.raises(DeckError):
+        do(building, "add", shape="submodel", use="part.toml")
+    do(building, "add", shape="boundary", name="room")
+    state = do(building, "add", shape="submodel", name="p", use="part.toml")
+    assert state["elements"][-1]["bind"] == {"air": "room"}
+
+
+def random_command(rng: random.Random, building: Building) -> dict[str, Any]:
+    elements = building.state()["elements"]
+    nodes = [e["name"] for e in elements if e["table"] in ("nodes", "needs")] or ["none"]
+    one = rng.choice(elements) if elements else {"table": "nodes", "name": "none", "fields": []}
+    shape = PALETTE[rng.choice([s for s in PALETTE if s != "submodel"])]
+    keys = [one["table"], one["name"]]
+    field = rng.choice(one["fields"])["name"] if one["fields"] else "mass"
+    return rng.choice(
+        [
+            {"do": "add", "shape": shape.name, "ends": rng.sample(nodes, min(shape.ends, len(nodes))), "x": rng.randint(0, 900), "y": 8},
+            {"do": "set", "keys": [*keys, field], "value": f"{rng.uniform(0.1, 9):.3f} [{rng.choice(['W', 'J/K', 'cm^2', '1'])}]"},
+            {"do": "set", "keys": [*keys, field], "value": "", "source": "measured"},
+            {"do": "rename", "keys": keys, "name": f"n{rng.randint(0, 99)}"},
+            {"do": "remove", "keys": keys},
+            {"do": "stored", "name": one["name"], "how": rng.choice(["mass", "capacitance", "massless"])},
+            {"do": "move", "name": one["name"], "x": rng.randint(-500, 500), "y": rng.randint(-500, 500)},
+            {"do": "text", "text": building.draft.deck.text + f"\n# {rng.randint(0, 9)}\n"},
+        ]
+    )
+
+
+@pytest.mark.parametrize("decks", [2, pytest.param(200, marks=pytest.mark.campaign)])
+def test_forty_commands_and_their_undoing_give_the_same_bytes(tmp_path: Path, decks: int) -> None:
+    done = 0
+    for seed in range(decks):
+        rng, file = random.Random(seed), tmp_path / f"deck{seed}.toml"
+        ends = rng.choice(["\n", "\r\n"])
+        text = f'# a deck\ntitle = "d{seed}" # its name\nneeds = ["room"]\n\n[nodes] # masses\n'
+        text += 'a = { capacitance = "5 [J/K]" } # weighed\nb.capacitance = "7 [J/K]"\n\n[conductors.j]\nkind = "conduction"\n'
+        text += 'between = ["a", "b"] # ends\nconductance = "2 [W/K]"\n# the end'
+        first = (rng.choice([b"", b"\xef\xbb\xbf"])) + text.replace("\n", ends).encode()
+        file.write_bytes(first)
+        building = Building(file)
+        for _ in range(40):
+            try:
+                before = building.draft
+                building.commanded(random_command(rng, building))
+                done += building.draft is not before
+            except (ThermidError, KeyError):
+                continue
+            load_model(_copy(building, tmp_path))  # every step is a deck that reads
+        last = building.draft
+        while building.draft.past:
+            do(building, "undo")
+        assert building.draft.deck.text.encode() == first
+        while building.draft.future:
+            do(building, "redo")
+        assert building.draft.documents == last.documents
+    print(f"{done} commands done on {decks} decks")
+    assert done > 8 * decks
+
+
+def _copy(building: Building, folder: Path) -> Path:
+    file = folder / "step.toml"
+    file.write_bytes(building.draft.deck.text.encode())
+    return file
+
+
+def test_what_is_in_the_text_alone_is_counted(tmp_path: Path) -> None:
+    building = box(tmp_path)
+    state = do(building, "text", text=building.draft.deck.text + '\n[parameters]\nq = "2 [W]"\n')
+    assert state["others"] == {"parameters": 1}, state.get("refused")
+
+
+def test_the_run_of_a_draft_is_that_of_simulate(tmp_path: Path) -> None:
+    building = box(tmp_path)
+    building.run()
+    building.jobs.wait()
+    curve = building.jobs.state()["result"]["runs"][0]["curves"][0]
+    scenario = Scenario("x", boundaries={"room": "24 [degC]"}, start="24 [degC]", duration="5 [h]")
+    solution = simulate(load_model(_saved(building)), scenario, times=curve["times"])
+    assert np.abs(solution[curve["node"]].celsius - curve["simulated"]).max() < 1e-9
+    assert model_from_dict(building.draft.deck.content).title == "box"

@@ -1,0 +1,62 @@
+// A log: dropped or chosen, looked at, its columns bound to nodes, boundaries and loads; what a fit may find is ticked here.
+import { useRef, useState } from "preact/hooks";
+import { nice, shown, upload, type Binding, type Column } from "./server";
+import { begin, command, draft, job, told } from "./state";
+
+export async function dropped(files: FileList | null | undefined) {
+  const file = files?.[0];
+  if (!file) return;
+  const stored = await told(() => upload(file.name, file));
+  if (stored) await command({ do: "log", file: stored.file });
+}
+
+const ROLES: [string, string][] = [["node", "nodes"], ["boundary", "needs"], ["load", "loads"], ["command", "loads"]];
+
+function Row({ column, bound }: { column: Column; bound: Binding | undefined }) {
+  const state = draft.value!, role = ROLES.find(([r]) => bound?.[r]), unit = useRef<HTMLInputElement>(null);
+  const value = role ? `${role[0]}:${bound![role[0]]}` : "";
+  const bind = (to: string) => {
+    const [kind, ...rest] = to.split(":"), own = unit.current?.value.trim() || (column.assumed ? column.unit : "");
+    const kept = Object.fromEntries(Object.entries(bound ?? {}).filter(([k]) => !ROLES.some(([r]) => r === k)));
+    void command({ do: "bind", channels: { [column.name]: to ? { ...kept, [kind!]: rest.join(":"), ...(own ? { unit: own } : {}) } : null } });
+  };
+  const heats = ["power", "duty"].includes(column.guess);
+  const offered = ROLES.filter(([r]) => (heats ? r === "load" || (column.guess === "duty" && r === "command") : r !== "command"));
+  return (
+    <tr data-column={column.name}>
+      <th scope="row" draggable onDragStart={(e) => e.dataTransfer?.setData("text/x-column", column.name)} title="Drag to a node, or choose at the right">{column.name}</th>
+      <td class="num">{shown(column.low)} … {shown(column.high)}</td>
+      <td>{column.assumed || !column.unit ? <input ref={unit} class="unit" type="text" aria-label={`Unit of ${column.name}`} defaultValue={bound?.unit ?? column.unit} placeholder="unit" onChange={() => value && bind(value)} /> : nice(column.unit)}</td>
+      <td class="soft">{column.guess}: {column.why}</td>
+      <td><select aria-label={`${column.name} is`} value={value} onChange={(e) => bind(e.currentTarget.value)}>
+        <option value="">not used</option>
+        {offered.flatMap(([r, table]) => state.elements.filter((e) => e.table === table).map((e) => <option key={`${r}:${e.name}`} value={`${r}:${e.name}`}>{r} {e.name}</option>))}
+      </select></td>
+    </tr>
+  );
+}
+
+export function Log() {
+  const state = draft.value!, log = state.log, [over, setOver] = useState(false);
+  const ticked = state.parameters.filter((p) => p.free).map((p) => p.path);
+  const running = job.value.ended === false, bound = log ? Object.keys(log.channels).length : 0;
+  return (
+    <div class="log">
+      <div class={`drop ${over ? "over" : ""}`} onDragOver={(e) => { e.preventDefault(); setOver(true); }} onDragLeave={() => setOver(false)} onDrop={(e) => { e.preventDefault(); setOver(false); void dropped(e.dataTransfer?.files); }}>
+        <label>Drop a log here, or <input id="log-file" type="file" onChange={(e) => dropped(e.currentTarget.files)} /></label>
+        {state.logs.length > 0 && <label>or one of the folder <select id="log-known" value="" onChange={(e) => e.currentTarget.value && command({ do: "log", file: e.currentTarget.value })}><option value="">…</option>{state.logs.map((l) => <option key={l} value={l}>{l}</option>)}</select></label>}
+      </div>
+      {log && <>
+        <p>{log.file}: {log.rows} rows{log.others > 0 && `, ${log.others} more records in the campaign`}. {log.problem && <strong class="bad">{log.problem}</strong>}{[...log.questions, ...log.notes].map((q) => <span key={q} class="soft"> {q}</span>)}</p>
+        <div class="scroll" tabIndex={0} role="group" aria-label="Columns of the log"><table id="columns"><caption>Columns: drag a name to a node on the canvas, or choose what it is</caption>
+          <thead><tr><th scope="col">Column</th><th scope="col" class="num">Range</th><th scope="col">Unit</th><th scope="col">Looks like</th><th scope="col">Is</th></tr></thead>
+          <tbody>{log.columns.filter((c) => c.guess !== "time").map((c) => { const b = log.channels[c.name]; return <Row key={c.name} column={c} bound={typeof b === "string" ? { node: b } : b} />; })}</tbody></table></div>
+      </>}
+      <fieldset id="free"><legend>A fit finds</legend>{state.parameters.map((p) => (
+        <label class="tick" key={p.path}><input type="checkbox" checked={p.free} data-path={p.path} onChange={(e) => command({ do: "free", paths: e.currentTarget.checked ? [...ticked, p.path] : ticked.filter((t) => t !== p.path) })} /> {p.path} <span class="soft">{nice(p.text)}</span></label>
+      ))}{!state.parameters.length && <span class="soft">Nothing to find yet.</span>}</fieldset>
+      <div class="bar"><button id="run" type="button" disabled={running} onClick={() => begin("run")}>Run</button><button id="fit" type="button" class="main" disabled={running || !bound || !ticked.length} onClick={() => begin("fit")}>Fit {ticked.length || ""}</button>
+        <span class="soft">{state.missing > 0 && `${state.missing} values are numbers of the palette and not yours (red). `}{!bound && "Without a log a run is five hours in a room of 24 °C."}</span></div>
+    </div>
+  );
+}

@@ -1,0 +1,53 @@
+// What the server says and takes. Every command returns the whole state of the draft, so that the page never has a state of its own.
+export interface Field { name: string; number: string; unit: string; units: string[]; expression: boolean; source: string; given: boolean; law: boolean; missing: boolean; low: string; high: string }
+export interface Element { table: string; name: string; shape: string; ends: string[]; fields: Field[]; sensor: boolean; logged?: string; use?: string; bind?: Record<string, unknown> }
+export interface Shape { name: string; words: string; key: string; table: string; ends: number }
+export interface Fault { severity: string; code: string; message: string; where: string; line: number | null }
+export interface Column { name: string; unit: string; assumed: boolean; guess: string; why: string; low?: number; high?: number }
+export type Binding = Record<string, string>;
+export interface Log { record: string; file: string; channels: Record<string, Binding | string>; columns: Column[]; rows: number; problem: string; questions: string[]; notes: string[]; others: number }
+export interface Parameter { path: string; text: string; free: boolean }
+export interface Draft {
+  file: string; title: string; text: string; notice: string; elements: Element[]; others: Record<string, number>;
+  places: Record<string, [number, number]>; palette: Shape[]; sources: string[]; faults: Fault[]; undo: number; redo: number;
+  unsaved: string[]; changed: string[]; log: Log | null; logs: string[]; parameters: Parameter[]; decks: string[]; missing: number;
+  refused?: Fault; made?: string; table?: string;
+}
+export interface Curve { name: string; node: string; times: Float32Array; simulated: Float32Array; seen?: Float32Array; measured?: Float32Array; rmse: number }
+export interface Result {
+  runs?: { name: string; curves: Curve[] }[]; fitted?: Record<string, { value: number; unit: string; error: number | null }>; warnings?: string[];
+  standing?: { word?: string; standing?: string; text?: string };
+}
+export interface Job { what?: string; ended?: boolean; error?: string; evaluations?: number; rms?: number; seconds?: number; result?: Result }
+export interface Front { folder: string; files: { file: string; kind: string; title: string }[]; examples: { name: string; shows: string; fetched: boolean }[]; recent: string[]; open: string | null }
+
+const GONE = "The studio does not answer: it was ended. Start it again and open the address that it prints; edits that were not saved come back.";
+
+export async function ask<T>(path: string, body?: unknown): Promise<T> {
+  const how = body === undefined ? {} : { method: "POST", headers: { "content-type": "application/json", "x-thermid-studio": "1" }, body: JSON.stringify(body) };
+  return read<T>(await fetch(`/api/${path}`, how).catch(() => { throw new Error(GONE); }));
+}
+
+export async function upload(name: string, data: Blob): Promise<{ file: string }> {
+  const how = { method: "POST", headers: { "x-thermid-studio": "1" }, body: data };
+  return read(await fetch(`/api/draft/log/${encodeURIComponent(name)}`, how).catch(() => { throw new Error(GONE); }));
+}
+
+async function read<T>(answer: Response): Promise<T> {
+  const found = JSON.parse(await answer.text(), (_, v) => (v?.f4 !== undefined ? numbers(v.f4, 4) : v?.f8 !== undefined ? numbers(v.f8, 8) : v));
+  if (found.error) throw new Error(found.where && !found.error.includes(found.where) ? `${found.where}: ${found.error}` : found.error);
+  return found as T;
+}
+
+// arrays come as bytes, little endian as every browser has them
+function numbers(text: string, size: 4 | 8): Float32Array | Float64Array {
+  const bytes = Uint8Array.from(atob(text), (c) => c.charCodeAt(0));
+  return size === 4 ? new Float32Array(bytes.buffer) : new Float64Array(bytes.buffer);
+}
+
+// units and signs that files write in plain letters
+export const nice = (text: string) => text.replaceAll("^2", "²").replaceAll("^3", "³").replace(/\bdegC\b/g, "°C");
+export function shown(v: number | null | undefined, digits = 4): string {
+  if (v === null || v === undefined || !Number.isFinite(v)) return "–";
+  return String(Number(v.toPrecision(digits)));
+}
