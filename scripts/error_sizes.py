@@ -49,6 +49,16 @@ def kept(of: TestSet) -> dict[str, list[float]]:
     return found
 
 
+def judged_rows(of: TestSet, found: Mapping[str, Mapping[str, Sequence[float]]]) -> list[crossed.s.Row]:
+    """Return the rows of a set under sizes from the others, from the cache where it has them."""
+    rules = crossed.priors_without(of.name, found)
+    told = json.dumps([key_of(of), rules, of.taught], sort_keys=True)
+    path = CACHE / f"{of.name}-{hashlib.sha256(told.encode()).hexdigest()[:16]}-rows.json"
+    if not path.is_file():
+        path.write_text(json.dumps([r.to_dict() for r in crossed.rows_of(of, rules)]), encoding="utf-8")
+    return [crossed.s.Row.from_dict(r) for r in json.loads(path.read_text(encoding="utf-8"))]
+
+
 def table(found: Mapping[str, Scale]) -> str:
     """Return the sizes, as Markdown."""
     lines = ["| size | unit | scale | 5 .. 95 % | sets | first prior |", "|---|---|---|---|---|---|"]
@@ -68,6 +78,7 @@ def main() -> None:
     parser = argparse.ArgumentParser(description=(__doc__ or "").splitlines()[0])
     parser.add_argument("--data", type=Path, default=DATA, help="folder of the sets that benchmarks/real_runs.py has too")
     parser.add_argument("--no-judge", action="store_true", help="leave out what leaving whole sets out says")
+    parser.add_argument("--only", nargs="*", help="some of the sets, to be left out; the sizes are of all")
     parser.add_argument("--write", action="store_true", help=f"write {KEPT.relative_to(ROOT)}")
     parser.add_argument("--page", action="store_true", help=f"write the section of docs/{PAGE.name}")
     options = parser.parse_args()
@@ -88,7 +99,7 @@ def main() -> None:
     if options.write:
         made = {"version": td.__version__, "grid": GRID.tolist(), "files": {s.name: dict(s.files) for s in sets}, "likelihoods": found}
         KEPT.write_text(json.dumps(made, indent=1), encoding="utf-8")
-    judged = "" if options.no_judge else crossed.summary([r for of in sets for r in crossed.rows_of(of, crossed.priors_without(of.name, found))])
+    judged = "" if options.no_judge else crossed.summary([r for of in sets if not options.only or of.name in options.only for r in judged_rows(of, found)])
     print(f"\n{judged}\n\n{(time.process_time() - begun) / 60.0:.1f} minutes of processor time")
     if options.page:
         before, _, rest = PAGE.read_text(encoding="utf-8").partition(BEGIN)

@@ -13,7 +13,7 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from scipy.special import logsumexp
+from scipy.special import erf, logsumexp
 
 from .likelihood import FIRST, GRID
 
@@ -50,9 +50,8 @@ def of_scales(logs: Sequence[float]) -> Array:
     fine = np.linspace(np.log(GRID[0]), np.log(GRID[-1]), 301)
     told, size = np.interp(fine, np.log(GRID), logs), np.exp(fine)
     inside = np.sqrt(2.0 / np.pi) * size / np.exp(SCALES)[:, None] * np.exp(-0.5 * (size / np.exp(SCALES)[:, None]) ** 2)
-    below = np.log(GRID[0]) - SCALES  # whatever lies below the grid is as likely as its least
-    least = np.exp(told[0]) * np.sqrt(2.0 / np.pi) * np.exp(np.minimum(below, 0.0)) * (fine[1] - fine[0])
-    return np.asarray(np.log(inside @ np.exp(told) * (fine[1] - fine[0]) + least * (1.0 / (fine[1] - fine[0]))))
+    least = erf(GRID[0] / np.exp(SCALES) / np.sqrt(2.0))  # whatever lies below the grid is as likely as its least
+    return np.asarray(np.log(inside @ np.exp(told) * (fine[1] - fine[0]) + least * np.exp(told[0])))
 
 
 def _t(x: Array) -> Array:
