@@ -19,13 +19,13 @@ from thermid.inference._error_model import model as _model
 from thermid.inference.error_model import SIZES
 
 sys.path.insert(0, str(Path(__file__).parents[1]))
-from judging import scores as s  # noqa: E402
+from judging import scores as s
 
-from .likelihood import FIRST  # noqa: E402
-from .population import Likelihoods, scales  # noqa: E402
-from .sets import Array, Condition, TestSet  # noqa: E402
+from .likelihood import FIRST
+from .population import Likelihoods, scales
+from .sets import Array, Condition, TestSet
 
-SINGLE = (0.03, 0.1, 0.3)
+SINGLE = (0.05, 0.1, 0.2, 0.4)
 """Scales of one half-normal for all departures that are tried; the best of them in hindsight is what learned sizes are held against."""
 DEPARTURES = ("surface", "joint", "law", "hidden", "run")
 """Sizes that one half-normal may have in common: those in parts of a value."""
@@ -36,12 +36,12 @@ LEAST, SEED, REPEATS = 15, 20261124, 2000
 """Sets from which a share is passed or not, and not only reported."""
 
 
-def priors_without(name: str, found: Likelihoods) -> dict[str, dict[str, float]]:
+def priors_without(of: TestSet, found: Likelihoods) -> dict[str, dict[str, float]]:
     """Return rule -> size -> its scale, from every set but one."""
-    learned = {g: of.value for g, of in scales({n: of for n, of in found.items() if n != name}).items()}
-    learned |= {"law": learned["joint"]}  # see `likelihood.NAMED`
-    out = {OTHERS: learned, BEFORE: FIRST | {"law": FIRST["law"]}}
-    return out | {f"single {h:g}": learned | dict.fromkeys(DEPARTURES, h) for h in SINGLE}
+    learned = {g: told.value for g, told in scales({n: x for n, x in found.items() if n != of.name}).items()}
+    learned |= {"law": learned["joint"], "room": learned["room" if of.logged else "room stated"]}  # law: see `likelihood.NAMED`
+    every = {OTHERS: learned, BEFORE: FIRST, **{f"single {h:g}": learned | dict.fromkeys(DEPARTURES, h) for h in SINGLE}}
+    return {rule: {g: size for g, size in sizes.items() if g in SIZES} for rule, sizes in every.items()}
 
 
 def rows_of(of: TestSet, rules: Mapping[str, Mapping[str, float]]) -> list[s.Row]:
@@ -115,7 +115,8 @@ def summary(rows: Sequence[s.Row]) -> str:
         own = [r for r in rows if r.rule == OTHERS and r.set == n]
         rms = float(np.sqrt(np.mean([r.square for r in own])))
         figures = [100 * np.mean([r.inside for r in own]), np.mean([r.half for r in own]), rms, np.mean([r.score for r in own])]
-        lines.append(f"| {n} | {len(own)} | {figures[0]:.0f} | " + " | ".join(f"{x:.2f}" for x in figures[1:]) + f" | {sum(r.refused for r in own)} |")
+        cells = " | ".join(f"{x:.2f}" for x in figures[1:])
+        lines.append(f"| {n} | {len(own)} | {figures[0]:.0f} | {cells} | {sum(r.refused for r in own)} |")
     return "\n".join(lines)
 
 
