@@ -16,11 +16,12 @@ from collections.abc import Mapping, Sequence
 from pathlib import Path
 
 from sizing import crossed
-from sizing.likelihood import FIRST, GRID, likelihoods
+from sizing.likelihood import CHAINS, FIRST, GRID, SEED, STEPS, WARMING, likelihoods
 from sizing.population import Scale, rounded, scales
 from sizing.sets import LEFT_OUT, TestSet, present
 
 import thermid as td
+from thermid.inference._error_model.sizes import ROOM_STATED
 from thermid.inference.error_model import SIZES
 
 ROOT = Path(__file__).parent.parent
@@ -32,28 +33,40 @@ BEGIN, END = "<!-- sizes: begin -->", "<!-- sizes: end -->"
 
 
 def key_of(of: TestSet) -> str:
-    """Return what the likelihoods of a set depend on: its files, its structure, the model of error and this script."""
-    folders = (ROOT / "scripts" / "sizing", ROOT / "src" / "thermid" / "inference" / "_error_model")
-    code = [p.read_bytes() for folder in folders for p in sorted(folder.glob("*.py")) if p.name not in ("population.py", "crossed.py", "sizes.py")]
-    told = json.dumps([dict(of.files), of.deck, of.free, of.stated, [c.name for c in of.conditions]], sort_keys=True)
-    return hashlib.sha256(b"".join([told.encode(), *code])).hexdigest()[:16]
+    """Return what the likelihoods of a set depend on: what was read of its files, structure, model of error, and how they are made."""
+    code = [p.read_bytes() for p in sorted((ROOT / "src" / "thermid" / "inference" / "_error_model").glob("*.py")) if p.name != "sizes.py"]
+    read = [x for c in of.conditions for many in (c.readings, c.rooms, c.loads, c.commands) for x in many.values()]
+    starts = [[c.name, c.noise, c.starts, [str(x) for x in c.local.items()]] for c in of.conditions]
+    told = json.dumps([of.deck, of.free, of.stated, starts, GRID.tolist(), CHAINS, STEPS, WARMING, SEED], sort_keys=True)
+    return hashlib.sha256(b"".join([told.encode(), *(x.tobytes() for x in read), *code])).hexdigest()[:16]
 
 
 def kept(of: TestSet) -> dict[str, list[float]]:
-    """Return the likelihoods of a set, from the cache where it has them."""
+    """Return the likelihoods of a set, from the cache where it has them; a room that nobody logged is a size of its own."""
     path = CACHE / f"{of.name}-{key_of(of)}.json"
     if not path.is_file():
         path.parent.mkdir(parents=True, exist_ok=True)
         path.write_text(json.dumps(likelihoods(of)), encoding="utf-8")
     found: dict[str, list[float]] = json.loads(path.read_text(encoding="utf-8"))
-    return found
+    return found if of.logged else {"room stated" if g == "room" else g: row for g, row in found.items()}
+
+
+def judged_rows(of: TestSet, found: Mapping[str, Mapping[str, Sequence[float]]]) -> list[crossed.s.Row]:
+    """Return the rows of a set under sizes from the others, from the cache where it has them."""
+    rules = crossed.priors_without(of, found)
+    told = json.dumps([key_of(of), rules, of.taught], sort_keys=True)
+    path = CACHE / f"{of.name}-{hashlib.sha256(told.encode()).hexdigest()[:16]}-rows.json"
+    if not path.is_file():
+        path.write_text(json.dumps([r.to_dict() for r in crossed.rows_of(of, rules)]), encoding="utf-8")
+    return [crossed.s.Row.from_dict(r) for r in json.loads(path.read_text(encoding="utf-8"))]
 
 
 def table(found: Mapping[str, Scale]) -> str:
     """Return the sizes, as Markdown."""
     lines = ["| size | unit | scale | 5 .. 95 % | sets | first prior |", "|---|---|---|---|---|---|"]
     for g, of in found.items():
-        lines.append(f"| {SIZES[g].effect} | {SIZES[g].unit} | {rounded(of.value):g} | {of.low:.2g} .. {of.high:.2g} | {of.sets} | {FIRST[g]:g} |")
+        size = SIZES.get(g, ROOM_STATED)
+        lines.append(f"| {size.effect} | {size.unit} | {rounded(of.value):g} | {of.low:.2g} .. {of.high:.2g} | {of.sets} | {FIRST[g]:g} |")
     return "\n".join(lines)
 
 
@@ -68,6 +81,7 @@ def main() -> None:
     parser = argparse.ArgumentParser(description=(__doc__ or "").splitlines()[0])
     parser.add_argument("--data", type=Path, default=DATA, help="folder of the sets that benchmarks/real_runs.py has too")
     parser.add_argument("--no-judge", action="store_true", help="leave out what leaving whole sets out says")
+    parser.add_argument("--only", nargs="*", help="some of the sets, to be left out; the sizes are of all")
     parser.add_argument("--write", action="store_true", help=f"write {KEPT.relative_to(ROOT)}")
     parser.add_argument("--page", action="store_true", help=f"write the section of docs/{PAGE.name}")
     options = parser.parse_args()
@@ -88,7 +102,8 @@ def main() -> None:
     if options.write:
         made = {"version": td.__version__, "grid": GRID.tolist(), "files": {s.name: dict(s.files) for s in sets}, "likelihoods": found}
         KEPT.write_text(json.dumps(made, indent=1), encoding="utf-8")
-    judged = "" if options.no_judge else crossed.summary([r for of in sets for r in crossed.rows_of(of, crossed.priors_without(of.name, found))])
+    asked = [of for of in sets if not options.only or of.name in options.only]
+    judged = "" if options.no_judge else crossed.summary([r for of in asked for r in judged_rows(of, found)])
     print(f"\n{judged}\n\n{(time.process_time() - begun) / 60.0:.1f} minutes of processor time")
     if options.page:
         before, _, rest = PAGE.read_text(encoding="utf-8").partition(BEGIN)

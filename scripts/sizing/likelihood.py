@@ -23,6 +23,7 @@ from thermid.inference._error_model.sizes import LEFT_TIMES
 from .sets import Array, TestSet
 
 FIRST = {"surface": 0.05, "joint": 0.03, "law": 0.05, "trend": 0.005, "hidden": 0.1, "run": 0.01, "room": 0.2, "left": 0.1}
+FIRST |= {"room stated": FIRST["room"]}
 """First priors of the sizes, before any set was looked at: where the grids are laid, and the centres of the population's prior."""
 GRID = np.geomspace(0.03, 30.0, 11)
 """Sizes that are tried, in parts of the first prior; the least stands for none."""
@@ -89,7 +90,9 @@ def likelihoods(found: TestSet) -> dict[str, list[float]]:
     return {g: [round(float(x), 3) for x in p] for g, p in logs.items()}
 
 
-def _step(evidence: Evidence, sizes: Array, left: list[tuple[float, float]], concerned: Sequence[str], rng: np.random.Generator) -> dict[str, Array]:
+def _step(
+    evidence: Evidence, sizes: Array, left: list[tuple[float, float]], concerned: Sequence[str], rng: np.random.Generator
+) -> dict[str, Array]:
     """Draw every size once, given the others, in place; return size -> its probabilities (chains, grid) as they were drawn from."""
     out = {}
     for g in concerned:

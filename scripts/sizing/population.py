@@ -1,10 +1,10 @@
-"""The population over sets: for each size the half-normal from which the sets' sizes came, as the model of error takes its sizes.
+"""The population over sets: for each size the scale of a half-t with four degrees of freedom from which the sets' sizes came.
 
-Why half-normals, and not log-t: (1) the model averages sizes over half-normals, so what is learned is what predicts; (2) most sets bound a
-size from above only, and a half-normal has its mode at zero, where a distribution of logarithms needs a floor that no reading gives; (3)
-its scale has a log-t prior of four degrees of freedom about the first prior, so few sets move it little and one odd set cannot move it
-alone; (4) classes of conductors share what they have in common, each with an offset that is known to a factor of two; (5) what ships is
-the median of the scale, which a class without a set of its own has from the others, with its limits beside it.
+Why so: (1) most sets bound a size from above only, and a half-t has its mode at zero, where a distribution of logarithms needs a floor
+that no reading gives; (2) its tail lets an odd set be odd, whose size the model of error would refuse by `FAR_SIZE`, without moving the
+others; (3) its scale has a log-t prior about the first prior, so that few sets move it little; (4) classes of conductors share what they
+have in common, each with an offset known to a factor of two; (5) what ships is the median of the scale, as the scale of the half-normal
+that the model averages over, with its limits beside it.
 """
 
 from __future__ import annotations
@@ -14,14 +14,15 @@ from dataclasses import dataclass
 
 import numpy as np
 from scipy.special import logsumexp
+from scipy.stats import t
 
 from .likelihood import FIRST, GRID
 
 Array = np.ndarray
 SCALES = np.linspace(np.log(0.02), np.log(50.0), 161)
-"""Logarithms of the scale of a half-normal over its first prior."""
+"""Logarithms of the scale over the first prior."""
 FREEDOM, SPREAD, OFFSET = 4.0, np.log(3.0), np.log(2.0)
-"""Degrees of freedom and scale of the prior of what all sets have, and standard deviation of a class about it."""
+"""Degrees of freedom of the population and of the prior of its scale, scale of the latter, standard deviation of a class about it."""
 POOLED = ("surface", "joint", "law")
 """Classes that share a departure."""
 Likelihoods = Mapping[str, Mapping[str, Sequence[float]]]
@@ -34,7 +35,7 @@ class Scale:
 
     Parameters
     ----------
-    value : float       Median of the scale of the half-normal.
+    value : float       Median of the scale.
     low, high : float   Ends of the 90 % interval of the scale.
     sets : int          Sets that have it.
     """
@@ -46,13 +47,12 @@ class Scale:
 
 
 def of_scales(logs: Sequence[float]) -> Array:
-    """Return ln of the likelihood (scales,) of the scale of a half-normal, from that of one set's size over the grid."""
-    fine = np.linspace(np.log(GRID[0]), np.log(GRID[-1]), 301)
-    told, size = np.interp(fine, np.log(GRID), logs), np.exp(fine)
-    inside = np.sqrt(2.0 / np.pi) * size / np.exp(SCALES)[:, None] * np.exp(-0.5 * (size / np.exp(SCALES)[:, None]) ** 2)
-    below = np.log(GRID[0]) - SCALES  # whatever lies below the grid is as likely as its least
-    least = np.exp(told[0]) * np.sqrt(2.0 / np.pi) * np.exp(np.minimum(below, 0.0)) * (fine[1] - fine[0])
-    return np.asarray(np.log(inside @ np.exp(told) * (fine[1] - fine[0]) + least * (1.0 / (fine[1] - fine[0]))))
+    """Return ln of the likelihood (scales,) of the scale of the population, from that of one set's size over the grid."""
+    fine, scale = np.linspace(np.log(GRID[0]), np.log(GRID[-1]), 301), np.exp(SCALES)
+    told, size = np.exp(np.interp(fine, np.log(GRID), logs)), np.exp(fine)
+    inside = 2.0 * t.pdf(size / scale[:, None], FREEDOM) * size / scale[:, None]
+    least = 2.0 * t.cdf(GRID[0] / scale, FREEDOM) - 1.0  # whatever lies below the grid is as likely as its least
+    return np.asarray(np.log(inside @ told * (fine[1] - fine[0]) + least * told[0]))
 
 
 def _t(x: Array) -> Array:

@@ -1,6 +1,7 @@
 """Public test sets, each as an engineer takes it first: a plain lumped structure, its conditions, and what is fitted.
 
-None of the files is part of thermid. Three sets lie in the folder of benchmarks/real_runs.py; all others lie at ``THERMID_PUBLIC/OWNER/REPOSITORY/PATH`` and are known by their SHA-256.
+None of the files is part of thermid. Three sets lie in the folder of benchmarks/real_runs.py; all others lie at
+``THERMID_PUBLIC/OWNER/REPOSITORY/PATH`` and are known by their SHA-256.
 """
 
 from __future__ import annotations
@@ -96,6 +97,7 @@ class TestSet:
     conditions : tuple of Condition
     taught : tuple of str       The at most two conditions from which the others are predicted.
     files : dict                Name of a file -> its SHA-256.
+    logged : bool               Whether the room has an instrument; else it is a first reading, or assumed.
     stated : tuple of str       Of what is fitted, what its deck gives to 30 %.
     follows : callable          Fit and condition -> starts that no sensor shows.
     """
@@ -109,6 +111,7 @@ class TestSet:
     taught: tuple[str, ...]
     files: Mapping[str, str]
     stated: tuple[str, ...] = ()
+    logged: bool = False
     follows: Callable[[Calibration, Condition], dict[str, str]] = lambda _fit, _condition: {}
 
     def fitted(self, names: Sequence[str] = ()) -> Calibration:
@@ -298,7 +301,9 @@ def santa_barbara(_: Path) -> TestSet:
         runs.append(_board_run(f"part {k + 1}", t[part], q[part], y[part], 12.0, 1.0, 22.0, np.zeros(2), 0.06))
     deck, free = board(1.0, 0.75)
     source = "github.com/rawlings-group/mlid_2024, MIT, 9f1c939"
-    return TestSet("tclab_santa_barbara", source, BOARD, deck, (*free, "heat2.power"), tuple(runs), ("part 1", "part 2"), sums, BOARD_STATED)
+    return TestSet(
+        "tclab_santa_barbara", source, BOARD, deck, (*free, "heat2.power"), tuple(runs), ("part 1", "part 2"), sums, BOARD_STATED
+    )
 
 
 # ---- others ----------------------------------------------------------------------------------------------------------------------------
@@ -335,7 +340,7 @@ def motor(data: Path) -> TestSet:
     free = ("winding.capacitance", "stator.capacitance", "slot.conductance", "skin.effective_htc")
     source = "github.com/TasS-RV/Motor-Thermal-Modelling-Tool, MIT, e94b107"
     structure = "winding and stator, a joint between, a coefficient to the room"
-    return TestSet("motor", source, structure, deck, free, tuple(runs), ("throttle 4 %", "throttle 100 %"), sums)
+    return TestSet("motor", source, structure, deck, free, tuple(runs), ("throttle 4 %", "throttle 100 %"), sums, logged=True)
 
 
 def _first_rise(t: Array, y: Array) -> float:
@@ -367,7 +372,9 @@ def cells(_: Path) -> TestSet:
             heat = np.maximum(current * (np.interp(taken, charge, open_voltage) - volt), 0.0)
             grid = np.arange(t[0], t[-1] - 5.0, 20.0)
             readings, room = {"cell": means(t, kelvin, grid) + ICE}, np.full(grid.size, float(kelvin[0]) + ICE)
-            runs.append(Condition(f"{name}, cell {k + 1}", grid - grid[0], readings, {"room": room}, {"heat": _held(t, heat, grid)}, noise=0.07))
+            runs.append(
+                Condition(f"{name}, cell {k + 1}", grid - grid[0], readings, {"room": room}, {"heat": _held(t, heat, grid)}, noise=0.07)
+            )
     deck = {
         "title": "Cell",
         "needs": ["room"],
@@ -402,11 +409,25 @@ def sines(_: Path) -> TestSet:
         grid = np.arange(0.0, t[-1] - 4.0, 10.0 if t[-1] > 1500.0 else 4.0)
         room = np.full(grid.size, float(np.median(y[:10])) + ICE)
         name = f"{path.stem.removeprefix('sec')} Hz"
-        runs.append(Condition(name, grid, {"probe": means(t, y, grid) + ICE}, {"room": room}, {"coil": 0.2 * _held(t, rows[:, 1], grid)}, initial={"frame": float(room[0]), "plate": float(room[0])}, noise=0.05))
+        runs.append(
+            Condition(
+                name,
+                grid,
+                {"probe": means(t, y, grid) + ICE},
+                {"room": room},
+                {"coil": 0.2 * _held(t, rows[:, 1], grid)},
+                initial={"frame": float(room[0]), "plate": float(room[0])},
+                noise=0.05,
+            )
+        )
     deck = {
         "title": "Plate",
         "needs": ["room"],
-        "nodes": {"plate": {"capacitance": value(15, "J/K")}, "frame": {"capacitance": value(15, "J/K")}, "probe": {"capacitance": "0.1 [J/K]"}},
+        "nodes": {
+            "plate": {"capacitance": value(15, "J/K")},
+            "frame": {"capacitance": value(15, "J/K")},
+            "probe": {"capacitance": "0.1 [J/K]"},
+        },
         "surfaces": {"skin": _skin("plate", 40.0, 0.01, "fan")},
         "conductors": {
             "foot": {"kind": "conduction", "between": ["plate", "frame"], "conductance": value(0.3, "W/K")},
@@ -465,7 +486,7 @@ HOUSE = {"data/armadillo/armadillo_data_H2.csv": "87cafaf39e414a4f732c4ed01c8c74
 
 
 def house(_: Path) -> TestSet:
-    """Return a house that is heated in steps, in four parts of a week; its wall is followed through the week from where the first part has it."""
+    """Return a house in four parts of a week, heated in steps; its wall is followed from where the first part has it."""
     paths, sums = _public("locie/pySIP", HOUSE)
     rows = np.genfromtxt(paths[0], delimiter=",", names=True)[:-1]
     runs = []
@@ -499,7 +520,7 @@ def house(_: Path) -> TestSet:
     free = ("indoor.capacitance", "wall.capacitance", "inside.conductance", "outside.conductance")
     source = "github.com/locie/pySIP, no licence stated, da70d25"
     structure = "indoor air and wall in series to the outside"
-    return TestSet("house", source, structure, deck, free, tuple(runs), ("part 1", "part 2"), sums, follows=follows)
+    return TestSet("house", source, structure, deck, free, tuple(runs), ("part 1", "part 2"), sums, logged=True, follows=follows)
 
 
 SETS: dict[str, Callable[[Path], TestSet]] = {

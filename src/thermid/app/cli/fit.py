@@ -47,6 +47,7 @@ from thermid.campaign.studies import plan_retune
 from thermid.fit.calibration import Calibration
 from thermid.fit.estimation import estimated
 from thermid.fit.problem import LocalSpec
+from thermid.inference.error_model import SIZES
 from thermid.model.laws import literal
 from thermid.prediction import bands as prediction
 from thermid.prediction.bands import predict_record
@@ -199,13 +200,14 @@ def credibility(
 ) -> None:
     """List source, state, tests, date and range of every value.
 
-    Level and origin of every value are listed too; --to writes JSON or TOML.
+    Level and origin of every value are listed too, and the sizes of model error; --to writes the values as JSON or TOML.
     """
     writable((to, CREDIBILITY))
     record = origins.credibility(staged(campaign, data, results))
     if to is not None:
         record.save(to)
-    say(as_json, record.to_dict(), f"written: {to}" if to is not None else record, verbose)
+    told = {"sizes_of_error": {name: {"value": s.value, "unit": s.unit, "sets": s.sets} for name, s in SIZES.items()}}
+    say(as_json, record.to_dict() | told, f"written: {to}" if to is not None else f"{record}\n\n{SIZES}", verbose)
 
 
 def swap(

@@ -1,12 +1,13 @@
 """Every number of the model of error that decides what a user is told, with its unit, its source and what it does.
 
-Sizes of departures are scales of half-normal priors, by class of element; they are first priors, not learned from public tests yet.
+Sizes of departures are scales of half-normal priors, by class of element. Public test sets taught them (`SIZE_SETS`;
+``python scripts/error_sizes.py`` makes them again), except where a size says that it has no set.
 """
 
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Final
+from typing import Final, NamedTuple
 
 
 @dataclass(frozen=True)
@@ -17,25 +18,63 @@ class SizePrior:
     ----------
     value : float
     unit, source, effect : str
+    sets : int      Public test sets that taught it.
     """
 
     value: float
     unit: str
     source: str
     effect: str
+    sets: int = 0
 
 
-SIZES: Final = {
-    "surface": SizePrior(0.05, "1", "prior", "size of the smooth departure of a constant coefficient about its physical mean"),
-    "joint": SizePrior(0.03, "1", "prior", "the same of a constant conductance of a joint or a solid"),
-    "law": SizePrior(0.05, "1", "prior", "the same of radiation and of correlations"),
-    "trend": SizePrior(0.005, "1/K", "prior", "growth of a joint with its level"),
-    "hidden": SizePrior(0.1, "1", "prior", "mass behind a node that no deck has, in parts of the node's own"),
-    "run": SizePrior(0.01, "1", "prior", "departure of a coefficient, conductance, mass or power from run to run"),
-    "room": SizePrior(0.2, "K", "prior", "drift of a room about its logged or stated temperature"),
-    "left": SizePrior(0.1, "K", "prior", "what no element explains, at a sensor"),
-}
+class SizeSet(NamedTuple):
+    """A public test set that taught sizes: where it is below github.com, its licence, and the structure that an engineer gives it."""
+
+    source: str
+    licence: str
+    structure: str
+
+
+class SizeTable(dict[str, SizePrior]):
+    """Sizes by class of element."""
+
+    def __str__(self) -> str:
+        """Return them as text, a line a size, with how many sets taught each."""
+        lines = ["Sizes of model error used, and from how many public test sets (docs/statistics.md):"]
+        for name, of in self.items():
+            taught = f"{of.sets} sets" if of.sets else "no set: from the other classes"
+            lines.append(f"  {name:<7}  {of.value:>5g} {of.unit:<3}  {taught:<10}  {of.effect}")
+        return "\n".join(lines)
+
+
+LEARNED: Final = "public test sets"
+SIZES: Final = SizeTable(
+    surface=SizePrior(0.15, "1", LEARNED, "size of the smooth departure of a constant coefficient about its physical mean", 8),
+    joint=SizePrior(0.15, "1", LEARNED, "the same of a constant conductance of a joint or a solid", 8),
+    law=SizePrior(0.16, "1", "surface and joint, a factor of two about what they share", "the same of radiation and of correlations"),
+    trend=SizePrior(0.018, "1/K", LEARNED, "growth of a joint with its level", 8),
+    hidden=SizePrior(0.83, "1", LEARNED, "mass behind a node that no deck has, in parts of the node's own", 9),
+    run=SizePrior(0.027, "1", LEARNED, "departure of a coefficient, conductance, mass or power from run to run", 9),
+    room=SizePrior(0.17, "K", LEARNED, "drift of a room about its logged or stated temperature", 2),
+    left=SizePrior(0.13, "K", LEARNED, "what no element explains, at a sensor", 9),
+)
 """Scales of the half-normal priors of sizes."""
+ROOM_STATED: Final = SizePrior(0.72, "K", LEARNED, "drift of a room that nobody logged about its first reading or an assumed value", 7)
+"""The same for such rooms; the model has no use for it yet and takes that of logged rooms."""
+_BOARD = "two heaters with a sensor each, a coefficient each to the room, a joint between"
+SIZE_SETS: Final = {
+    "tclabsp": SizeSet("TiagoPrata/TCLabSP, e8dfcb0", "MIT", _BOARD),
+    "tclab_apmonitor": SizeSet("APMonitor/arduino, f36e65a", "Apache-2.0", _BOARD),
+    "tclab_lisbon": SizeSet("FNR13/TCLab-Predictive-Control, 87a1c44", "none stated", _BOARD),
+    "tclab_santa_barbara": SizeSet("rawlings-group/mlid_2024, 9f1c939", "MIT", _BOARD),
+    "motor": SizeSet("TasS-RV/Motor-Thermal-Modelling-Tool, e94b107", "MIT", "winding and stator, a coefficient to the room"),
+    "cells": SizeSet("Silencefrog9305/Digital-Twins-for-Battery-Using-CTA-MTL, ec0fe7c", "MIT", "one mass, a coefficient to a chamber"),
+    "plate": SizeSet("rupakrokade/sbhs-manual, 5aad482", "none stated", "plate, frame and sensor, a coefficient to the room, a fan"),
+    "boiler": SizeSet("LukeChannings/gesha, 81fbcaa", "none stated", "element, boiler and group, a coefficient to the room"),
+    "house": SizeSet("locie/pySIP, da70d25", "none stated", "indoor air and wall in series to the outside"),
+}
+"""Sets behind them, none of which is part of thermid."""
 
 ROOM_TIME: Final = 3600.0
 """Time constant with which a room wanders; prior. [s]"""
