@@ -61,8 +61,11 @@ def test_the_readme_says_what_it_must() -> None:
     python = next(b for b in blocks(text) if b.words == ("python",))
     code = [line for line in python.text.splitlines() if line.strip() and not line.strip().startswith("#")]
     assert len(code) <= 20
-    commands = next(b for b in blocks(text) if b.words == ("sh",))
-    assert len(commands.text.splitlines()) == 5
+    commands = re.findall(r"^    (.*)$", prose(text), re.MULTILINE)
+    assert commands == ["pip install '.[all]'", "thermid example sisnav --run"]
+    assert len(links(text)) <= 12
+    assert "docs/your-box.md" in links(text)
+    assert not re.search(r"examples/", python.text), "its Python runs in an empty folder"
     extras = set(re.findall(r"pip install '\.\[(\w+)\]'", text))
     assert all(f"\n{extra} = [" in (ROOT / "pyproject.toml").read_text(encoding="utf-8") for extra in extras)
 
@@ -76,6 +79,13 @@ def test_the_readme_is_right_about_the_refusal(tmp_path: Path) -> None:
     record = td.read_record(tmp_path / "bench.csv", shop.names["columns"], **shop.names["errors"])
     with pytest.raises(td.ThermidError, match=r"only as a product \(known: .*area.* = 0\.02"):
         td.calibrate(shop.names["part"], record, free=ast.literal_eval(asked[1]))
+
+
+def test_the_index_leads_to_every_page() -> None:
+    """By task; recipes are for contributors."""
+    text = (ROOT / "docs" / "index.md").read_text(encoding="utf-8")
+    pages = {page.removeprefix("docs/") for page in PAGES if page.startswith("docs/")} - {"index.md", "recipes.md"}
+    assert pages - set(links(text)) == set()
 
 
 def test_every_number_of_the_readme_is_computed_or_a_name() -> None:
