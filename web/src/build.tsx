@@ -8,8 +8,9 @@ import { ask, type Draft, type Fault } from "./server";
 import { Sheet } from "./sheet";
 import { arm, chosen, command, compare, diff, draft, error, errors, idle, job, pane, save, take, told, tool } from "./state";
 import type { Pane } from "./text";
+import { WhatIf } from "./whatif";
 
-const PANES: [typeof pane.value, string][] = [["log", "Log and fit"], ["text", "Text"], ["check", "Check"], ["results", "Results"]];
+const PANES: [typeof pane.value, string][] = [["log", "Log and fit"], ["text", "Text"], ["check", "Check"], ["results", "Results"], ["if", "What if"]];
 
 function Text() {
   const host = useRef<HTMLDivElement>(null), editor = useRef<Pane | null>(null), state = draft.value!;
@@ -86,7 +87,7 @@ function Build() {
       <section class="below" aria-label="Log, text, check, results">
         <div class="tabs" role="group" aria-label="Panes">{PANES.map(([name, words]) => <button key={name} type="button" data-pane={name} aria-pressed={show === name} onClick={() => { pane.value = name; }}>{words}{name === "check" && state.faults.length > 0 && ` (${worst ? `${worst} errors` : state.faults.length})`}</button>)}
           {job.value.ended === false && <button type="button" onClick={() => ask("draft/stop", {})}>Stop</button>}</div>
-        <div class="pane" tabIndex={0} role="region" aria-label={PANES.find(([name]) => name === show)![1]}>{show === "log" ? <Log /> : show === "text" ? <Text /> : show === "check" ? <Check /> : <Results />}</div>
+        <div class="pane" tabIndex={0} role="region" aria-label={PANES.find(([name]) => name === show)![1]}>{show === "log" ? <Log /> : show === "text" ? <Text /> : show === "check" ? <Check /> : show === "if" ? <WhatIf /> : <Results />}</div>
       </section>
       <Saving />
     </div>
