@@ -1,7 +1,7 @@
 // Build: palette, canvas, sheet; below them the log, the text, what check says and what a run gave.
 import { render } from "preact";
 import { useEffect, useRef } from "preact/hooks";
-import { Canvas, free, letter } from "./canvas";
+import { Canvas, free, hidden, letter } from "./canvas";
 import { dropped, Log } from "./log";
 import { Results } from "./results";
 import { ask, type Draft, type Fault } from "./server";
@@ -63,7 +63,7 @@ function Build() {
     return () => document.removeEventListener("keydown", keys);
   }, []);
   if (!state) return <main><p role="alert" class="error" hidden={!error.value}>{error.value} <a href="/start">Start page</a></p></main>;
-  const armed = tool.value, others = Object.entries(state.others), show = pane.value;
+  const armed = tool.value, others: [string, number | string][] = [...Object.entries(state.others), ...(hidden().length ? [[`couplings to parts that are not drawn (${hidden().map((e) => e.name).slice(0, 4).join(", ")})`, hidden().length] as [string, number]] : [])], show = pane.value;
   const worst = state.faults.filter((f) => f.severity === "error").length;
   return (
     <div class="build" data-ready onDragOver={(e) => e.preventDefault()} onDrop={(e) => { e.preventDefault(); void dropped(e.dataTransfer?.files); }}>
