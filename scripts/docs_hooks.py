@@ -155,7 +155,7 @@ DECISIONS = {
     "site": "58 60 139 159",
     "bench": "71 73 80 81 90 92 164",
     "interop": "23 194 197 198 199 201 215",
-    "reporting and app": "74 82 83 84 86 87 88 93 107 108 168 169 205 207 208 209 210 212 220 221",
+    "reporting and app": "74 82 83 84 86 87 88 93 107 108 168 169 205 207 208 209 210 212 220 221 251",
 }
 """Rooms -> numbers of the decisions about them; the others are about the project as a whole."""
 

@@ -1,15 +1,16 @@
 // Build: palette, canvas, sheet; below them the log, the text, what check says and what a run gave.
 import { render } from "preact";
 import { useEffect, useRef } from "preact/hooks";
-import { Canvas, free, letter } from "./canvas";
+import { Canvas, free, hidden, letter } from "./canvas";
 import { dropped, Log } from "./log";
 import { Results } from "./results";
 import { ask, type Draft, type Fault } from "./server";
 import { Sheet } from "./sheet";
 import { arm, chosen, command, compare, diff, draft, error, errors, idle, job, pane, save, take, told, tool } from "./state";
 import type { Pane } from "./text";
+import { WhatIf } from "./whatif";
 
-const PANES: [typeof pane.value, string][] = [["log", "Log and fit"], ["text", "Text"], ["check", "Check"], ["results", "Results"]];
+const PANES: [typeof pane.value, string][] = [["log", "Log and fit"], ["text", "Text"], ["check", "Check"], ["results", "Results"], ["if", "What if"]];
 
 function Text() {
   const host = useRef<HTMLDivElement>(null), editor = useRef<Pane | null>(null), state = draft.value!;
@@ -62,7 +63,7 @@ function Build() {
     return () => document.removeEventListener("keydown", keys);
   }, []);
   if (!state) return <main><p role="alert" class="error" hidden={!error.value}>{error.value} <a href="/start">Start page</a></p></main>;
-  const armed = tool.value, others = Object.entries(state.others), show = pane.value;
+  const armed = tool.value, others: [string, number | string][] = [...Object.entries(state.others), ...(hidden().length ? [[`couplings to parts that are not drawn (${hidden().map((e) => e.name).slice(0, 4).join(", ")})`, hidden().length] as [string, number]] : [])], show = pane.value;
   const worst = state.faults.filter((f) => f.severity === "error").length;
   return (
     <div class="build" data-ready onDragOver={(e) => e.preventDefault()} onDrop={(e) => { e.preventDefault(); void dropped(e.dataTransfer?.files); }}>
@@ -86,7 +87,7 @@ function Build() {
       <section class="below" aria-label="Log, text, check, results">
         <div class="tabs" role="group" aria-label="Panes">{PANES.map(([name, words]) => <button key={name} type="button" data-pane={name} aria-pressed={show === name} onClick={() => { pane.value = name; }}>{words}{name === "check" && state.faults.length > 0 && ` (${worst ? `${worst} errors` : state.faults.length})`}</button>)}
           {job.value.ended === false && <button type="button" onClick={() => ask("draft/stop", {})}>Stop</button>}</div>
-        <div class="pane" tabIndex={0} role="region" aria-label={PANES.find(([name]) => name === show)![1]}>{show === "log" ? <Log /> : show === "text" ? <Text /> : show === "check" ? <Check /> : <Results />}</div>
+        <div class="pane" tabIndex={0} role="region" aria-label={PANES.find(([name]) => name === show)![1]}>{show === "log" ? <Log /> : show === "text" ? <Text /> : show === "check" ? <Check /> : show === "if" ? <WhatIf /> : <Results />}</div>
       </section>
       <Saving />
     </div>

@@ -9,7 +9,10 @@ interface View { x: number; y: number; k: number }
 interface Drag { kind: "pan" | "move" | "join"; node: string; from: Point; at: Point; moved: boolean }
 
 export const view = { current: { x: 0, y: 0, k: 1 } as View, size: [800, 500] as Point };
-const top = (end: string) => end.split(".")[0] ?? end;
+// the card that an end is on: a node, or the part that it belongs to, whose instances are numbered
+const top = (end: string) => { const first = end.split(".")[0] ?? end, whole = first.replace(/(_\d+)+$/, ""); return first in (draft.value?.places ?? {}) ? first : whole; };
+const isDrawn = (e: Element) => e.ends.length === 2 && e.ends.every((end) => top(end) in (draft.value?.places ?? {}));
+export const hidden = () => draft.value?.elements.filter((e) => ["conductors", "surfaces"].includes(e.table) && !isDrawn(e)) ?? [];
 
 // where a new node has room: the middle of what is in view, then beside it
 export function free(): Point {
@@ -142,7 +145,7 @@ export function Canvas() {
     void command({ do: "bind", channels: { [column]: { ...role, ...(one.assumed && one.unit ? { unit: one.unit } : {}) } } });
   }
 
-  const drawn = state.elements.filter((e) => (e.table === "conductors" || e.table === "surfaces") && e.ends.length === 2);
+  const drawn = state.elements.filter((e) => (e.table === "conductors" || e.table === "surfaces") && isDrawn(e));
   const beside = new Map<string, number>();
   const bound = Object.values(state.log?.channels ?? {}).map((b) => (typeof b === "string" ? b : b.node ?? b.boundary ?? ""));
   return (
@@ -159,7 +162,7 @@ export function Canvas() {
             return (
               <g key={id} class={`wire ${e.shape} ${chosen.value === id ? "chosen" : ""} ${lacking(e) ? "lacking" : ""}`} tabindex={0} role="button" aria-pressed={chosen.value === id} aria-label={`${e.shape} ${e.name}, ${e.ends.join(" to ")}, ${valueOf(e)}`} data-wire={e.name}
                 onPointerDown={(v) => { v.stopPropagation(); chosen.value = id; }} onKeyDown={(v) => { if (v.key === "Enter" || v.key === " ") { chosen.value = id; focusName.value++; v.preventDefault(); v.stopPropagation(); } }}>
-                <path class="hit" d={d} /><path class="line" d={d} /><text x={mid[0]} y={mid[1] - 6} class="label">{valueOf(e) || e.name}</text><text x={mid[0]} y={mid[1] + 15} class={`label small ${wanting(e) ? "wanting" : ""}`}>{wanting(e) || e.shape}</text>
+                <path class="hit" d={d} /><path class="line" d={d} /><text x={mid[0]} y={mid[1] - 6} class="label">{valueOf(e).split(", ")[0] || e.name}</text><text x={mid[0]} y={mid[1] + 15} class={`label small ${wanting(e) ? "wanting" : ""}`}>{wanting(e) || e.shape}</text>
               </g>
             );
           })}

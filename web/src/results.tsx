@@ -11,17 +11,17 @@ function ticks(low: number, high: number, wanted: number): number[] {
   return out.length > 1 ? out : [low, high];
 }
 
-function Tile({ curve }: { curve: Curve }) {
+export function Tile({ curve }: { curve: Curve }) {
   const sets = [curve.simulated, curve.measured].filter(Boolean) as Float32Array[];
   let low = Infinity, high = -Infinity;
   for (const set of sets) for (const v of set) if (Number.isFinite(v)) { low = Math.min(low, v); high = Math.max(high, v); }
   if (high - low < 0.2) { low -= 0.1; high += 0.1; }
-  const first = curve.times[0] ?? 0, end = curve.times[curve.times.length - 1] ?? 1, hours = end - first > 7200, unit = hours ? 3600 : 60;
+  const first = curve.times[0] ?? 0, end = Math.max(curve.times[curve.times.length - 1] ?? 1, curve.seen?.[curve.seen.length - 1] ?? 0), hours = end - first > 7200, unit = hours ? 3600 : 60;
   const x = (t: number) => LEFT + (WIDE - LEFT - 8) * (t - first) / (end - first || 1), y = (v: number) => 6 + (HIGH - FOOT - 6) * (high - v) / (high - low);
   const line = (ts: Float32Array, vs: Float32Array) => { let d = "", pen = "M"; for (let k = 0; k < ts.length; k++) { const v = vs[k]!; if (!Number.isFinite(v)) { pen = "M"; continue; } d += `${pen}${x(ts[k]!).toFixed(1)} ${y(v).toFixed(1)}`; pen = "L"; } return d; };
   return (
     <figure class="tile" data-sensor={curve.name}>
-      <figcaption>{curve.name}{curve.measured && <> · RMSE {shown(curve.rmse, 3)} K</>}</figcaption>
+      <figcaption>{curve.name}{curve.rmse !== undefined && curve.measured && <> · RMSE {shown(curve.rmse, 3)} K</>}</figcaption>
       <svg viewBox={`0 0 ${WIDE} ${HIGH}`} role="img" aria-label={`${curve.name}: ${shown(low)} to ${shown(high)} °C over ${shown((end - first) / unit, 3)} ${hours ? "h" : "min"}`}>
         {ticks(low, high, 4).map((v) => <g key={v}><line class="grid" x1={LEFT} x2={WIDE - 8} y1={y(v)} y2={y(v)} /><text x={LEFT - 5} y={y(v) + 4} text-anchor="end">{v}</text></g>)}
         {ticks(first / unit, end / unit, 5).map((t) => <text key={t} x={x(t * unit)} y={HIGH - 8} text-anchor="middle">{t}</text>)}

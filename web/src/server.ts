@@ -13,12 +13,14 @@ export interface Draft {
   unsaved: string[]; changed: string[]; log: Log | null; logs: string[]; parameters: Parameter[]; decks: string[]; missing: number;
   refused?: Fault; made?: string; table?: string;
 }
-export interface Curve { name: string; node: string; times: Float32Array; simulated: Float32Array; seen?: Float32Array; measured?: Float32Array; rmse: number }
+export interface Curve { name: string; node: string; times: Float32Array; simulated: Float32Array; seen?: Float32Array; measured?: Float32Array; rmse?: number }
 export interface Result {
   runs?: { name: string; curves: Curve[] }[]; fitted?: Record<string, { value: number; unit: string; error: number | null }>; warnings?: string[];
   standing?: { word?: string; standing?: string; text?: string };
 }
 export interface Job { what?: string; ended?: boolean; error?: string; evaluations?: number; rms?: number; seconds?: number; result?: Result }
+export interface Conditions { runs: string[]; boundaries: Record<string, number>; loads: string[]; hours: number; finishes: string[] }
+export interface Compared { curves?: { node: string; times: Float32Array; temperatures: Float32Array; after: Float32Array; after_times: Float32Array }[]; changes: string[]; refused?: string; surfaces?: string[] }
 export interface Front { folder: string; files: { file: string; kind: string; title: string }[]; examples: { name: string; shows: string; fetched: boolean }[]; recent: string[]; open: string | null }
 
 const GONE = "The studio does not answer: it was ended. Start it again and open the address that it prints; edits that were not saved come back.";

@@ -8,7 +8,7 @@ export const tool = signal<{ shape: Shape; ends: string[] } | null>(null);
 export const job = signal<Job>({});
 export const error = signal("");
 export const diff = signal<{ diff: string; files: string[] } | null>(null);
-export const pane = signal<"log" | "text" | "check" | "results">("log");
+export const pane = signal<"log" | "text" | "check" | "results" | "if">("log");
 export const focusName = signal(0); // raised where the sheet's name field is to have the focus
 export const errors: string[] = [];
 

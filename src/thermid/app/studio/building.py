@@ -7,6 +7,7 @@ from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
 from typing import Any, Final
 
+from thermid.app.studio.conditions import compared, conditions_object, finished
 from thermid.app.studio.curves import number_of, text_of, texts_of
 from thermid.app.studio.desk import Desk
 from thermid.app.studio.draft import CAMPAIGN, DECK, PLACES, VIEW, Draft, keep, parsed_line, recalled
@@ -286,6 +287,7 @@ class Building:
         "use part": lambda s, b: s.draft.edited(
             {DECK: [Edit(("submodels", text_of(b, "name"), k), v) for k, v in s._part(text_of(b, "deck")).items()]}
         ),
+        "finish": lambda s, b: s.draft.edited({DECK: finished(texts_of(b, "surfaces"), text_of(b, "finish"))}),
         "bind part": lambda s, b: s.draft.edited({DECK: [Edit(("submodels", *texts_of(b, "keys")), text_of(b, "node"))]}),
         "rename": _rename,
         "remove": _remove,
@@ -342,6 +344,18 @@ class Building:
             j.result = {**shown, "fitted": self.fitted, **curves_object(desk, {}, "air")}
 
         return self.jobs.start("fit", request.name, job)
+
+    def conditions(self) -> dict[str, Any]:
+        """Return what may be changed of the draft's run."""
+        return conditions_object(self.desk())
+
+    def compared(self, body: Body) -> dict[str, Any]:
+        """Return the run of the draft as it is and with other conditions."""
+
+        def with_finish(surfaces: Sequence[str], finish: str) -> Model:
+            return self.draft.edited({DECK: finished(surfaces, finish)}).model
+
+        return compared(self.desk(), body, with_finish)
 
     def difference(self) -> dict[str, Any]:
         """Return what saving would change, as a unified diff."""

@@ -53,7 +53,13 @@ class Room:
     @property
     def answering(self) -> dict[str, Callable[[Query], Any]]:
         """Name -> answer to what is only read."""
-        return {**self.answers, "start": lambda q: self.front(), "draft": lambda q: self.built().state(), "built": lambda q: self._job()}
+        return {
+            **self.answers,
+            "start": lambda q: self.front(),
+            "draft": lambda q: self.built().state(),
+            "built": lambda q: self.built().jobs.state(),
+            "conditions": lambda q: self.built().conditions(),
+        }
 
     @property
     def ordering(self) -> dict[str, Callable[[Body], Any]]:
@@ -67,6 +73,7 @@ class Room:
             "edit": lambda b: self.built().commanded(b),
             "draft/run": lambda b: self.built().run(),
             "draft/fit": lambda b: self.built().fit(),
+            "draft/compare": lambda b: self.built().compared(b),
             "draft/stop": lambda b: self.built().jobs.stop(),
             "draft/difference": lambda b: self.built().difference(),
             "draft/save": lambda b: self._saved(text_of(b, "diff")),
@@ -97,9 +104,6 @@ class Room:
                 raise DeckError("no model is open. Begin or open one on the start page.", "build", code="file.not-found")
             self.building = Building(self.project.path)
         return self.building
-
-    def _job(self) -> dict[str, Any]:
-        return self.built().jobs.state()
 
     def _saved(self, diff: str) -> dict[str, Any]:
         """Save the draft; what was new is a project from then on."""

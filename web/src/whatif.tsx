@@ -1,0 +1,45 @@
+// What if: the run again with another ambient, power, duration, start or gas; what was changed stands beside the result.
+import { signal } from "@preact/signals";
+import { useEffect } from "preact/hooks";
+import { Tile } from "./results";
+import { ask, nice, shown, type Compared, type Conditions } from "./server";
+import { command, draft, told } from "./state";
+
+const conditions = signal<Conditions | null>(null), result = signal<Compared | null>(null);
+const asked = signal<{ boundaries: Record<string, string>; factors: Record<string, string>; duration: string; start: string; gas: string }>({ boundaries: {}, factors: {}, duration: "", start: "", gas: "air" });
+const finish = signal("");
+
+async function run(more: Record<string, string> = {}) {
+  const a = asked.value, degrees = (v: string) => (/[[]/.test(v) ? v : `${v} [degC]`), kept = (o: Record<string, string>) => Object.entries(o).filter(([, v]) => v.trim());
+  const body = {
+    boundaries: Object.fromEntries(kept(a.boundaries).map(([k, v]) => [k, degrees(v)])), factors: Object.fromEntries(kept(a.factors).map(([k, v]) => [k, Number(v)])),
+    duration: a.duration.trim() && (/[[]/.test(a.duration) ? a.duration : `${a.duration} [h]`), start: a.start.trim() && degrees(a.start), gas: a.gas, ...more,
+  };
+  result.value = await told(() => ask<Compared>("draft/compare", body));
+}
+
+export function WhatIf() {
+  const c = conditions.value, a = asked.value, r = result.value, set = (more: Partial<typeof a>) => { asked.value = { ...a, ...more }; };
+  useEffect(() => { result.value = null; void told(() => ask<Conditions>("conditions")).then((made) => { conditions.value = made; finish.value ||= made?.finishes[0] ?? ""; }); }, [draft.value?.text, draft.value?.log?.record]);
+  if (!c) return <p class="soft">A run needs a model first: a mass, and what it is joined to.</p>;
+  return (
+    <div class="whatif">
+      <form onSubmit={(e) => { e.preventDefault(); void run(); }}>
+        {Object.entries(c.boundaries).map(([n, v]) => <label key={n}>{n} <input type="text" inputMode="decimal" data-boundary={n} placeholder={shown(v)} value={a.boundaries[n] ?? ""} onInput={(e) => set({ boundaries: { ...a.boundaries, [n]: e.currentTarget.value } })} /> °C</label>)}
+        {c.loads.map((n) => <label key={n}>{n} × <input type="text" inputMode="decimal" data-factor={n} placeholder="1" value={a.factors[n] ?? ""} onInput={(e) => set({ factors: { ...a.factors, [n]: e.currentTarget.value } })} /></label>)}
+        <label>duration <input id="if-duration" type="text" inputMode="decimal" placeholder={shown(c.hours)} value={a.duration} onInput={(e) => set({ duration: e.currentTarget.value })} /> h</label>
+        <label>start <input id="if-start" type="text" inputMode="decimal" placeholder="as it is" value={a.start} onInput={(e) => set({ start: e.currentTarget.value })} /> °C</label>
+        <label>gas <select id="if-gas" value={a.gas} onChange={(e) => set({ gas: e.currentTarget.value })}><option value="air">as it is</option><option value="vacuum">vacuum</option><option value="printed">without, as printed</option></select></label>
+        <button id="if-run" class="main" type="submit">Run</button>
+      </form>
+      {r?.refused && <div class="refusal" id="if-refused"><p class="bad">{r.refused}</p>
+        <label>Finish of {r.surfaces?.join(", ")} <select id="if-finish" value={finish.value} onChange={(e) => { finish.value = e.currentTarget.value; }}>{c.finishes.map((f) => <option key={f} value={f}>{f}</option>)}</select></label>
+        <div class="bar"><button id="if-give" type="button" onClick={async () => { if (await command({ do: "finish", surfaces: r.surfaces, finish: finish.value })) await run(); }}>Give it in the deck</button>
+          <button id="if-split" type="button" onClick={() => run({ split: finish.value })}>Split with it, for this run alone</button>
+          <button id="if-printed" type="button" onClick={() => { set({ gas: "printed" }); void run({ gas: "printed" }); }}>As printed: an upper bound</button></div></div>}
+      {r && !r.refused && <ul id="changes">{r.changes.map((w) => <li key={w}>{nice(w)}</li>)}{!r.changes.length && <li>nothing was changed</li>}</ul>}
+      {r?.curves && <><p class="soft key"><span class="measured">— as it is</span> <span class="simulated">- - with the changes</span></p>
+        <div class="tiles">{r.curves.map((k) => <Tile key={k.node} curve={{ name: k.node, node: k.node, times: k.after_times, simulated: k.after, seen: k.times, measured: k.temperatures }} />)}</div></>}
+    </div>
+  );
+}
