@@ -137,7 +137,7 @@ def test_a_rough_step_of_a_large_network_does_not_pass_over_a_melting_point(meth
     model = lump(wax([*WAX[:2], (27.0, 258e3), WAX[3]]), "0 [W]", "2 [W/K]")
     hot = bench(boundaries={"air": "60 [degC]"}, duration="5 [h]")
     fine = td.simulate(model, hot, every=60.0)
-    run = td.simulate(model, hot, every=60.0, options=td.Options(method=method, large_tolerance=0.1))
+    run = td.simulate(model, hot, every=60.0, options=td.Options(error=9e-2, method=method))
     assert np.abs(run["x"].celsius - fine["x"].celsius).max() < 0.2
 
 

@@ -17,7 +17,7 @@ from thermid.model.laws import TableSignal
 from thermid.simulation._ensemble import assemble_members
 from thermid.values.fitted import FittedValue, FittedValues
 
-TIGHT = td.Options(tolerance=1e-9, relative=1e-10, input_tolerance=5e-8)
+TIGHT = td.Options(error=8e-9)
 DECK: dict[str, Any] = {
     "title": "unit",
     "needs": ["room"],
@@ -304,7 +304,7 @@ def test_an_interrupt_ends_a_long_ensemble_and_leaves_the_interpreter_usable() -
         room = (times, td.celsius(27.0 + np.random.default_rng(0).standard_normal(times.size)))
         scenario = td.Scenario("s", boundaries={"room": room}, start="27 [degC]", duration=1e5)
         model = td.model_from_dict(deck)
-        tight = td.Options(input_tolerance=1e-9)
+        tight = td.Options(error=1e-9)
         threading.Timer(1.0, _thread.interrupt_main).start()
         begun = time.monotonic()
         try:
