@@ -12,7 +12,7 @@ struct PyResult {
     double time;
     long filled, steps, rejected, newton, factorisations;
     nb::object traces, sensitivities, final_temperatures, final_sensitivities, on, event_times, event_controls, event_states, event_before;
-    nb::object load_energy, boundary_energy, conductor_energy, turnings, mesh;
+    nb::object load_energy, boundary_energy, conductor_energy, turnings;
 };
 
 void make_problem(Problem* self, Ints capacity, Ints coef_input, Ints gain, Ints offset, Ints ckind, Ints ca, Ints cb,
@@ -122,7 +122,6 @@ PyResult integrate(const Problem& p, Reals coef, Reals T0, double t0, double t_e
     out.boundary_energy = reals(r.boundary_energy);
     out.conductor_energy = reals(r.conductor_energy);
     out.turnings = turnings_of(r.turnings);
-    out.mesh = reals(r.mesh);
     return out;
 }
 
@@ -211,7 +210,7 @@ NB_MODULE(_kernel, m) {
     m.doc() = "Integrator of lumped thermal networks with forward sensitivities, sampled inputs and thermostats.";
     nb::class_<PyResult>(m, "Result")
         .def_ro("status", &PyResult::status).def_ro("node", &PyResult::node).def_ro("time", &PyResult::time)
-        .def_ro("mesh", &PyResult::mesh).def_ro("filled", &PyResult::filled).def_ro("steps", &PyResult::steps).def_ro("rejected", &PyResult::rejected)
+        .def_ro("filled", &PyResult::filled).def_ro("steps", &PyResult::steps).def_ro("rejected", &PyResult::rejected)
         .def_ro("newton_iterations", &PyResult::newton).def_ro("factorisations", &PyResult::factorisations)
         .def_ro("traces", &PyResult::traces).def_ro("sensitivities", &PyResult::sensitivities)
         .def_ro("final_temperatures", &PyResult::final_temperatures).def_ro("final_sensitivities", &PyResult::final_sensitivities)

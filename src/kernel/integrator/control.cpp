@@ -77,8 +77,9 @@ bool Integrator::attempt(OutputList& out, double& next) {
     if (setup_.closes) errors_.close_balance();
     check_state();
     outputs_.dense(inside_);
-    if (inside_ && !step_.leftover) {
-        err = std::max(err, outputs_.apart() / errors_.tolerance());
+    if (inside_) {
+        // What the projection of inputs leaves shows here too: no finer than these are followed.
+        err = std::max(err, outputs_.apart() / (step_.leftover ? std::max(errors_.tolerance(), o_.input_atol) : errors_.tolerance()));
         if (too_long(err, next)) return false;
     }
     if (watch) {

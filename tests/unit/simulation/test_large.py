@@ -213,7 +213,7 @@ def test_a_node_far_faster_than_the_step_is_right_between_steps() -> None:
     }
     model, times = td.model_from_dict(deck), np.arange(0.0, 3601.0, 10.0)
     scenario = td.Scenario("kinks", boundaries={"room": room}, start="300 [K]", duration="1 [h]")
-    small, large = (td.simulate(model, scenario, times=times, options=td.Options(method=m)) for m in ("integrator", "TR-BDF2"))
+    small, large = (td.simulate(model, scenario, times=times, options=td.Options(error=1e-3, method=m)) for m in ("integrator", "TR-BDF2"))
     assert large.statistics["steps"] < 100
     np.testing.assert_allclose(large["lid"].kelvin[1:], small["lid"].kelvin[1:], atol=1e-3)
 

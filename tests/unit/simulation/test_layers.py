@@ -33,7 +33,7 @@ def _case(capacitance: float, tie: float, duration: float) -> tuple[td.Model, td
 def test_members_are_right_while_a_node_settles(capacitance: float, tie: float, duration: float) -> None:
     model, scenario, times = _case(capacitance, tie, duration)
     exact = td.simulate(model, scenario, times=times, options=TIGHT)
-    members = td.ensemble(model, scenario, {"tie.conductance": np.full(9, tie)}, times=times)
+    members = td.ensemble(model, scenario, {"tie.conductance": np.full(9, tie)}, times=times, options=td.Options(error=4e-6))
     for node in ("heavy", "quick"):
         assert np.abs(members.trace(3, node).kelvin - exact[node].kelvin).max() < 5e-6
 
