@@ -393,6 +393,7 @@ def renames() -> str:
     """Return docs/renames.md: where public names and modules of commit f02e5b31 went."""
     tables = tomllib.loads((HERE / "rooms.toml").read_text(encoding="utf-8"))
     rows = [f"| `td.{old}.NAME` | `td.{new}.NAME` |" for old, new in tables["namespaces"].items()]
+    rows += [f"| `{old}` | `{new}` |" for old, new in tables["options"].items()]
     package = HERE.parent / "src" / "thermid"
     there = {new for new in tables["moves"].values() if list(package.glob(f"{new.replace('.', '/')}*"))}
     modules = [f"| `thermid.{old}` | {f'`thermid.{new}`' if new in there else 'gone'} |" for old, new in sorted(tables["moves"].items())]

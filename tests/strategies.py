@@ -32,8 +32,8 @@ SMOOTH = tuple(
 SWITCHED = (*LOADS, "thermostat", "combined thermostat")
 DURATION = 3600.0
 CAMPAIGN_FACTOR = 15
-TIGHT = td.Options(tolerance=1e-8, relative=1e-9, input_tolerance=1e-7)
-TIGHTER = td.Options(tolerance=1e-10, relative=1e-11, input_tolerance=1e-9)
+TIGHT = td.Options(error=8e-8)
+TIGHTER = td.Options(error=8e-10)
 
 
 def random_models(examples: int, **strategies: Any) -> Callable[[Callable[..., None]], Callable[..., None]]:

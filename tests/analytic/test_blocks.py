@@ -20,7 +20,7 @@ def slab_error(cells: int, method: str) -> float:
     times = np.array([60.0, 200.0, 600.0])
     slab = td.Block(("50 [mm]", "10 [mm]", "10 [mm]"), (cells, 1, 1), *MATERIAL).held("-x", "base")
     scenario = td.Scenario(boundaries={"base": "310 [K]"}, start="300 [K]", duration=600.0)
-    run = td.simulate(slab, scenario, fields=times, options=td.Options(method=method, large_tolerance=1e-6))
+    run = td.simulate(slab, scenario, fields=times, options=td.Options(error=4e-5, method=method))
     x = (np.arange(cells) + 0.5) / cells
     odd = 2 * np.arange(200) + 1
     waves = np.sin(np.outer(x, odd) * np.pi / 2) * 4.0 / (np.pi * odd)

@@ -73,7 +73,7 @@ ORBIT_UNITS = {
     "albedo": "1",
 }
 STEP_UNITS = {"to": TEMPERATURE, "over": "s", "ramp": "K/s", "pressure": "Pa", "humidity": "1", "dwell": "s"}
-STUDY_UNITS = {"lowest": TEMPERATURE, "highest": TEMPERATURE, "tolerance": "K", "relative": "1", "accuracy": "K", "resolution": "K"}
+STUDY_UNITS = {"lowest": TEMPERATURE, "highest": TEMPERATURE, "error": "K", "accuracy": "K", "resolution": "K"}
 STUDY_UNITS |= {"range": TEMPERATURE, "conversion": "s"}
 STUDY = ("Knowledge", "Component", "Box", "Theory", "Experiment", "Sensor", "Procedure", "Action")
 PLAN = {"Document": "Document", "Configuration": "Configuration", "Difference": "Difference", "Model": "Source", "Host": "Host"}
@@ -214,7 +214,7 @@ def by_heading() -> dict[str, Names]:
         "Delivery": _model(plan_schema.ChecksFile),
         "Run of a delivery": _model(plan_schema.MetTable, {"times_s": "s", "temperatures_C": "degC"}),
         "Options of the integrator": _of(
-            _plain(dataclasses.fields(td.Options)), {"tolerance": "K", "relative": "1", "input_tolerance": "K", "max_step": "s"}
+            _plain(dataclasses.fields(td.Options)), {"error": "K", "max_step": "s"}
         ),
         "Values file": _values_file(),
         "Errors": _exceptions(),

@@ -14,7 +14,7 @@ from unit.interop.programs import ngspice
 pytestmark = pytest.mark.document
 DECKS = Path(__file__).parents[2] / "examples" / "sisnav"
 BENCH = td.Scenario("bench", boundaries={"cv": "24 [degC]"}, start="24 [degC]", duration="5 [h]")
-TIGHT = td.Options(tolerance=1e-9, relative=1e-9)
+TIGHT = td.Options(error=4e-8)
 
 
 def test_b2_the_circuit_of_fig_4() -> None:

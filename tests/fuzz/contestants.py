@@ -217,8 +217,7 @@ def _public(case: Case, method: str) -> Outcome:
     if gases or {"t0", "t_end", "breaks"} & set(case.options) or case.times[0] != 0.0:
         return Outcome("refused", None, NOT_ASKED)
     try:
-        o = {"tolerance": "atol", "relative": "rtol", "input_tolerance": "input_atol", "max_step": "max_step", "max_steps": "max_steps"}
-        options = td.Options(method=method, **{name: case.options[key] for name, key in o.items() if key in case.options})
+        options = td.Options(method=method, **{name: case.options[name] for name in ("max_step", "max_steps") if name in case.options})
         found = td.simulate(td.model_from_dict(deck(case.net)), scenario(case), times=case.times, options=options)
         how = str(found.statistics["method"]) if method == "large" else ""
         return Outcome("OK", np.column_stack([found[f"n{i}"].kelvin for i in range(len(case.net.capacity))]), how)

@@ -11,7 +11,7 @@ from oracle import si
 from strategies import DURATION, SMOOTH, WITHOUT_KNEES, Case, cases, random_models
 from thermid.simulation.solver import Engine, Options, Wiring
 
-VERY_TIGHT = Options(tolerance=1e-11, relative=1e-12, input_tolerance=1e-9, max_step=30.0)
+VERY_TIGHT = Options(error=8e-11, max_step=30.0)
 TIMES = np.array([60.0, 900.0, DURATION])
 STEPS, RANGE, MOVE = 30, 200.0, 0.01
 """Steps of a run whose errors are still felt at its end; temperatures of a case, from the coldest to the hottest [K]; by how much a
@@ -94,7 +94,7 @@ def test_sensitivities_of_temperatures(case: Case, pick: list[int]) -> None:
 
     temperatures, slopes = run(x, gradients=True)
     # Two runs take different steps, each of which may err by the tolerance of VERY_TIGHT; by how much they differ in the end. [K]
-    apart = STEPS * (VERY_TIGHT.tolerance + VERY_TIGHT.relative * RANGE)
+    apart = STEPS * VERY_TIGHT.of_step
     assert np.ptp(temperatures) < RANGE
     for k, name in enumerate(names):
         h = min(10 * _step(name, x[k]), MOVE / max(float(np.abs(slopes[:, :, k]).max()), 1e-9))

@@ -37,7 +37,7 @@ from unit.interop.test_modelica import CLOSE as MODELICA_CLOSE, farthest
 Array = np.ndarray[Any, Any]
 CLOSE = 1e-6
 """[K]"""
-TIGHT = td.Options(tolerance=1e-9, relative=1e-9, input_tolerance=1e-7)
+TIGHT = td.Options(error=4e-8)
 SAMPLE = ("massless nodes", "two heights", "PI")
 """Models whose programs are compiled in every run of the tests."""
 every_model = pytest.mark.parametrize("name", CASES)

@@ -10,7 +10,7 @@ import thermid as td
 from strategies import DURATION, LOADS, TIGHT, Case, cases, random_models
 
 TIMES = np.linspace(1.7, DURATION - 1.1, 61)  # never at a jump, where a massless node has two temperatures
-FINE = td.Options(method="large", large_tolerance=1e-6, input_tolerance=1e-5)
+FINE = td.Options(error=4e-5, inputs=1e-5, method="large")
 
 
 def _differ(case: Case, options: td.Options) -> float:
@@ -32,4 +32,4 @@ def test_random_models_by_the_methods_of_large_networks(case: Case) -> None:
 @pytest.mark.properties
 @random_models(20, case=cases(loads=LOADS))
 def test_random_models_by_the_implicit_method(case: Case) -> None:
-    assert _differ(case, td.Options(method="TR-BDF2", large_tolerance=1e-6, input_tolerance=1e-5)) < 1e-3
+    assert _differ(case, td.Options(error=4e-5, inputs=1e-5, method="TR-BDF2")) < 1e-3

@@ -36,7 +36,7 @@ def test_loads_add_up(case: Case, watts: tuple[float, float]) -> None:
 def test_heat_here_read_there_is_heat_there_read_here(case: Case, pick: tuple[int, int]) -> None:
     nodes = list(case.deck["nodes"])
     a, b = (nodes[k % len(nodes)] for k in pick)
-    options = replace(TIGHT, relative=0.0)
+    options = TIGHT
     runs = [
         td.simulate(build(_with_power(case.deck, n, w)), case.run(), times=TIMES, options=options)
         for n, w in ((a, 0.0), (a, 5.0), (b, 5.0))

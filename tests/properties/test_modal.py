@@ -14,7 +14,7 @@ from strategies import DURATION, LINEAR, TIGHTER, Case, Deck, build, cases, deck
 TIMES = np.unique(np.concatenate((np.linspace(0.0, DURATION, 37), [0.1, 333.3, 1000.07, DURATION - 1e-3])))
 POWERS = ("constant", "periodic", "sine")
 MODAL = td.Options(method="modal")
-STEPS = replace(TIGHTER, method="integrator", relative=0.0)
+STEPS = replace(TIGHTER, method="integrator")
 
 
 def _temperatures(deck: Deck, case: Case, options: td.Options) -> np.ndarray:

@@ -103,7 +103,7 @@ CALLS: Final[dict[str, tuple[Callable[[Any], Any], Any]]] = {
         lambda given: td.simulate(
             td.model_from_dict(MODEL), td.Scenario("x", boundaries={"air": "20 [degC]"}, duration="60 [s]"), options=td.Options(**given)
         ),
-        {"tolerance": 1e-6, "relative": 1e-7, "input_tolerance": 1e-6, "extremes": True},
+        {"error": "10 [uK]", "max_step": 10.0, "extremes": True},
     ),
     "with_values": (
         lambda given: td.simulate(

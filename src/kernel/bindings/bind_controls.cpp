@@ -29,7 +29,9 @@ void read_controls(Problem& p, const nb::dict& given) {
     }
     for (nb::handle h : nb::cast<nb::list>(given["followers"])) {
         auto [base, factors] = nb::cast<std::tuple<int, std::vector<int>>>(h);
-        Drive f{base, factors};
+        Drive f;
+        f.base = base;
+        f.factors = factors;
         f.input = static_cast<int>(p.inputs.size());
         Input in;
         in.kind = FOLLOWED;

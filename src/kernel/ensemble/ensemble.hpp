@@ -94,6 +94,7 @@ class Group {
     void choose(double& next);
     bool attempt(double& next);
     bool clear_of_knees(const double* tolerance, double& next) const;
+    void dense();
     bool too_fast(double& next);
     bool failed(unsigned lanes, double& next, double factor);
     double input_error();

@@ -166,20 +166,30 @@ bool Group::attempt(double& next) {
         inputs_at(NODE[s] * g_.h);
         if (!code.stage(g_, s)) return failed(g_.bad, next, 0.25);
     }
-    code.error(g_);
     double err = 0.0;
-    unsigned guilty = 0;
-    for (int l = 0; l < LANES; ++l) {
-        const double e = g_.lane[l] / tolerance[l];
-        if (!(e <= 1.0)) guilty |= 1u << l;
-        err = e <= err ? err : e;
-    }
-    if (guilty) return failed(guilty, next, std::isfinite(err) ? std::max(0.2, 0.9 * std::pow(err, -0.25)) : 0.2);
+    const auto too_long = [&] {
+        unsigned guilty = 0;
+        for (int l = 0; l < LANES; ++l) {
+            const double e = g_.lane[l] / tolerance[l];
+            if (!(e <= 1.0)) guilty |= 1u << l;
+            err = e <= err ? err : e;
+        }
+        if (guilty) failed(guilty, next, std::isfinite(err) ? std::max(0.2, 0.9 * std::pow(err, -0.25)) : 0.2);
+        return guilty != 0;
+    };
+    code.error(g_);
+    if (too_long()) return false;
     if (s_.p.knees() && !clear_of_knees(tolerance, next)) return false;
     if (leftover_) code.improve(g_);
     if (const unsigned bad = check_state()) {
         drop(bad);
         return false;
+    }
+    if (turnings_.on() || s_.times[out_next_] <= end_) {
+        dense();
+        code.apart(g_);
+        for (double& each : tolerance) each = leftover_ ? std::max(each, s_.options.input_atol) : each;
+        if (too_long()) return false;
     }
     fails_ = 0;
     // As in Integrator::attempt; of the worst of eight members, chance makes less, so that a step answers a little more.
@@ -191,6 +201,16 @@ bool Group::attempt(double& next) {
     else if (hold_ < std::numeric_limits<double>::infinity())
         hold_ *= 1.02;
     return true;
+}
+
+void Group::dense() {
+    inputs_at(g_.h);
+    for (int k = 0; k < g_.plan->nk; ++k) {
+        const Input& in = input(k);
+        slopes_[k] = in.sampled() ? in_[k].slope(g_.h) : in.slope(end_);
+        if (in.sampled()) cursor_[k].begin(&in, t_);
+    }
+    s_.code.dense(g_);
 }
 
 static double snapped(double h) {
@@ -323,15 +343,6 @@ void Group::advance(long from, long last, double* out, const std::atomic<bool>& 
         }
         ++steps;
         if (clipped_) next_ = std::max(next_, wish_);
-        if (watch || s_.times[out_next_] <= end_) {
-            inputs_at(g_.h);
-            for (int k = 0; k < g_.plan->nk; ++k) {
-                const Input& in = input(k);
-                slopes_[k] = in.sampled() ? in_[k].slope(g_.h) : in.slope(end_);
-                if (in.sampled()) cursor_[k].begin(&in, t_);
-            }
-            s_.code.dense(g_);
-        }
         origin_ = t_;
         if (watch) turn();
         for (int i = 0; i < g_.plan->n; ++i)

@@ -74,6 +74,7 @@ struct LaneCode {
     void (*matrix)(LaneGroup&);                          // factors of the iteration matrix at the start
     bool (*stage)(LaneGroup&, int s);                    // one stage, inputs in u
     void (*error)(LaneGroup&);                           // lane: largest error estimate [K]
+    void (*apart)(LaneGroup&);                           // lane: how far the polynomials are from the stages about the middle [K]
     void (*improve)(LaneGroup&);                         // takes the error of a jump of projected inputs out of the step's end
     void (*dense)(LaneGroup&);                           // polynomials of the step
     void (*output)(const LaneGroup&, double x, const double* w, const int* obs, int nobs, double* out);

@@ -30,6 +30,15 @@ double Integrator::settling() {
     return std::max(time, 1e-14 * std::fabs(state_.t));
 }
 
+// Whether a step is given up for its error, in parts of what is allowed; then `next` is the length to try.
+bool Integrator::too_long(double err, double& next) {
+    if (err <= step_.slack) return false;
+    next = step_.h * (std::isfinite(err) ? std::max(0.2, 0.9 * std::pow(err, -0.25)) : 0.2);
+    pending_ = -1;
+    if (state_.t + next == state_.t || next < 1e-14 * std::fabs(state_.t)) underflow(STEP_UNDERFLOW);
+    return true;
+}
+
 // One trial of a step of length step_.h to step_.end. True if accepted; `next` is the step to try next.
 bool Integrator::attempt(OutputList& out, double& next) {
     const bool watch = !p_.guards.empty();
@@ -53,13 +62,8 @@ bool Integrator::attempt(OutputList& out, double& next) {
         if (state_.t + next == state_.t || next < 1e-14 * (std::fabs(state_.t) + step_.h)) underflow(NEWTON_FAILED);
         return false;
     }
-    const double err = errors_.error();
-    if (!(err <= step_.slack)) {
-        next = step_.h * (std::isfinite(err) ? std::max(0.2, 0.9 * std::pow(err, -0.25)) : 0.2);
-        pending_ = -1;
-        if (state_.t + next == state_.t || next < 1e-14 * std::fabs(state_.t)) underflow(STEP_UNDERFLOW);
-        return false;
-    }
+    double err = errors_.error();
+    if (too_long(err, next)) return false;
     if (p_.knees() && !errors_.clear_of_knees(next)) {
         pending_ = -1;
         return false;
@@ -73,6 +77,11 @@ bool Integrator::attempt(OutputList& out, double& next) {
     if (setup_.closes) errors_.close_balance();
     check_state();
     outputs_.dense(inside_);
+    if (inside_) {
+        // What the projection of inputs leaves shows here too: no finer than these are followed.
+        err = std::max(err, outputs_.apart() / (step_.leftover ? std::max(errors_.tolerance(), o_.input_atol) : errors_.tolerance()));
+        if (too_long(err, next)) return false;
+    }
     if (watch) {
         double s = step_.h;
         int l = pending_;

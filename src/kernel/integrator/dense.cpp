@@ -84,6 +84,21 @@ void Outputs::dense(bool inside) {
     slaved_.rate_sensitivity(slaved_.quick, step_.e, step_.J1.data(), step_.d1.data(), step_.uder1.data(), step_.S1.data(), step_.sd1.data(), step_.dd1.data(), step_.sdd1.data());
 }
 
+// By how much the polynomials and the stages differ about the middle of the step, filtered as the estimate of its end is: large where a node settles
+// within the step, which no polynomial follows. [K]
+double Outputs::apart() {
+    for (int i = 0; i < n_; ++i) {
+        double heat = 0.0;
+        for (int s = 0; s < STAGES; ++s) heat += HALFWAY[s] * step_.F[s * static_cast<size_t>(n_) + i];
+        g_[i] = setup_.cap[i] > 0.0 ? step_.h * heat - setup_.cap[i] * (smooth(i, 0.5) - state_.T[i]) : 0.0;
+    }
+    step_.factors.solve(g_.data(), 1e-2);
+    double most = 0.0;
+    for (int i = 0; i < n_; ++i)
+        if (setup_.cap[i] > 0.0 && !slaved_.fast.is[i]) most = std::max(most, std::fabs(g_[i]));
+    return most;
+}
+
 // dS/dt of the nodes with capacity, from the heats of a stage.
 void Outputs::slope_sensitivity(int stage, const std::vector<double>& slope, std::vector<double>& out) {
     const size_t np = np_, m = static_cast<size_t>(n_) * np;

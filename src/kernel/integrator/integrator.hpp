@@ -62,6 +62,7 @@ class Integrator {
     // control.cpp
     void advance(double t_end, OutputList& out);
     bool attempt(OutputList& out, double& next);
+    bool too_long(double err, double& next);
     double first_step(double span) const;
     double settling();
     double hold_ = std::numeric_limits<double>::infinity();  // step limit by the sampled inputs

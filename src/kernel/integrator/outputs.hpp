@@ -31,6 +31,7 @@ class Outputs {
     void begin();
     void dense_start();
     void dense(bool inside);
+    double apart();
     void nodes_at(double s, bool slaved) { nodes_at(s, s == step_.h ? step_.end : state_.t + s, slaved); }
     void nodes_at(double s, double time, bool slaved);
     void emit(OutputList& out, Result& r);

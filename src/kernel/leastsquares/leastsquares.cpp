@@ -1,4 +1,7 @@
 // Readings against the model, reduced to few rows, which go into one triangle.
+#if defined(__GNUC__) && !defined(__clang__)
+#pragma GCC diagnostic ignored "-Wpsabi"  // functions that return vectors are inlined: they have no binary interface
+#endif
 #include "leastsquares/leastsquares.hpp"
 
 #include <algorithm>

@@ -392,7 +392,7 @@ THERMID_INLINE void with_control(int kind, F f) {
 // Heat of one conductor; dq/dc1, which may cost a logarithm, where it is SOUGHT.
 template <bool SOUGHT = false, class X>
 inline Conduct<X> conductor(int kind, X ta, X tb, X c0, X c1, const Table* tables) {
-    Conduct<X> r;
+    Conduct<X> r{};
     with_conductor(kind, [&](auto law) {
         const Conduct<X> x = law.heat(ta, tb, c0, c1, Tables{tables});
         r = {x.q, x.phi, x.qa, x.qb, SOUGHT ? x.q1 : number<X>(0.0)};
@@ -408,11 +408,11 @@ struct Controlled { X p, pt, ps, pc[4], sc[3]; };
 // gain times what is missing, whatever c0 is: its derivative there is zero, and not what rounding leaves of two that cancel.
 template <class X, class T>
 THERMID_INLINE Controlled<X> load(int kind, int control, X t, X sensor, const X c[4], const X d[3], const T& tables, bool on, bool limited) {
-    Heat<X> w;
+    Heat<X> w{};
     with_load(kind, [&](auto law) { w = law.heat(t, c, tables); });
     const X none = number<X>(0.0);
     if (control < 0) return {w.p, w.pt, none, {w.pc[0], w.pc[1], w.pc[2], w.pc[3]}, {none, none, none}};
-    Share<X> k;
+    Share<X> k{};
     with_control(control, [&](auto law) { k = law.share(sensor, d, on); });
     const X by_c0 = limited ? pick(k.s >= number<X>(1.0), w.pc[0], none) : w.pc[0] * k.s;
     return {w.p * k.s, w.pt * k.s, w.p * k.st, {by_c0, w.pc[1] * k.s, w.pc[2] * k.s, w.pc[3] * k.s}, {w.p * k.sc[0], w.p * k.sc[1], w.p * k.sc[2]}};

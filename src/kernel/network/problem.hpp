@@ -58,7 +58,7 @@ struct Guard {
 
 // An input that follows temperatures: a product of factors, and of another input (-1: none).
 struct Drive {
-    int base;
+    int base = -1;
     std::vector<int> factors;
     int input = -1;
     std::vector<int> coefs;          // coefficients that follow it

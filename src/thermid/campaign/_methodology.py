@@ -144,7 +144,7 @@ class Study:
     names : tuple of str            Other names of the whole.
     reason : str                    LogEntry 2: why the box colours are what they are.
     solver : str                    LogEntry 3: what solves the equations.
-    options : Options               LogEntry 3: its tolerances.
+    options : Options               LogEntry 3: the error of its runs.
     theory, experiment : tuple      LogEntry 3: remarks on both set-ups.
     sensors : dict                  LogEntry 3: kind of sensor -> SensorSpec.
     campaign : Path                 LogEntry 4: the campaign file.
@@ -303,7 +303,7 @@ def load_study(path: str | os.PathLike[str]) -> Study:
         tuple(content.knowledge.names),
         content.box.reason,
         theory.solver,
-        Options(tolerance=literal(theory.tolerance, "K", where("theory.tolerance")), relative=theory.relative),
+        Options(error=literal(theory.error, "K", where("theory.error"))),
         tuple(theory.notes),
         (*([content.experiment.platform] if content.experiment.platform else []), *content.experiment.notes),
         sensors,

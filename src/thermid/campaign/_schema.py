@@ -210,8 +210,7 @@ class TheoryTable(StrictTable):
     """Step 3, theory: what solves the equations, and how closely."""
 
     solver: str = ""
-    tolerance: str = "2e-7 [K]"
-    relative: Annotated[float, Field(gt=0.0)] = 2e-8
+    error: str = "1e-4 [K]"
     notes: list[str] = []
 
 

@@ -1,6 +1,6 @@
 """Models as one C99 header: parameters and inputs as structs, coefficients as formulas, rows as tables, steps of fixed length.
 
-The steps themselves are `fixed_step.h`; here they stand beside a run that holds a tight tolerance, so that the header can state its error.
+The steps themselves are `fixed_step.h`; here they stand beside a run with a small error, so that the header can state its error.
 """
 
 from __future__ import annotations
@@ -29,7 +29,8 @@ from thermid.simulation.solver import Engine, Options, Wiring
 C = Writer("C", gas=True, hinges=True, smooth=True, loads=True, schedules=True)
 MOST_NODES = 200
 """The matrix of a step is dense and part of the caller's memory."""
-TOLERANCE = 1e-3
+ERROR = 1e-3
+"""Of a step that is looked for. [K]"""
 KEYWORDS = frozenset(
     "auto break case char const continue default do double else enum extern float for goto if inline int long register restrict return "
     "short signed sizeof static struct switch typedef union unsigned void volatile while main time exp log sqrt pow fmin fmax fabs".split()
@@ -51,7 +52,8 @@ CODES = ("DONE", "SINGULAR", "NOT_FINITE", "NOT_SETTLED", "OUTSIDE_A_TABLE", "CH
 _WIDE = 6
 FEWEST, MOST = 50, 20_000
 """Steps of a run between which a length is looked for."""
-TIGHT = 1e-9
+TIGHT = 1e-8
+"""Error of the run beside which the steps are judged. [K]"""
 STATED = 2.0
 """What is stated is the measured error times this: other readings fall between the measured ones."""
 MOMENT = 1e-3
@@ -88,21 +90,21 @@ def to_c(
     *,
     name: str = "",
     step: float | None = None,
-    tolerance: float = TOLERANCE,
+    error: float = ERROR,
 ) -> str:
     """Return a model in a scenario as the text of one C99 header.
 
     No allocation, no iteration but where a thermostat switches or a node has no mass, steps of fixed length by RODAS (E. Hairer, G. Wanner,
     Solving Ordinary Differential Equations II, section IV.7). Parameters and inputs are structs; what follows from parameters is a formula.
-    The header states the error of its step, measured over the scenario against a run at a tolerance of 1e-9, times two.
+    The header states the error of its step, measured over the scenario against a run with an error of 1e-8 K, times two.
 
     Parameters
     ----------
     model, scenario     As in `simulate`.
     path : path         Where to write it too; the names in it then begin with the file's.
     name : str          What its names begin with; by default the file's name, or the model's title.
-    step : float        Length of a step; by default the longest of 1, 2 or 5 times a power of ten within the tolerance. [s]
-    tolerance : float   Error that a step which is looked for may have. [K]
+    step : float        Length of a step; by default the longest of 1, 2 or 5 times a power of ten within the error. [s]
+    error : float       Error that a step which is looked for may have. [K]
 
     Raises
     ------
@@ -124,8 +126,8 @@ def to_c(
         raise DeckError(
             f"a C header holds {MOST_NODES} nodes, and the model has {len(w.network.nodes)}. Reduce it first (thermid reduce).", model.title
         )
-    length, error = (step, stated_error(w, step)) if step is not None else chosen_step(w, tolerance)
-    text = _Header(w, called, length, error).text()
+    length, stated = (step, stated_error(w, step)) if step is not None else chosen_step(w, error)
+    text = _Header(w, called, length, stated).text()
     if target is not None:
         write_text(target, text, EXPORT, "//")
     return text
@@ -215,7 +217,7 @@ class _Header:
         yield f"   Each returns 0, or one of {called}_SINGULAR ... {called}_CHATTER. -D {called}_WITHOUT_SCENARIO leaves the scenario out."
         yield ""
         yield f"   Step {self.step:g} s. Error of nodes with mass at most {self.error:g} K: twice the largest difference to a run at a"
-        yield "   tolerance of 1e-9 over this scenario at these values, measured at export. With other values or inputs it may differ;"
+        yield "   error of 1e-8 K over this scenario at these values, measured at export. With other values or inputs it may differ;"
         yield "   m.error is the sum of what each step estimates of its own error."
         yield f"   Where a thermostat switches a step is cut, at most {MOST_CUTS} times, each cut found within 40 trial steps."
         if w.massless:
@@ -467,12 +469,12 @@ def nice_steps(end: float) -> Iterator[float]:
         power -= 1
 
 
-def chosen_step(w: Wired, tolerance: float) -> tuple[float, float]:
-    """Return the longest step whose error is within a tolerance, and that error; the shortest tried where none is. [s], [K]"""
+def chosen_step(w: Wired, allowed: float) -> tuple[float, float]:
+    """Return the longest step whose error is allowed, and that error; the shortest tried where none is. [s], [K]"""
     step = error = math.nan
     for step in nice_steps(w.scenario.seconds):
         error = stated_error(w, step)
-        if error <= tolerance:
+        if error <= allowed:
             break
     return step, error
 
@@ -500,10 +502,10 @@ def _rounded_up(x: float) -> float:
 
 
 def _reference(w: Wired, grid: Array) -> Array:
-    """Return temperatures (times, nodes with mass) of a run at a tight tolerance. [K]"""
+    """Return temperatures (times, nodes with mass) of a run with a small error. [K]"""
     engine = Engine(Wiring(w.network, w.scenario))
     a = engine.started(engine.wiring.assemble(gradients=False))
-    options = Options(tolerance=TIGHT, relative=TIGHT, input_tolerance=1e-7)
+    options = Options(error=TIGHT, inputs=1e-7)
     return engine.integrate(a, grid, w.massive, float(grid[-1]), options).temperatures
 
 

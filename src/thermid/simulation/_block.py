@@ -37,8 +37,6 @@ MOST_PERIODS = 30
 """Periods that are run until a state comes back."""
 CLOSED = 1e-3
 """How far a state that comes back may miss itself, below what the runs err by. [K]"""
-FINE = 1e-4
-"""Local error of the runs of the search at most. [K]"""
 QUICK = 0.75
 """What a mode that dies out within a period takes of what is missed: between a half, for slow ones, and one. [-]"""
 REMEMBERED = 6
@@ -487,7 +485,7 @@ def _periodic(
     SolverError   When no such state is found.
     """
     solve = conductances(still, guess, where)
-    fine = replace(options, large_tolerance=min(options.large_tolerance or FINE, FINE), extremes=False)
+    fine = replace(options, extremes=False)
     watched, none = (Watched("mean", np.zeros(1, dtype=np.int32), np.ones(1)),), np.zeros(0)
 
     def after(state: Array) -> Array:

@@ -46,7 +46,7 @@ CHANGES: dict[str, tuple[Any, str]] = {
     "effective": (True, "free and fixed"),
     "readings": ({"initial.case": Reading("T")}, "scenario"),
     "fit_start": (False, "free and fixed"),
-    "options": (Options(tolerance=1e-5), "free and fixed"),
+    "options": (Options(error=4e-5), "free and fixed"),
     "hand": (BELOW, "values by hand"),
 }
 NONE = {"name", "seen", "remarks", "key", "adequate", "accepted", "of_logs"}

@@ -18,7 +18,7 @@ from thermid.simulation.solver import Options
 from unit.fit.bench import HTC, MASS, box, deck, log, metered, pair
 
 STEP = 3e-5
-EXACT = Options(tolerance=1e-9, relative=1e-10, input_tolerance=1e-7)
+EXACT = Options(error=8e-9)
 
 
 def slopes(problem: Problem) -> tuple[np.ndarray, np.ndarray]:

@@ -50,4 +50,4 @@ SIGNALS = td.Scenario(
     start="20 [degC]",
     duration="3 [h]",
 )
-TIGHT = td.Options(tolerance=1e-9, relative=1e-9)
+TIGHT = td.Options(error=4e-8)

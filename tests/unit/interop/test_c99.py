@@ -16,7 +16,7 @@ from thermid.interop.c99 import COUPLED, DRIFT, GAMMA, STAGES, TIMES, nice_steps
 from unit.interop.networks import SIGNALS, hot_box
 from unit.interop.programs import FAST, STRICT, c99
 
-TIGHT = td.Options(tolerance=1e-9, relative=1e-9, input_tolerance=1e-7)
+TIGHT = td.Options(error=4e-8)
 
 
 def plate(**changed: Any) -> dict[str, Any]:

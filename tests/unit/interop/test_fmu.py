@@ -20,7 +20,7 @@ from unit.interop.hosts import unpacked
 from unit.interop.networks import SIGNALS, TIGHT, hot_box
 
 CLOSE = 1e-5
-EXACT = td.Options(tolerance=1e-11, relative=1e-11)
+EXACT = td.Options(error=4e-10)
 
 
 def deck(**more: Any) -> td.Model:

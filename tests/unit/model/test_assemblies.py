@@ -119,7 +119,7 @@ def test_values_of_a_package_take_names_of_the_deck() -> None:
 def test_derivatives_of_a_package_are_those_of_differences() -> None:
     model = package(capacitance="0.5 [J/K]", case_capacitance="0.2 [J/K]")
     free = ("u1.theta_JC", "u1.theta_JB", "u1.deviation_JC", "u1.capacitance", "u1.heat.power")
-    ready = td.prepare(model, ROOM, free, every=1.0, options=td.Options(tolerance=1e-9, relative=1e-10))
+    ready = td.prepare(model, ROOM, free, every=1.0, options=td.Options(error=8e-9))
     run = ready.run(sensitivities=True)
     for name in free:
         step = 1e-4 * max(ready.nominal[name], 0.1)
@@ -143,7 +143,7 @@ LADDER: dict[str, Any] = {"to": "air", "foster": [[f"{r} [K/W]", f"{t} [s]"] for
 
 def test_a_foster_ladder_keeps_its_step_response() -> None:
     times = np.array([0.0, 0.5e-3, 5e-3, 0.05, 0.5, 2.0, 20.0])
-    run = td.simulate(deck(ladders={"q": LADDER}), ROOM, times=times, options=td.Options(tolerance=1e-9, relative=1e-10))
+    run = td.simulate(deck(ladders={"q": LADDER}), ROOM, times=times, options=td.Options(error=8e-9))
     rise = 4 * sum(r * (1 - np.exp(-times / t)) for r, t in FOSTER)
     assert run["q.junction"].kelvin - 293.15 == pytest.approx(rise, abs=1e-6)
     assert run.heat_balance().relative < 1e-9
@@ -291,7 +291,7 @@ def test_a_current_follows_a_schedule_and_its_derivative_is_that_of_differences(
     run = td.simulate(model, stepped)
     assert run["board"].at(299.0) > 20.5
     assert run["board"].final < run["board"].at(299.0) - 5.0
-    ready = td.prepare(model, scenario, ("tec.current",), options=td.Options(tolerance=1e-9, relative=1e-10))
+    ready = td.prepare(model, scenario, ("tec.current",), options=td.Options(error=8e-9))
     slope = ready.run(sensitivities=True).sensitivity("board", "tec.current")
     high, low = (ready.run({"tec.current": 2.0 + s})["board"].kelvin for s in (1e-3, -1e-3))
     assert slope == pytest.approx((high - low) / 2e-3, abs=1e-4 * np.abs(slope).max())
@@ -395,7 +395,7 @@ def test_spreading_outside_its_range_is_said() -> None:
     ],
 )
 def test_derivatives_of_joints_are_those_of_differences(kind: str, fields: dict[str, Any], free: tuple[str, ...]) -> None:
-    ready = td.prepare(joint(kind, **fields), ROOM, free, every=1.0, options=td.Options(tolerance=1e-9, relative=1e-10))
+    ready = td.prepare(joint(kind, **fields), ROOM, free, every=1.0, options=td.Options(error=8e-9))
     run = ready.run(sensitivities=True)
     for name in free:
         step = 1e-4 * ready.nominal[name]

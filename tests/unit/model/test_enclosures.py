@@ -68,7 +68,7 @@ def test_sensitivity_to_an_emissivity() -> None:
     """Against central differences of whole runs."""
     model, scenario = td.model_from_dict(deck()), ROOM.with_(duration="1 [h]", start="20 [degC]")
     path, step = "a_skin.emissivity", 1e-4
-    exact = td.Options(tolerance=1e-9)
+    exact = td.Options(error=4e-9)
     run = td.prepare(model, scenario, [path], every=600.0, options=exact).run(sensitivities=True)
     ends = [td.simulate(model.with_values({path: f"{0.3 + s}"}), scenario, options=exact)["a"].final for s in (-step, step)]
     assert run.sensitivity("a", path)[-1] == pytest.approx((ends[1] - ends[0]) / (2 * step), rel=1e-5)

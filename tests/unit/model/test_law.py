@@ -148,7 +148,7 @@ def test_a_law_equals_the_built_in_one() -> None:
         },
         "loads": {"heater": {"into": "plate", "power": "5 [W]"}},
     }
-    options = td.Options(tolerance=1e-9, relative=1e-10)
+    options = td.Options(error=8e-9)
     one = td.simulate(td.model_from_dict(deck), scenario(), options=options)
     other = td.simulate(hot_plate(law), scenario(), options=options)
     assert np.abs(one.temperatures - other.temperatures).max() < 2e-6
@@ -157,7 +157,7 @@ def test_a_law_equals_the_built_in_one() -> None:
 
 def test_the_scale_of_a_law_can_be_freed() -> None:
     law = td.model.law(lambda d: 0.3 * (d * d + 1e-4) ** 0.125, over="difference", between=BOTH)
-    sim = td.prepare(hot_plate(law, scale=1.2), scenario(), ["skin.scale"], options=td.Options(tolerance=1e-10, relative=1e-11))
+    sim = td.prepare(hot_plate(law, scale=1.2), scenario(), ["skin.scale"], options=td.Options(error=8e-10))
     slope = sim.run(sensitivities=True).sensitivity("plate", "skin.scale")
     high, low = (sim.run({"skin.scale": 1.2 + step})["plate"].kelvin for step in (1e-4, -1e-4))
     assert np.abs((high - low) / 2e-4 - slope).max() < 1e-4 * np.abs(slope).max()

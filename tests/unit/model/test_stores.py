@@ -86,7 +86,7 @@ def test_heat_flow_of_equal_ends_is_zero() -> None:
 
 
 def test_a_bar_of_many_cells_runs_as_a_large_network() -> None:
-    run = td.simulate(bar(8), ENDS, options=td.Options(method="large", large_tolerance=1e-4))
+    run = td.simulate(bar(8), ENDS, options=td.Options(error=9e-4, method="large"))
     assert np.abs(run["x4"].kelvin - td.simulate(bar(8), ENDS)["x4"].kelvin).max() < 5e-3
 
 

@@ -30,13 +30,13 @@ def exact() -> np.ndarray[Any, Any]:
 
 @pytest.mark.parametrize("method", METHODS)
 def test_a_block_equals_its_model_by_the_small_integrator(exact: np.ndarray[Any, Any], method: str) -> None:
-    run = td.simulate(warm_block(), warming_room(), fields=TIMES, options=td.Options(method=method, large_tolerance=1e-5))
+    run = td.simulate(warm_block(), warming_room(), fields=TIMES, options=td.Options(error=2e-4, method=method))
     np.testing.assert_allclose(run.fields.reshape(3, -1), exact, atol=1e-4)
 
 
 @pytest.mark.parametrize("method", METHODS)
 def test_a_block_equals_its_model_by_the_same_method(method: str) -> None:
-    options = td.Options(method=method, large_tolerance=1e-5)
+    options = td.Options(error=2e-4, method=method)
     run = td.simulate(warm_block(), warming_room(), fields=TIMES, options=options)
     model = td.simulate(warm_block().model(), warming_room(), times=TIMES, options=options)
     np.testing.assert_allclose(run.fields.reshape(3, -1), np.column_stack([model[n].kelvin for n in NODES]), atol=2e-5)
@@ -56,7 +56,7 @@ def test_errors_fall_with_the_square_of_the_step(method: str) -> None:
     scenario = td.Scenario(boundaries={"air": air}, start="290 [K]", duration="1 [h]")
 
     def at_end(tolerance: float, step: float = np.inf) -> np.ndarray[Any, Any]:
-        return td.simulate(block, scenario, options=td.Options(method=method, large_tolerance=tolerance, max_step=step)).final_field
+        return td.simulate(block, scenario, options=td.Options(method=method, error=tolerance, max_step=step)).final_field
 
     fine = at_end(1e-9)
     coarse, half = (float(np.abs(at_end(1e6, step) - fine).max()) for step in (20.0, 10.0))
@@ -117,7 +117,7 @@ def test_inputs_that_are_not_smooth(scenario: td.Scenario, method: str) -> None:
         scenario,
         times=times,
         watch=("cell[1,1,0]", "cell[0,0,1]"),
-        options=td.Options(method=method, large_tolerance=1e-5),
+        options=td.Options(error=2e-4, method=method),
     )
     for cell, node in (("cell[1,1,0]", "c1_1_0"), ("cell[0,0,1]", "c0_0_1")):
         np.testing.assert_allclose(run[cell].kelvin, model[node].kelvin, atol=3e-4)
@@ -217,7 +217,7 @@ def test_an_interrupted_run_leaves_the_interpreter_usable() -> None:
     try:
         signal.setitimer(signal.ITIMER_REAL, 0.5)
         with pytest.raises(KeyboardInterrupt):
-            td.simulate(big_block(60), warming_room(), options=td.Options(large_tolerance=1e-9, max_step=0.5))
+            td.simulate(big_block(60), warming_room(), options=td.Options(error=4e-7, max_step=0.5))
     finally:
         signal.setitimer(signal.ITIMER_REAL, 0.0)
         signal.signal(signal.SIGALRM, before)

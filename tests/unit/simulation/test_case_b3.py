@@ -81,7 +81,7 @@ def test_case_b3_is_within_its_target(case: ModuleType, exact: np.ndarray[Any, A
 def test_its_reference_above_ten_thousand_cells_is_tighter(
     exact: np.ndarray[Any, Any], monkeypatch: pytest.MonkeyPatch, tmp_path: Path
 ) -> None:
-    """It divided the tolerance of `Options`, which is None where it is left out."""
+    """A twentieth of what the runs are asked for."""
     monkeypatch.syspath_prepend(str(SOURCE.parent))
     run, _ = importlib.import_module("b3")._contestant("tighter", "transient", 1_000, 0.0, tmp_path)
     fields, _ = run()

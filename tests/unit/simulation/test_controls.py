@@ -14,7 +14,7 @@ from thermid.base.errors import SolverError
 from thermid.reporting.diagrams import diagram
 
 AIR, START = 293.15, 295.65
-TIGHT = td.Options(tolerance=1e-9, relative=0.0, method="integrator")
+TIGHT = td.Options(error=4e-9, method="integrator")
 
 
 def deck(controls: dict[str, Any], **elements: dict[str, Any]) -> dict[str, Any]:

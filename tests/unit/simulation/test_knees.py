@@ -47,7 +47,7 @@ def _ready(free: tuple[str, ...], options: td.Options) -> Any:
 
 @pytest.mark.parametrize("tolerance", [2e-7, 1e-10])
 def test_a_knee_costs_no_accuracy(tolerance: float) -> None:
-    options = td.Options(tolerance=tolerance, relative=0.0)
+    options = td.Options(error=4.0 * tolerance)
     found = _ready((), options).run()
     np.testing.assert_allclose(found["n"].kelvin, _exact(), rtol=0, atol=10.0 * tolerance)
     assert found.statistics["steps"] < (100 if tolerance > 1e-8 else 600)
@@ -57,7 +57,7 @@ def test_a_knee_costs_no_accuracy(tolerance: float) -> None:
 def test_nor_members_of_ensembles_any(tolerance: float) -> None:
     share = 1.0 + 0.1 * np.arange(-4.0, 5.0)
     draws = {"n.capacitance": C * share, "skin.conductance": np.full(9, G), "heater.proportional.gain": 0.3 / share}
-    found = _ready(tuple(draws), td.Options(tolerance=tolerance, relative=0.0)).ensemble(draws)
+    found = _ready(tuple(draws), td.Options(error=4.0 * tolerance)).ensemble(draws)
     assert found.statistics["one_by_one"] == 0
     for k in range(9):
         expected = _exact(C * share[k], G, 0.3 / share[k])
@@ -65,7 +65,7 @@ def test_nor_members_of_ensembles_any(tolerance: float) -> None:
 
 
 def test_sensitivities_pass_it_too() -> None:
-    found = _ready(tuple(VALUES), td.Options()).run(VALUES, sensitivities=True)
+    found = _ready(tuple(VALUES), td.Options(error=4e-6)).run(VALUES, sensitivities=True)
     for k, (name, value) in enumerate(VALUES.items()):
         up, down = ([v * (1.0 + sign * 1e-5 * (j == k)) for j, v in enumerate(VALUES.values())] for sign in (1, -1))
         per_log = (_exact(*up) - _exact(*down)) / 2e-5

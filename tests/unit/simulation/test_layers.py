@@ -7,7 +7,7 @@ import pytest
 
 import thermid as td
 
-TIGHT = td.Options(tolerance=1e-10, relative=1e-11)
+TIGHT = td.Options(error=8e-10)
 LAYERS = [(1.0, 1.0, 2e4), (1.0, 0.3, 2e4), (10.0, 10.0, 2e4), (500.0, 1000.0, 1e4), (0.1, 1.0, 2e4), (0.01, 1.0, 2e4)]
 """Capacitance of the quick node [J/K], its tie to the heavy one [W/K], duration [s]: time constants from milliseconds to seconds."""
 
@@ -33,7 +33,7 @@ def _case(capacitance: float, tie: float, duration: float) -> tuple[td.Model, td
 def test_members_are_right_while_a_node_settles(capacitance: float, tie: float, duration: float) -> None:
     model, scenario, times = _case(capacitance, tie, duration)
     exact = td.simulate(model, scenario, times=times, options=TIGHT)
-    members = td.ensemble(model, scenario, {"tie.conductance": np.full(9, tie)}, times=times)
+    members = td.ensemble(model, scenario, {"tie.conductance": np.full(9, tie)}, times=times, options=td.Options(error=4e-6))
     for node in ("heavy", "quick"):
         assert np.abs(members.trace(3, node).kelvin - exact[node].kelvin).max() < 5e-6
 
@@ -44,6 +44,6 @@ def test_large_networks_are_right_while_a_node_settles(capacitance: float, tie: 
     """Heavy nodes tied by 1e6 W/K are right at the ends of steps only; between them the slope is a difference of two large heats."""
     model, scenario, times = _case(capacitance, tie, duration)
     exact = td.simulate(model, scenario, times=times, options=TIGHT)
-    options = td.Options(method=method, large_tolerance=3e-4)
+    options = td.Options(error=2e-3, method=method)
     found = td.simulate(model, scenario, times=times, options=options)
     assert np.abs(found.temperatures - exact.temperatures).max() < most

@@ -11,7 +11,7 @@ import pytest
 import thermid as td
 from oracle import Oracle
 
-TIGHT = td.Options(tolerance=1e-10, relative=0.0, input_tolerance=1e-8, method="integrator")
+TIGHT = td.Options(error=4e-10, method="integrator")
 TIMES = np.linspace(1.3, 1790.7, 41)
 ZERO = "300 [K]"
 SAMPLED = 6.0 * (2.0 * np.pi / 400.0) ** 2 / 8.0

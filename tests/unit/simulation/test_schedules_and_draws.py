@@ -23,29 +23,30 @@ def model(conductance: str) -> td.Model:
 
 
 STEPS = {"times": ["0 [s]", "1800 [s]"], "values": ["0.5 [W/K]", "0.1 [W/K]"], "hold": True}
+FINE = td.Options(error=1e-6)
 SCENARIO = td.Scenario("s", boundaries={"air": "20 [degC]"}, start="air", duration="1 [h]", schedule={"a": STEPS})
 
 
 def alone(conductance: str, **values: str) -> np.ndarray:
-    return td.simulate(model(conductance).with_values(values), SCENARIO)["n"].kelvin
+    return td.simulate(model(conductance).with_values(values), SCENARIO, options=FINE)["n"].kelvin
 
 
 def test_a_product_is_the_run_that_it_would_be_alone() -> None:
-    found = td.ensemble(model("a*c"), SCENARIO, {"c": [1.0, 2.0, 0.0]})
+    found = td.ensemble(model("a*c"), SCENARIO, {"c": [1.0, 2.0, 0.0]}, options=FINE)
     for member, factor in enumerate((1.0, 2.0, 0.0)):
         assert found.temperatures("n")[:, member] == pytest.approx(alone("a*c", c=f"{factor}"), abs=1e-6)
 
 
 def test_a_sum_is_refused_member_by_member() -> None:
     """It was run with the schedule of the deck's own values, in silence: 1.4 K off at the end."""
-    found = td.ensemble(model("a + b"), SCENARIO, {"b": [0.2, 0.6]})
+    found = td.ensemble(model("a + b"), SCENARIO, {"b": [0.2, 0.6]}, options=FINE)
     assert found.temperatures("n")[:, 0] == pytest.approx(alone("a + b"), abs=1e-6)
     assert list(found.failed) == [1]
     assert "in 'g' a parameter that differs between runs and a scheduled one do not" in found.failed[1]
 
 
 def test_a_sum_is_refused_in_a_run_at_other_values() -> None:
-    ready = td.prepare(model("a + b"), SCENARIO, ["b"])
+    ready = td.prepare(model("a + b"), SCENARIO, ["b"], options=FINE)
     assert ready.run()["n"].kelvin == pytest.approx(alone("a + b"), abs=1e-6)
     with pytest.raises(ScenarioError, match="in 'g' a parameter that differs between runs and a scheduled one do not"):
         ready.run({"b": 0.6})
@@ -106,7 +107,7 @@ def test_a_schedule_is_evaluated_for_all_members_at_once(monkeypatch: pytest.Mon
 
 
 def test_only_members_that_are_no_product_are_refused() -> None:
-    found = td.ensemble(model("a*c + b"), SCENARIO, {"c": [1.0, 2.0, 1.0], "b": [0.2, 0.2, 0.2]})
+    found = td.ensemble(model("a*c + b"), SCENARIO, {"c": [1.0, 2.0, 1.0], "b": [0.2, 0.2, 0.2]}, options=FINE)
     assert list(found.failed) == [1]
     for member in (0, 2):
         assert found.temperatures("n")[:, member] == pytest.approx(alone("a*c + b"), abs=1e-6)

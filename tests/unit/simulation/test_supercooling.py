@@ -24,7 +24,7 @@ SALT = {
     "melts_to": "29 [degC]",
     "supercooling": "8 [K]",
 }
-TIGHT = td.Options(tolerance=1e-7, relative=1e-9)
+TIGHT = td.Options(error=4e-7)
 
 
 def deck(**more: Any) -> dict[str, Any]:

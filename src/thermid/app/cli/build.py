@@ -17,6 +17,7 @@ from thermid.app.cli.options import (
     Data,
     Deck,
     Duration,
+    Error,
     Force,
     Json,
     KeepValues,
@@ -52,6 +53,7 @@ from thermid.reporting.objects import comparison_object, solution_object
 from thermid.simulation import runs as transient
 from thermid.simulation.runs import margin_lines, margins, output_times, steady
 from thermid.simulation.scenarios import load_scenario
+from thermid.simulation.solver import Options
 from thermid.values.store import model_standing
 
 FIRST = 4
@@ -102,6 +104,7 @@ def simulate(
     duration: Duration = None,
     at: Moments = [],  # noqa: B006
     every: Annotated[str | None, typer.Option("--every", help="Interval of the stored samples.")] = None,
+    error: Error = "0.1 [mK]",
     vacuum: Vacuum = False,
     as_printed: AsPrinted = False,
     as_flown: Annotated[bool, typer.Option("--as-flown", help="Without what is for the test only: sensors, leads, stands.")] = False,
@@ -124,7 +127,7 @@ def simulate(
     times = moments(at, conditions.seconds)
     grid = np.union1d(output_times(conditions, every and with_unit(every, "s"), None), times)
     writable((csv, TABLE), (netcdf, NETCDF))
-    solution = transient.simulate(model, conditions, times=grid)
+    solution = transient.simulate(model, conditions, times=grid, options=Options(error=error))
     try:
         final = steady(model, conditions, conditions.seconds)
     except SolverError:

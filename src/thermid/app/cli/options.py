@@ -38,6 +38,7 @@ Parameters = Annotated[list[str], typer.Option("--param", help="PARAMETER=VALUE;
 Loads = Annotated[list[str], typer.Option("--load", help="LOAD=POWER, in place of the deck's.")]
 Start = Annotated[str | None, typer.Option("--start", help="A temperature, a boundary, or 'steady'.")]
 Duration = Annotated[str | None, typer.Option("--for", help="Duration, such as '5 [h]'.")]
+Error = Annotated[str, typer.Option("--error", help="Error that temperatures may have, such as '1 [mK]'.")]
 Moments = Annotated[list[str], typer.Option("--at", help="A time to report, such as '1 [h]'; may be repeated.")]
 Vacuum = Annotated[bool, typer.Option("--vacuum", help="No gas: convection goes, radiation stays.")]
 AsPrinted = Annotated[bool, typer.Option("--as-printed", help="No gas, every coefficient zero, radiation too: an upper bound.")]

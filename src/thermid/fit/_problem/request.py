@@ -29,8 +29,8 @@ from thermid.simulation.solver import Options
 from thermid.values.spreads import read_spread
 from thermid.values.store import Source, State, Store
 
-FITTING = Options(tolerance=1e-4, relative=1e-6, input_tolerance=1e-3)
-"""A fit needs no more than a fraction of the noise of a sensor."""
+FITTING = Options(error=1e-3)
+"""A fit needs no more than a fraction of the noise of a sensor: ten times the error of a run."""
 
 
 @dataclass(frozen=True)

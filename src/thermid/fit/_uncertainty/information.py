@@ -19,7 +19,7 @@ from thermid.simulation.solver import Options
 from thermid.values.fitted import rooted
 from thermid.values.store import Normal, Source, State
 
-EXACT = Options(tolerance=1e-9, relative=1e-10, input_tolerance=1e-3)
+EXACT = Options(error=2e-8, inputs=1e-3)
 """Tight enough that a direction without information shows as such and not as the integrator's error.
 
 How closely a noisy input is followed does not matter for that, and following it to 1e-7 K can take the integrator millions of steps.

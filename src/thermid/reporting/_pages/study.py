@@ -122,8 +122,7 @@ def _opening(study: Study, audience: str) -> list[str]:
 
 def steps(study: Study) -> list[PageBlock]:
     """Return knowledge and use, box colours, set-ups and procedure as recorded."""
-    options = study.options
-    theory = (("solver", study.solver), ("tolerance", f"{options.tolerance:g} K"), ("relative", f"{options.relative:g} of its range"))
+    theory = (("solver", study.solver), ("error of a run", f"{study.options.error:g} K"))
     rows: list[Line] = [
         [Cell(str(k), "", "main"), a.name, _state(a.state), ", ".join(a.stages) or a.note or DASH] for k, a in enumerate(study.actions, 1)
     ]

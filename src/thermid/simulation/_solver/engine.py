@@ -109,6 +109,8 @@ MOST_PERIODS = 40
 """Periods that are run until a state comes back."""
 CLOSED = 2e-6
 """How far a state that comes back may miss itself. [K]"""
+FINE = Options(error=2.0 * CLOSED, inputs=1e-4)
+"""Of the runs over a period that look for it."""
 METHODS = ("auto", "integrator", "modal")
 """Methods of ordinary models by the name that `Options.method` gives them."""
 REMEMBERED = 64  # lengths of stretches that the kernel has in mind, at least
@@ -820,7 +822,7 @@ def _periodic(engine: Engine, a: Assembled, guess: Array, slopes: Array, gradien
 
     def after(state: Array, moves: Array) -> tuple[Array, Array]:
         run = replace(a, initial=state, initial_gradient=moves)
-        raw = engine.integrate(run, np.array([period]), engine.nodes, period, Options(), gradients)
+        raw = engine.integrate(run, np.array([period]), engine.nodes, period, FINE, gradients)
         return raw.temperatures[0], raw.sensitivities[0] if gradients else moves
 
     state, step, before = guess.copy(), np.zeros(0), np.zeros(0)

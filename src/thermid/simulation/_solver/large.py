@@ -40,10 +40,6 @@ METHODS: Final[Mapping[str, int]] = {
 }
 """Methods of large networks by the name that `Options.method` gives them."""
 NAMES: Final = {_kernel.LARGE_AUTO: "", _kernel.LARGE_RKC2: "RKC2", _kernel.LARGE_TRBDF2: "TR-BDF2 + CG"}
-TOLERANCE: Final = 3e-3
-"""Local error of a step where `Options.large_tolerance` is left out. [K]"""
-TABULATED: Final = 3e-5
-"""The same where a table is read: steps of second order with it make errors below 1 mK over tens of kelvins. [K]"""
 KINDS: Final = {"mean": 0, "highest": 1, "lowest": 2}
 
 
@@ -129,7 +125,7 @@ def integrate(
         np.concatenate([np.zeros(0), *weights]),
         np.ascontiguousarray(field_times, dtype=float),
         method=METHODS[options.method],
-        tolerance=tolerance_of(network, options),
+        tolerance=options.of_large_step,
         turnings=extremes,
         **limits(options, network.inputs, end),
     )
@@ -155,22 +151,15 @@ def integrate(
     return LargeAnswer(raw.traces, raw.fields, initial, raw.final_temperatures, raw.final_states, *energies, statistics, turnings)
 
 
-def tolerance_of(network: SparseNetwork, options: Options) -> float:
-    """Return the local error that a step may make. [K]"""
-    if options.large_tolerance is not None:
-        return options.large_tolerance
-    return TABULATED if network.tabulated else TOLERANCE
-
-
 def _message(raw: Any, options: Options, end: float, name: Any, follows: bool) -> str:
     """Return what ran out, when, where and what to change; `follows` as in `runs_away`."""
     node = f" at '{name(raw.node)}'" if raw.node >= 0 else ""
     when = f"at {raw.time:.6g} s of {end:.6g} s{node}"
     instead = " RKC2 needs short steps if one node is fast. Leave the method out." if options.method == "RKC2" else ""
     words = {
-        _kernel.MAX_STEPS: f"{options.max_steps} steps were not enough, {when}. Allow more max_steps, or a larger large_tolerance."
+        _kernel.MAX_STEPS: f"{options.max_steps} steps were not enough, {when}. Allow more max_steps, or a larger error."
         + instead,
-        _kernel.STEP_UNDERFLOW: f"the step became too small {when}. Look for a discontinuous law there, or raise large_tolerance.",
+        _kernel.STEP_UNDERFLOW: f"the step became too small {when}. Look for a discontinuous law there, or allow a larger error.",
         _kernel.NON_FINITE: unsolved(when, follows),
         _kernel.RUN_AWAY: runs_away(when, follows),
         _kernel.SINGULAR_NODE: f"a massless node has no conductance to anything {when}, so its temperature is undefined. RKC2 does "

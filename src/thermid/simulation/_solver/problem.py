@@ -14,11 +14,11 @@ from numpy.typing import NDArray
 
 from thermid import _kernel
 from thermid.base.dual import gradient_of, value_of
-from thermid.base.errors import ScenarioError, SolverError, ThermidError
+from thermid.base.errors import ScenarioError, SolverError, ThermidError, refuse_unknown
 from thermid.base.linear_algebra import Array
 from thermid.base.memo import Memo
 from thermid.model.elements import named_control
-from thermid.model.laws import Constant, Curve, Drawn, Signal, Sine, TableSignal, value_and_slope
+from thermid.model.laws import Constant, Curve, Drawn, Signal, Sine, TableSignal, literal, value_and_slope
 from thermid.model.tree import Tree
 from thermid.simulation._network.controls import FREE, FactorForm, GuardForm
 from thermid.simulation._network.network import Network, Numbers, held_in
@@ -104,32 +104,38 @@ class Traces:
         return np.asarray(np.sum(parts, axis=0))
 
 
+STEP_SHARE: Final = 0.25
+"""Part of the error of a run that a step of fourth order may make (docs/decisions/251-one-error-in-kelvin.md). [-]"""
+SECOND_ORDER: Final = 2.5
+"""A step of the methods of large networks may make ``(SECOND_ORDER error)**1.5``: its error falls with the cube, that of the run with the square. [-]"""
+
+
 @dataclass(frozen=True)
 class Options:
-    """Tolerances and limits of the integrator.
+    """How close a run is to the solution of its equations, and its limits.
 
     Parameters
     ----------
-    tolerance : float           Local error that a step may make. [K]
-    relative : float            The same, relative to the range of temperatures seen. [-]
-    input_tolerance : float     Error that what is left of a sampled input within a step may cause. [K]
+    error : float or str        Error that temperatures may have, by every method: ``"1 [mK]"``, or a number. [K]
     max_step : float            [s]
     max_steps : int             Steps after which the run is given up.
     method : str                ``modal`` (exact, for linear networks), ``integrator``, ``large``, or ``auto``: whichever costs less.
-    large_tolerance : float     Local error that a step of the methods of large networks may make; they are of second order. None: 3e-3, and
-                                3e-5 where a table is read. [K]
     extremes : bool             Whether runs follow every node between the stored samples, so that its highest and lowest temperatures and
                                 their instants are those of the course; else they are those of the samples.
+    inputs : float              Error by what is left of sampled inputs within a step; None: `error`. [K]
     """
 
-    tolerance: float = 2e-7
-    relative: float = 2e-8
-    input_tolerance: float = 1e-4
+    error: float = 1e-4
     max_step: float = float("inf")
     max_steps: int = 1_000_000
     method: str = "auto"
-    large_tolerance: float | None = None
     extremes: bool = field(default=True, repr=False)  # no part of the key of a fit, which it does not change
+    inputs: float | None = field(default=None, repr=False, kw_only=True)
+
+    def __new__(cls, *_: Any, **given: Any) -> Options:
+        """Refuse a name that there is not, with those that there are."""
+        refuse_unknown(given, cls.__dataclass_fields__, "Options", "no option '{}'. How close a run is says 'error' alone, in kelvin; there are {known}.", ScenarioError)
+        return super().__new__(cls)
 
     def __post_init__(self) -> None:
         """Refuse what is no number.
@@ -138,7 +144,9 @@ class Options:
         ------
         ScenarioError   Which it is.
         """
-        for name in ("tolerance", "relative", "input_tolerance", "max_step", "max_steps", "large_tolerance"):
+        if isinstance(self.error, str):
+            object.__setattr__(self, "error", literal(self.error, "K", "Options, error"))
+        for name in ("error", "max_step", "max_steps", "inputs"):
             value = getattr(self, name)
             if value is not None and (isinstance(value, bool) or not isinstance(value, Real) or not float(value) >= 0.0):
                 raise ScenarioError(f"it takes a number, zero or above, not {value!r}.", f"Options, {name}")
@@ -147,6 +155,16 @@ class Options:
                 raise ScenarioError(f"it takes {'a name' if kind is str else 'true or false'}, not {value!r}.", f"Options, {name}")
         if not isinstance(self.max_steps, Integral):
             raise ScenarioError(f"it takes a whole number, not {self.max_steps!r}.", "Options, max_steps")
+
+    @property
+    def of_step(self) -> float:
+        """Error that a step of fourth order may make. [K]"""
+        return STEP_SHARE * self.error
+
+    @property
+    def of_large_step(self) -> float:
+        """Error that a step of the methods of large networks may make, which are of second order. [K]"""
+        return float((SECOND_ORDER * self.error) ** 1.5)
 
 
 @dataclass(frozen=True, eq=False)
@@ -245,7 +263,7 @@ def row_form(law: KernelLaw, placed: PlacedConductor | PlacedLoad, tables: list[
 def limits(options: Options, inputs: Iterable[Signal], end: float) -> dict[str, Any]:
     """Return the limits of a run to `end` [s] as every integrator of the kernel takes them."""
     return {
-        "input_atol": options.input_tolerance,
+        "input_atol": options.error if options.inputs is None else options.inputs,
         "max_step": options.max_step,
         "max_steps": options.max_steps,
         "breaks": break_times(inputs, end),
@@ -292,8 +310,8 @@ def ending(answer: Any, names: Sequence[str], max_steps: int, end: float, follow
     node = f" at '{names[answer.node]}'" if 0 <= answer.node < len(names) else ""
     when = f"at {answer.time:.6g} s of {end:.6g} s{node}"
     words = {
-        _kernel.MAX_STEPS: f"{max_steps} steps were not enough, {when}. Allow more max_steps, or a larger tolerance.",
-        _kernel.STEP_UNDERFLOW: f"the step became too small {when}. Look for a discontinuous law there, or raise the tolerance.",
+        _kernel.MAX_STEPS: f"{max_steps} steps were not enough, {when}. Allow more max_steps, or a larger error.",
+        _kernel.STEP_UNDERFLOW: f"the step became too small {when}. Look for a discontinuous law there, or allow a larger error.",
         _kernel.NEWTON_FAILED: unsolved(when, follows),
         _kernel.NON_FINITE: f"a temperature or heat flow is not a number {when}. Look for a parameter that is infinite.",
         _kernel.RUN_AWAY: runs_away(when, follows),
@@ -500,7 +518,7 @@ class KernelProblem:
         return [self.wiring.signals[name] for name in self.wiring.used]
 
     def settings(self, options: Options, end: float) -> dict[str, Any]:
-        """Return the tolerances and limits of a run to `end` [s] as the kernel's small integrator takes them.
+        """Return the error of a step and the limits of a run to `end` [s] as the kernel's small integrator takes them.
 
         Raises
         ------
@@ -513,7 +531,7 @@ class KernelProblem:
                     f"a run takes at most {options.max_steps} steps. Give a longer sample time, or allow more max_steps.",
                     self.wiring.network.title,
                 )
-        return {"rtol": options.relative, "atol": options.tolerance, **limits(options, self.inputs, end)}
+        return {"rtol": 0.0, "atol": options.of_step, **limits(options, self.inputs, end)}
 
     def gradients(self, a: Assembled, wanted: bool) -> dict[str, Any]:
         """Return the derivatives of coefficients and start as the kernel takes them; nothing where none are wanted."""

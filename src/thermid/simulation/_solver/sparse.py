@@ -210,11 +210,6 @@ class SparseNetwork:
             store,
         )
 
-    @property
-    def tabulated(self) -> bool:
-        """Whether a law or a stored heat of it is a table."""
-        return bool(self.stores) or any(r.curve is not None for r in self.rows) or any(h.curve is not None for h in self.loads)
-
     def boundary(self, k: int, times: Array) -> Array:
         """Return the temperature (times,) of a boundary. [K]"""
         place = self.boundary_inputs[k]

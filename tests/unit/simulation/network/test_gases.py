@@ -430,7 +430,7 @@ def test_slopes_are_those_of_differences(pressure: Any) -> None:
 
 def test_sensitivities_of_a_run_are_those_of_differences() -> None:
     names = ("up.area", "side.htc.length", "gap.gap")
-    ready = td.prepare(crowded(), at(PUMPED), names, options=td.Options(tolerance=1e-8, relative=1e-9))
+    ready = td.prepare(crowded(), at(PUMPED), names, options=td.Options(error=8e-8))
     run = ready.run(sensitivities=True)
     for name in names:
         value = ready.nominal[name]
@@ -441,7 +441,7 @@ def test_sensitivities_of_a_run_are_those_of_differences() -> None:
 @pytest.mark.parametrize("pressure", [ATMOSPHERE, 50.0, PUMPED])
 def test_members_run_as_alone(pressure: Any) -> None:
     draws = {"up.area": np.linspace(0.01, 0.05, 9), "heat.power": np.linspace(1.0, 5.0, 9)}
-    tight = td.Options(tolerance=1e-7, relative=1e-8)
+    tight = td.Options(error=8e-7)
     found = td.ensemble(crowded(), at(pressure), draws, options=tight)
     ready = td.prepare(crowded(), at(pressure), tuple(draws), options=tight)
     for member in (0, 8):
@@ -451,7 +451,7 @@ def test_members_run_as_alone(pressure: Any) -> None:
 
 
 def test_a_large_network_runs_as_a_small_one() -> None:
-    tight = {"tolerance": 1e-7, "relative": 1e-8}
+    tight = {"error": 8e-7}
     small = td.simulate(crowded(), at(50.0), options=td.Options(**tight))
     large = td.simulate(crowded(), at(50.0), options=td.Options(**tight, method="TR-BDF2"))
     np.testing.assert_allclose(large["a"].kelvin, small["a"].kelvin, atol=0.02)  # what that method promises

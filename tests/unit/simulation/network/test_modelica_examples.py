@@ -94,7 +94,7 @@ def solved(name: str, times: NDArray[np.float64]) -> Any:
         duration=f"{times[-1]} [s]",
         schedule=schedule,
     )
-    return td.simulate(td.model_from_dict(DECKS[name]), scenario, times=times)
+    return td.simulate(td.model_from_dict(DECKS[name]), scenario, times=times, options=td.Options(error=4e-6))
 
 
 def equations(name: str, times: NDArray[np.float64]) -> dict[str, NDArray[np.float64]]:
