@@ -91,9 +91,12 @@ class TestRecord:
         call = ["credibility", str(project), "--results", str(tmp_path / "r")]
         plain = CliRunner().invoke(app, call)
         assert plain.exit_code == 0, plain.output
-        assert plain.output.startswith("Two levels: ")
+        assert plain.stdout.startswith("Two levels: ")
+        assert "Sizes of model error used, and from how many public test sets" in plain.stdout
         done = CliRunner().invoke(app, [*call, "--to", str(tmp_path / "c.toml"), "--json"])
-        assert json.loads(done.stdout)["values"][JOINT]["state"] == "calibrated"
+        told = json.loads(done.stdout)
+        assert told["values"][JOINT]["state"] == "calibrated"
+        assert told["sizes_of_error"]["hidden"]["sets"] == 9
         assert (tmp_path / "c.toml").is_file()
 
 
