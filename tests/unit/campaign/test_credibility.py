@@ -15,6 +15,7 @@ from thermid.app.cli.app import app
 from thermid.base.errors import DeckError, NameNotFoundError
 from thermid.campaign._judge.verdict import FILE, look, looks_at
 from thermid.campaign._stages import Campaign
+from thermid.inference.error_model import SIZES
 from unit.fit.bench import HTC, MASS, box, pair
 from unit.fit.project import CAMPAIGN, make_project
 
@@ -92,7 +93,7 @@ class TestRecord:
         plain = CliRunner().invoke(app, call)
         assert plain.exit_code == 0, plain.output
         assert plain.stdout.startswith("Two levels: ")
-        assert "Sizes of model error used, and from how many public test sets" in plain.stdout
+        assert str(SIZES) in plain.stdout
         done = CliRunner().invoke(app, [*call, "--to", str(tmp_path / "c.toml"), "--json"])
         told = json.loads(done.stdout)
         assert told["values"][JOINT]["state"] == "calibrated"
