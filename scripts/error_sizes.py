@@ -70,10 +70,13 @@ def table(found: Mapping[str, Scale]) -> str:
     return "\n".join(lines)
 
 
-def sources(sets: Sequence[TestSet]) -> str:
-    """Return the makers of the sizes, as Markdown."""
-    lines = ["| set | source, licence, commit | conditions | structure |", "|---|---|---|---|"]
-    return "\n".join([*lines, *(f"| {s.name} | {s.source} | {len(s.conditions)} | {s.structure} |" for s in sets)])
+def sources(sets: Sequence[TestSet], rows: Sequence[crossed.s.Row]) -> str:
+    """Return the makers of the sizes, as Markdown, with what the sizes of the others make of each."""
+    head = "| set | source, licence, commit; structure | runs | left out | inside % | half-width / RMS K | score K |"
+    lines = [head, "|---|---|---|---|---|---|---|"]
+    for of in sets:
+        lines.append(f"| {of.name} | {of.source}; {of.structure} | {len(of.conditions)} | {crossed.figures(rows, of.name)} |")
+    return "\n".join(lines)
 
 
 def main() -> None:
@@ -97,17 +100,15 @@ def main() -> None:
         print(f"{of.name}: {time.process_time() - begun:.0f} s of processor time", file=sys.stderr, flush=True)
     for name, why in LEFT_OUT.items():
         print(f"{name}: not used, {why}", file=sys.stderr)
-    told = scales(found)
-    print(sources(sets), table(told), sep="\n\n")
     if options.write:
         made = {"version": td.__version__, "grid": GRID.tolist(), "files": {s.name: dict(s.files) for s in sets}, "likelihoods": found}
         KEPT.write_text(json.dumps(made, indent=1), encoding="utf-8")
-    asked = [of for of in sets if not options.only or of.name in options.only]
-    judged = "" if options.no_judge else crossed.summary([r for of in asked for r in judged_rows(of, found)])
-    print(f"\n{judged}\n\n{(time.process_time() - begun) / 60.0:.1f} minutes of processor time")
+    asked = [] if options.no_judge else [of for of in sets if not options.only or of.name in options.only]
+    rows = [r for of in asked for r in judged_rows(of, found)]
+    page = "\n\n".join([table(scales(found)), *([crossed.summary(rows)] if rows else []), sources(sets, rows)])
+    print(f"{page}\n\n{(time.process_time() - begun) / 60.0:.1f} minutes of processor time")
     if options.page:
         before, _, rest = PAGE.read_text(encoding="utf-8").partition(BEGIN)
-        page = "\n\n".join(x for x in (table(told), sources(sets), judged) if x)
         PAGE.write_text(f"{before}{BEGIN}\n\n{page}\n\n{END}{rest.partition(END)[2]}", encoding="utf-8")
 
 

@@ -83,7 +83,7 @@ def _range(of: TestSet, c: Condition) -> tuple[Array, Array]:
 
 
 def summary(rows: Sequence[s.Row]) -> str:
-    """Return the table: rules, then each set under sizes of the others; score in parts of a set's standard deviation."""
+    """Return the table of rules, sets weighing the same, the score in parts of a set's standard deviation; and what it comes to."""
     rules = list(dict.fromkeys(r.rule for r in rows))
     sets = list(dict.fromkeys(r.set for r in rows))
     mean = {(k, n): _means([r for r in rows if r.rule == k and r.set == n]) for k in rules for n in sets}
@@ -107,17 +107,19 @@ def summary(rows: Sequence[s.Row]) -> str:
         f"Inside: {100 * share.mean():.0f} % ({100 * held[0]:.0f} .. {100 * held[1]:.0f}, bootstrap by set). Conditions with at least 90 % "
         f"inside: {sum(kept)} of {len(kept)} (exact limits {100 * low:.0f} .. {100 * high:.0f} %).",
         f"{len(sets)} sets: {'judged' if len(sets) >= LEAST else f'reported, not passed, below {LEAST}'}.",
-        "",
-        "| set | conditions | inside % | half-width K | RMS K | score K | refused |",
-        "|---|---|---|---|---|---|---|",
     ]
-    for n in sets:
-        own = [r for r in rows if r.rule == OTHERS and r.set == n]
-        rms = float(np.sqrt(np.mean([r.square for r in own])))
-        figures = [100 * np.mean([r.inside for r in own]), np.mean([r.half for r in own]), rms, np.mean([r.score for r in own])]
-        cells = " | ".join(f"{x:.2f}" for x in figures[1:])
-        lines.append(f"| {n} | {len(own)} | {figures[0]:.0f} | {cells} | {sum(r.refused for r in own)} |")
     return "\n".join(lines)
+
+
+def figures(rows: Sequence[s.Row], name: str) -> str:
+    """Return how many conditions of a set were predicted under sizes of the others, share inside, half-width, RMS and score. [K]"""
+    own = [r for r in rows if r.rule == OTHERS and r.set == name]
+    if not own:
+        return "| | | |"
+    rms = float(np.sqrt(np.mean([r.square for r in own])))
+    told = [100 * np.mean([r.inside for r in own]), np.mean([r.half for r in own]), rms, np.mean([r.score for r in own])]
+    refused = sum(r.refused for r in own)
+    return f"{len(own)}{f', {refused} declined' if refused else ''} | {told[0]:.0f} | {told[1]:.2g} / {told[2]:.2g} | {told[3]:.2g}"
 
 
 def _means(rows: Sequence[s.Row]) -> tuple[float, float, float, float]:

@@ -15,6 +15,7 @@ from thermid.app.cli.app import app
 from thermid.base.errors import DeckError, NameNotFoundError
 from thermid.campaign._judge.verdict import FILE, look, looks_at
 from thermid.campaign._stages import Campaign
+from thermid.inference.error_model import SIZES
 from unit.fit.bench import HTC, MASS, box, pair
 from unit.fit.project import CAMPAIGN, make_project
 
@@ -91,9 +92,12 @@ class TestRecord:
         call = ["credibility", str(project), "--results", str(tmp_path / "r")]
         plain = CliRunner().invoke(app, call)
         assert plain.exit_code == 0, plain.output
-        assert plain.output.startswith("Two levels: ")
+        assert plain.stdout.startswith("Two levels: ")
+        assert str(SIZES) in plain.stdout
         done = CliRunner().invoke(app, [*call, "--to", str(tmp_path / "c.toml"), "--json"])
-        assert json.loads(done.stdout)["values"][JOINT]["state"] == "calibrated"
+        told = json.loads(done.stdout)
+        assert told["values"][JOINT]["state"] == "calibrated"
+        assert told["sizes_of_error"]["hidden"]["sets"] == 9
         assert (tmp_path / "c.toml").is_file()
 
 

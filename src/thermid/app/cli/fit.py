@@ -206,8 +206,8 @@ def credibility(
     record = origins.credibility(staged(campaign, data, results))
     if to is not None:
         record.save(to)
-    told = {"sizes_of_error": {name: {"value": s.value, "unit": s.unit, "sets": s.sets} for name, s in SIZES.items()}}
-    say(as_json, record.to_dict() | told, f"written: {to}" if to is not None else f"{record}\n\n{SIZES}", verbose)
+    sizes = {name: {"value": s.value, "unit": s.unit, "sets": s.sets} for name, s in SIZES.items()}
+    say(as_json, record.to_dict() | {"sizes_of_error": sizes}, f"written: {to}" if to is not None else f"{record}\n\n{SIZES}", verbose)
 
 
 def swap(

@@ -7,7 +7,7 @@ Sizes of departures are scales of half-normal priors, by class of element. Publi
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Final, NamedTuple
+from typing import Final
 
 
 @dataclass(frozen=True)
@@ -26,14 +26,6 @@ class SizePrior:
     source: str
     effect: str
     sets: int = 0
-
-
-class SizeSet(NamedTuple):
-    """A public test set that taught sizes: where it is below github.com, its licence, and the structure that an engineer gives it."""
-
-    source: str
-    licence: str
-    structure: str
 
 
 class SizeTable(dict[str, SizePrior]):
@@ -60,21 +52,21 @@ SIZES: Final = SizeTable(
     left=SizePrior(0.13, "K", LEARNED, "what no element explains, at a sensor", 9),
 )
 """Scales of the half-normal priors of sizes."""
-ROOM_STATED: Final = SizePrior(0.72, "K", LEARNED, "drift of a room that nobody logged about its first reading or an assumed value", 7)
+ROOM_STATED: Final = SizePrior(0.72, "K", LEARNED, "drift of a room without an instrument about its first reading or an assumed value", 7)
 """The same for such rooms; the model has no use for it yet and takes that of logged rooms."""
 _BOARD = "two heaters with a sensor each, a coefficient each to the room, a joint between"
 SIZE_SETS: Final = {
-    "tclabsp": SizeSet("TiagoPrata/TCLabSP, e8dfcb0", "MIT", _BOARD),
-    "tclab_apmonitor": SizeSet("APMonitor/arduino, f36e65a", "Apache-2.0", _BOARD),
-    "tclab_lisbon": SizeSet("FNR13/TCLab-Predictive-Control, 87a1c44", "none stated", _BOARD),
-    "tclab_santa_barbara": SizeSet("rawlings-group/mlid_2024, 9f1c939", "MIT", _BOARD),
-    "motor": SizeSet("TasS-RV/Motor-Thermal-Modelling-Tool, e94b107", "MIT", "winding and stator, a coefficient to the room"),
-    "cells": SizeSet("Silencefrog9305/Digital-Twins-for-Battery-Using-CTA-MTL, ec0fe7c", "MIT", "one mass, a coefficient to a chamber"),
-    "plate": SizeSet("rupakrokade/sbhs-manual, 5aad482", "none stated", "plate, frame and sensor, a coefficient to the room, a fan"),
-    "boiler": SizeSet("LukeChannings/gesha, 81fbcaa", "none stated", "element, boiler and group, a coefficient to the room"),
-    "house": SizeSet("locie/pySIP, da70d25", "none stated", "indoor air and wall in series to the outside"),
+    "tclabsp": f"TiagoPrata/TCLabSP, e8dfcb0; MIT; {_BOARD}",
+    "tclab_apmonitor": f"APMonitor/arduino, f36e65a; Apache-2.0; {_BOARD}",
+    "tclab_lisbon": f"FNR13/TCLab-Predictive-Control, 87a1c44; none stated; {_BOARD}",
+    "tclab_santa_barbara": f"rawlings-group/mlid_2024, 9f1c939; MIT; {_BOARD}",
+    "motor": "TasS-RV/Motor-Thermal-Modelling-Tool, e94b107; MIT; winding and stator, a coefficient to the room",
+    "cells": "Silencefrog9305/Digital-Twins-for-Battery-Using-CTA-MTL, ec0fe7c; MIT; one mass, a coefficient to a chamber",
+    "plate": "rupakrokade/sbhs-manual, 5aad482; none stated; plate, frame and sensor, a coefficient to the room, a fan",
+    "boiler": "LukeChannings/gesha, 81fbcaa; none stated; element, boiler and group, a coefficient to the room",
+    "house": "locie/pySIP, da70d25; none stated; indoor air and wall in series to the outside",
 }
-"""Sets behind them, none of which is part of thermid."""
+"""Sets behind them, none of which is part of thermid: where below github.com, and commit; licence; structure."""
 
 ROOM_TIME: Final = 3600.0
 """Time constant with which a room wanders; prior. [s]"""
