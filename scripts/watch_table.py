@@ -21,6 +21,8 @@ DATA = ROOT.parent / "shared" / "data"
 PAGE = ROOT / "docs" / "coverage.md"
 LENGTH = 6.0
 """Hours of one test without a fault."""
+SPACINGS = (1, 5, 10, 20)
+"""Minutes between looks."""
 GROWTH = (1 / 24, 0.25, 0.5, 0.75, 1.0)
 """Shares of the hours of a growing log after which memory is measured."""
 
@@ -108,6 +110,22 @@ def quiet_hours(hours: float) -> str:
     )
 
 
+def looks(count: int) -> str:
+    """Return what planted faults and clean tests alarm at looks of several spacings."""
+    from recovery.watch_cases import alarmed, quiet, told_alike
+
+    once = [alarmed(seed, 60.0) for seed in range(count)]
+    rows = []
+    for minutes in SPACINGS:
+        every = 60.0 * minutes
+        found = [alarmed(seed, every) if minutes > 1 else once[seed] for seed in range(count)]
+        alike = sum(told_alike(f, o, every) for f, o in zip(found, once, strict=True))
+        wrong = sum(any(look.alarms for look in quiet(seed, LENGTH, every)) for seed in range(count))
+        rows.append(f"| {minutes} | {sum(f is not None for f in found)} | {alike} | {wrong} |")
+    head = f"| minutes between looks | alarms on {count} planted faults | of the same, at the next look | alarms on {count} clean tests |"
+    return "\n".join([head, "|---|---|---|---|", *rows])
+
+
 def real(data: Path) -> str:
     """Return what was said of the real logs."""
     from recovery.watch_cases import replayed
@@ -167,8 +185,11 @@ def main() -> None:
     asked.add_argument("--hidden", type=int, default=200, help="tests with a hidden mass")
     asked.add_argument("--faults", type=int, default=40, help="planted faults")
     asked.add_argument("--hours", type=float, default=240.0, help="hours of tests without a fault, and of the growing log")
+    asked.add_argument("--looks", type=int, default=40, help="planted faults, and tests without one, at each spacing of looks")
     asked.add_argument("--data", type=Path, default=DATA, help="folder of the real logs")
-    asked.add_argument("--only", nargs="+", choices=("tests", "hidden", "faults", "hours", "log", "real"), help="parts that are made again")
+    asked.add_argument(
+        "--only", nargs="+", choices=("tests", "hidden", "faults", "looks", "hours", "log", "real"), help="parts that are made again"
+    )
     asked.add_argument("--grow", nargs=2, help=argparse.SUPPRESS)
     given = asked.parse_args()
     sys.path.insert(0, str(ROOT / "tests"))
@@ -179,6 +200,7 @@ def main() -> None:
         "tests": lambda: f"{tests(given.tests)}\n\n{DECLINED}",
         "hidden": lambda: hidden(given.hidden),
         "faults": lambda: faults(given.faults),
+        "looks": lambda: looks(given.looks),
         "hours": lambda: quiet_hours(given.hours),
         "log": lambda: log(given.hours),
         "real": lambda: real(given.data) if given.data.is_dir() else "The real logs are not here.",

@@ -131,7 +131,11 @@ def row(defect: str, draws: int, seed: int = FRESH) -> Row:
 
 
 @pytest.mark.parametrize(
-    ("defect", "named"), [("hidden mass", "a second mass behind a resistance at 'board'"), ("clock", "later than logged")]
+    ("defect", "named"),
+    [
+        ("hidden mass", "a second mass behind a resistance at 'board'"),
+        pytest.param("clock", "later than logged", marks=pytest.mark.campaign),
+    ],
 )
 def test_a_proved_defect_carries_the_prediction(defect: str, named: str) -> None:
     """Its band is the truth's, and the first line says what the deck does not have; of the deck alone it stays not adequate and wide."""

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from scipy.stats import beta
 
-from recovery.watch_cases import Outcome, alarmed, drawn, hiding, named, off_by_a_tenth, quiet, stop_of, watched
+from recovery.watch_cases import Outcome, alarmed, drawn, hiding, named, off_by_a_tenth, quiet, stop_of, told_alike, watched
 
 CASES, HIDDEN, FAULTS, QUIET, OFF = 1000, 200, 40, 40, 20
 LOOKS = (300.0, 600.0, 1200.0)
@@ -38,12 +38,7 @@ def test_what_is_named_does_not_depend_on_how_often_one_looks() -> None:
 
 def _same_at_all_looks(seed: int, looks: tuple[float, ...]) -> None:
     at_once = alarmed(seed, 60.0)
-    for every in looks:
-        found = alarmed(seed, every)
-        assert (found is None) == (at_once is None)
-        if found is not None and at_once is not None:
-            assert found[0] == at_once[0]
-            assert at_once[1] <= found[1] < at_once[1] + every  # at the next look
+    assert all(told_alike(alarmed(seed, every), at_once, every) for every in looks)
 
 
 @pytest.mark.parametrize("seed", [3])

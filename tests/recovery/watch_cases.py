@@ -206,6 +206,13 @@ def alarmed(seed: int, every: float) -> tuple[str, float] | None:
     return None
 
 
+def told_alike(found: tuple[str, float] | None, at_once: tuple[str, float] | None, every: float) -> bool:
+    """Whether looks some time apart [s] alarm as looks a minute apart do: of the same, at the next look."""
+    if found is None or at_once is None:
+        return found is at_once
+    return found[0] == at_once[0] and at_once[1] <= found[1] < at_once[1] + every
+
+
 def named(seed: int) -> bool:
     """Whether a planted fault is named within five minutes after its effect exceeds five times the noise, at a look a minute."""
     kind, _, apart = planted(seed)

@@ -59,7 +59,7 @@ def widening(found: Calibration) -> np.ndarray:
     return np.asarray(np.sqrt(np.diag(found.values.covariance) / np.diag(plain)[kept]))
 
 
-@pytest.mark.parametrize("gap", [False, True])
+@pytest.mark.parametrize("gap", [pytest.param(False, marks=pytest.mark.campaign), True])
 def test_errors_are_the_scatter_of_repeats_where_residuals_wander(gap: bool) -> None:
     squares = np.mean(scores(gap=gap) ** 2, axis=0)
     # 24 draws of a chi-square: 1 +- 0.29; the width of the wandering is itself estimated from each log

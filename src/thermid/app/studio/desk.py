@@ -71,7 +71,7 @@ class Desk:
         fitted = {} if self.calibration is None else {p: v for p, v in self.calibration.values.items() if v.kind == "parameter"}
         unknowns = {u.name: u for u in self.problem.unknowns if u.kind == "parameter"} if self.problem is not None else {}
         runs = self.scenarios if self.problem is None else tuple(e.scenario for e in self.problem.experiments)
-        without = {p for u in unknowns.values() for p in u.also} | {self.model.canonical(path) for run in runs for path in run.schedule}
+        without = {*(p for u in unknowns.values() for p in u.also), *(self.model.canonical(p) for run in runs for p in run.schedule)}
         out = []
         for path, entry in parameter_table(self.model).items():
             literal = entry.parameter.expression.literal

@@ -6,14 +6,13 @@ from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass
 from functools import cached_property
-from numbers import Real
 from pathlib import Path
 from typing import Any, Final
 
 import numpy as np
 
 from thermid.base.arguments import takes_objects
-from thermid.base.errors import IdentificationError, SolverError, ThermidError, errors_at, nearest
+from thermid.base.errors import IdentificationError, SolverError, ThermidError, nearest
 from thermid.base.expression import si_value
 from thermid.base.files import read_bytes, scratch
 from thermid.base.linear_algebra import Array, null_space
@@ -135,8 +134,10 @@ def calibrate_fmu(
     SolverError             When the FMU cannot be run.
     """
     runner = _Runner(fmpy_package(), Path(file), np.asarray(times, dtype=float), tuple(readings), dict(start or {}), inputs)
+    asked = {name: np.asarray(values, dtype=float) for name, values in readings.items()}
     with runner.opened():
-        problem = _Problem(runner, _arrays(readings), _noise(runner, noise), _unknowns(runner, parameters))
+        sizes = {name: _in_unit_of(runner.variable(name), size) for name, size in noise.items()}
+        problem = _Problem(runner, asked, sizes, _unknowns(runner, parameters))
         found = minimise(problem)
         return _told(problem, found)
 
@@ -235,23 +236,11 @@ def _unknowns(runner: _Runner, parameters: Mapping[str, tuple[float, float]]) ->
     return tuple(out)
 
 
-def _arrays(readings: Mapping[str, Array]) -> dict[str, Array]:
-    return {name: np.asarray(values, dtype=float) for name, values in readings.items()}
-
-
-def _noise(runner: _Runner, noise: Mapping[str, Any]) -> dict[str, float]:
-    """Return the standard deviation of each output's noise, in the unit of the output."""
-
-    def size_of(name: str, size: Any) -> float:
-        if isinstance(size, Real):
-            return float(size)
-        of = unit(runner.variable(name).unit or "1")
-        value = si_value(size, "K" if of.absolute else of.text)
-        assert value is not None  # only bare numbers have none
-        return value / float(of.factor)
-
-    with errors_at(str(runner.file)):
-        return {name: size_of(name, size) for name, size in noise.items()}
+def _in_unit_of(output: Any, size: Any) -> float:
+    """Return the standard deviation of an output's noise, in the unit of the output; a bare number is so already."""
+    of = unit(output.unit or "1")
+    value = si_value(size, "K" if of.absolute else of.text)
+    return float(size) if value is None else value / float(of.factor)
 
 
 class _Problem:

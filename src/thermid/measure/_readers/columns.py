@@ -1,19 +1,27 @@
-"""Cells to names, units and numbers. A cell that is neither a number nor a known sign of a missing one stops the reader, with its line."""
+"""Cells to names, units and numbers. A cell that is neither a number nor a known sign of a missing one stops the reader, with its line.
+
+The samples of a long text log are read in blocks by `numpy.loadtxt`: the layout is told from its first lines and its last two, as of a
+short log, and every row must be as the first ones are. Where one is not, or a block holds text, the log is read cell by cell.
+"""
 
 from __future__ import annotations
 
 import re
-from typing import Final
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from typing import Any, Final
 
 import numpy as np
 
-from thermid.base.errors import NameNotFoundError, RecordError, nearest
+from thermid.base.errors import NameNotFoundError, RecordError, ThermidError, nearest
 from thermid.measure._readers.headers import MISSING, name_and_unit
-from thermid.measure._readers.textfile import Cells
+from thermid.measure._readers.textfile import LEAD, LOOKED_AT, SEPARATORS, UNFINISHED, Cells, cells_of_text, holds_cells
 from thermid.measure._record.channel import FloatArray
 
 _FRACTION = re.compile(r"\s*[+-]?(\d+[.,]\d*|[.,]\d+)([eE][+-]?\d+)?\s*\Z")
 _NUMBER = re.compile(r"[+-]?(\d+\.?\d*|\.\d+)([eE][+-]?\d+)?\Z|[+-]?inf(inity)?\Z", re.IGNORECASE | re.ASCII)
+BLOCK: Final = 5_000
+"""Lines of a text log that are read at once; the layout is told from the first so many, and from the last two."""
 _UNUSED: Final = "\x1f"  # no text log has it: `textfile` refuses control characters
 
 
@@ -48,7 +56,8 @@ def decimal_sign(cells: Cells, given: str | None) -> str:
         if given not in (".", ","):
             raise RecordError(f"decimal={given!r} is neither '.' nor ','.", cells.file, code="value.wrong-kind")
         return given
-    if not cells.commas or not any("," in "".join(column) for column in cells.columns):
+    texts = [column for column in cells.columns if not isinstance(column, NumberColumn)]
+    if not cells.commas or not any("," in "".join(column) for column in texts):
         return "."
     seen: dict[str, tuple[str, int]] = {}
     for column in cells.columns:
@@ -67,8 +76,10 @@ def decimal_sign(cells: Cells, given: str | None) -> str:
     return next(iter(seen), ".")
 
 
-def numbers(cells: tuple[str, ...], decimal: str) -> FloatArray | int:
+def numbers(cells: Sequence[str], decimal: str) -> FloatArray | int:
     """Return the numbers of a column, NaN where one is missing, or the row of the first cell that is text."""
+    if isinstance(cells, NumberColumn) and decimal == ".":
+        return cells.values
     joined = _UNUSED.join(cells)
     if decimal == ",":
         # a point beside decimal commas would be a thousands sign; it is text here, so that 1.234 is never read as 1.2
@@ -96,3 +107,93 @@ def numbers(cells: tuple[str, ...], decimal: str) -> FloatArray | int:
 def kelvin_sized(values: FloatArray) -> bool:
     """Whether readings (samples,) would all be hot in degC and usual in kelvin: -50 to 127 degC."""
     return bool(values.size and values.min() >= 223.0 and values.max() <= 400.0)
+
+
+@dataclass(frozen=True, eq=False)
+class NumberColumn(Sequence[str]):
+    """The cells of a column of plain numbers; what stands in the file is looked up where it is asked for.
+
+    Parameters
+    ----------
+    values : array (rows,)
+    text : str                      Of the file.
+    starts : array (rows + 1,)      Where each line begins, and where one behind the last would.
+    mark : str                      Separator.
+    place : int                     Of the column among the others.
+    """
+
+    values: FloatArray
+    text: str
+    starts: Any
+    mark: str
+    place: int
+
+    def __len__(self) -> int:
+        """How many rows there are."""
+        return int(self.values.size)
+
+    def __getitem__(self, row: Any) -> Any:
+        """The cell of a row, as it is written."""
+        at = range(len(self))[row]
+        return self.text[self.starts[at] : self.starts[at + 1] - 1].split(self.mark)[self.place]
+
+
+def table_of_text(text: str, file: str, separator: str | None, notes: Sequence[str] = ()) -> Cells:
+    """Return the cells of a text as `cells_of_text` does, the columns of numbers of a long one as `NumberColumn`.
+
+    Raises
+    ------
+    RecordError   As `cells_of_text`.
+    """
+    return _long_table(text.rstrip("\n") + "\n" * text.endswith("\n"), file, separator, notes) or cells_of_text(
+        text, file, separator, notes
+    )
+
+
+def _long_table(text: str, file: str, separator: str | None, notes: Sequence[str]) -> Cells | None:
+    """Return the cells of a long text whose rows are all as the first ones; None where it is short, or a row is not."""
+    if not text.isascii() or '"' in text or text.count("\n") < BLOCK + 2:
+        return None
+    ends = np.flatnonzero(np.frombuffer(text.encode("ascii"), np.uint8) == ord("\n")) + 1
+    starts = np.concatenate([[0], ends, [] if text.endswith("\n") else [len(text) + 1]]).astype(int)
+    try:
+        known = cells_of_text(text[: starts[BLOCK]] + text[starts[-3] :], file, separator, notes)
+    except ThermidError:  # told again below, with the line where it stands
+        return None
+    marks = [mark for mark, word in SEPARATORS.items() if word == known.layout.separator]
+    if len(known.lines) < LOOKED_AT or not marks:
+        return None
+    cut = [note.endswith(UNFINISHED) for note in known.notes]
+    said = [f"line {starts.size - 1}, the last one, {UNFINISHED}" if c else note for c, note in zip(cut, known.notes, strict=True)]
+    columns = _columns(known, text, starts[known.lines[0] - 1 : starts.size - sum(cut)], marks[0])
+    lines = range(known.lines[0], starts.size - sum(cut))
+    return None if columns is None else replace(known, columns=columns, lines=lines, notes=tuple(said))
+
+
+def _columns(known: Cells, text: str, starts: Any, mark: str) -> list[Sequence[str]] | None:
+    """Return the columns of all rows, numbers and texts as in those that are known; None where a row is not as these."""
+    width = len(known.columns)
+    plain = [k for k, column in enumerate(known.columns) if not isinstance(numbers(column, "."), int)]
+    values = np.empty((len(plain), starts.size - 1))
+    texts: dict[int, list[str]] = {k: [] for k in range(width) if k not in plain}
+    for first in range(0, starts.size - 1, BLOCK):
+        last = min(first + BLOCK, starts.size - 1)
+        lines = text[starts[first] : starts[last] - 1].split("\n")
+        found = _numbers_of_lines(lines, mark, plain) if {line.count(mark) for line in lines} == {width - 1} else None
+        if found is None or not ({line[:1] for line in lines}.isdisjoint(LEAD) or all(map(holds_cells, lines))):
+            return None
+        values[:, first:last] = found
+        for k, kept in texts.items():
+            kept += [line.split(mark, k + 1)[k] for line in lines]
+    made = {k: NumberColumn(row, text, starts, mark, k) for k, row in zip(plain, values, strict=True)}
+    return [made[k] if k in made else texts[k] for k in range(width)]
+
+
+def _numbers_of_lines(lines: list[str], mark: str, plain: list[int]) -> FloatArray | None:
+    """Return the numbers of some columns of lines (columns, lines), NaN where one is missing; None where a cell is text."""
+    try:
+        found = np.loadtxt(lines, delimiter=mark, comments=None, ndmin=2, usecols=plain).T
+    except ValueError:  # some cell is empty, or text
+        parsed = [numbers([line.split(mark)[k] for line in lines], ".") for k in plain]
+        return None if any(isinstance(each, int) for each in parsed) else np.array(parsed)
+    return found if found.shape[1] == len(lines) else None

@@ -26,6 +26,7 @@ from thermid.base.extensions import extension
 from thermid.base.toml_files import kind_of_text
 from thermid.base.units import unit
 from thermid.measure._readers import binary
+from thermid.measure._readers.columns import table_of_text
 from thermid.measure._readers.confined import EndedError
 from thermid.measure._readers.headers import MISSING, TIME_NAMES, is_number, name_and_unit, spelt
 from thermid.measure._readers.stamps import stamp_seconds
@@ -79,7 +80,7 @@ def serial_capture(text: str, file: str) -> Cells:
 
 
 def _captured(
-    header: tuple[str, ...], columns: list[tuple[str, ...]], numbers: list[int], others: int, file: str, separator: str = ""
+    header: tuple[str, ...], columns: Sequence[Sequence[str]], numbers: list[int], others: int, file: str, separator: str = ""
 ) -> Cells:
     """Return the cells of a capture, with a note on lines that hold no samples."""
     notes = (f"{others} lines of the capture hold no samples and were skipped",) if others > 0 else ()
@@ -500,7 +501,7 @@ def _text(read: Callable[[str, str], Cells]) -> Callable[[bytes, str, str | None
 
 def _plain(data: bytes, file: str, separator: str | None) -> Cells:
     text, notes = decoded(data, file)
-    return pivoted(with_units_of_cells(cells_of_text(text, file, separator, notes)))
+    return pivoted(with_units_of_cells(table_of_text(text, file, separator, notes)))
 
 
 def _head(data: bytes) -> str:

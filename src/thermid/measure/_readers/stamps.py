@@ -63,14 +63,14 @@ class Clock:
     places : tuple of int   Its columns: one, or that of the date and that of the time.
     name : str              Name without unit.
     header : str            As written.
-    texts : tuple of str    Cells; date and time joined by a space.
+    texts : sequence        Cells; date and time joined by a space.
     unit : str or None      Unit of the header.
     """
 
     places: tuple[int, ...]
     name: str
     header: str
-    texts: tuple[str, ...]
+    texts: Sequence[str]
     unit: str | None
 
 
@@ -164,7 +164,7 @@ def _by_name_or_content(cells: Cells, names: list[str], dates: list[int], clocks
             return hits[0]
         if len(hits) == 2 and {*hits} <= {*dates, *clocks} and len({*hits} & {*dates}) == 1:
             return hits[0]
-        if len(hits) > 1 and all(cells.columns[at] == cells.columns[hits[0]] for at in hits):
+        if len(hits) > 1 and all([*cells.columns[at]] == [*cells.columns[hits[0]]] for at in hits):
             return hits[0]
         if len(hits) > 1:
             raise RecordError(

@@ -30,14 +30,14 @@ from thermid.measure._readers.headers import (
 )
 from thermid.measure._record.sensor import SensorCertificate
 
-_SEPARATORS: Final = {",": "comma", ";": "semicolon", "\t": "tab"}
-_LOOKED_AT = 500
+SEPARATORS: Final = {",": "comma", ";": "semicolon", "\t": "tab"}
+LOOKED_AT = 500
 UNFINISHED: Final = "is incomplete and was dropped"
 """What is said of a last line that is still being written."""
 _MEND: Final = "Correct the line, put '#' before it, or give the separator."
 _HEAD: Final = MOST_NAMES + 4
 """Lines in which a head ends: names, units, what was done with samples, and two of samples."""
-_LEAD: Final = frozenset({"", "#", " ", "\t", "\f"})
+LEAD: Final = frozenset({"", "#", " ", "\t", "\f"})
 """How a line may begin that holds no cells."""
 _CONTROL: Final = bytes(set(range(32)) - set(b"\t\n\r\f")) + b"\x7f"
 """Signs that no text log has."""
@@ -71,8 +71,8 @@ class Cells:
     ----------
     file : str                       Name of the file.
     header : tuple of str            Names as written.
-    columns : list of tuples of str  Cells by column, in file order.
-    lines : list of int              Line number of each row.
+    columns : sequence of sequences  Cells by column, in file order: texts, in a tuple or a `NumberColumn`.
+    lines : sequence of int          Line number of each row.
     notes : tuple of str             What a reader must know: encoding, separator, a dropped line.
     synthetic : bool                 Whether its first lines state this.
     reasons : mapping                Rows that are masked, by column and reason; of a log that names its faults.
@@ -87,8 +87,8 @@ class Cells:
 
     file: str
     header: tuple[str, ...]
-    columns: list[tuple[str, ...]]
-    lines: list[int]
+    columns: Sequence[Sequence[str]]
+    lines: Sequence[int]
     notes: tuple[str, ...]
     synthetic: bool = False
     reasons: Mapping[str, Mapping[str, list[int]]] = field(default_factory=dict)
@@ -106,7 +106,8 @@ class Cells:
         return f"{self.file}{line}" + (f", column '{column}'" if column else "")
 
 
-def _holds_cells(line: str) -> bool:
+def holds_cells(line: str) -> bool:
+    """Whether a line is neither blank nor a comment."""
     return bool(line.strip()) and not line.lstrip().startswith("#")
 
 
@@ -144,7 +145,7 @@ def cells_of_text(text: str, file: str, separator: str | None, notes: Sequence[s
     notes = list(notes)
     whole = text.endswith("\n")
     every = list(enumerate(text.split("\n"), 1))
-    lines = [(number, line) for number, line in every if line[:1] not in _LEAD or _holds_cells(line)]
+    lines = [(number, line) for number, line in every if line[:1] not in LEAD or holds_cells(line)]
     if not lines:
         raise RecordError("the file is empty." if not text.strip() else "the file has only comments.", file, code="record.no-samples")
     lines, again = _without_repeats(lines)
@@ -205,7 +206,7 @@ def cells_of_text(text: str, file: str, separator: str | None, notes: Sequence[s
         line.lstrip(' "#').startswith("SYNTHETIC") or ("#" in line[:3] and "SYNTHETIC" in line) for line in text.split("\n", 20)[:20]
     )
     commas = columns is None or mark != ","
-    layout = Layout(separator=_SEPARATORS.get(mark, mark), preamble=above, units_row=header.units, encoding=_encoding(notes))
+    layout = Layout(separator=SEPARATORS.get(mark, mark), preamble=above, units_row=header.units, encoding=_encoding(notes))
     return Cells(
         file, header.names, columns or list(zip(*rows, strict=True)), numbers, tuple(notes), synthetic, commas=commas, layout=layout
     )
@@ -265,14 +266,14 @@ def _encoding(notes: Sequence[str]) -> str:
 
 def _without_repeats(lines: list[tuple[int, str]]) -> tuple[list[tuple[int, str]], list[int]]:
     """Return the lines without those that stood above the first samples already, and the numbers of what was left out."""
-    first = next((at for at, (_, line) in enumerate(lines[:_LOOKED_AT]) if TIMELY.search(line) or _has_number(line)), len(lines))
+    first = next((at for at, (_, line) in enumerate(lines[:LOOKED_AT]) if TIMELY.search(line) or _has_number(line)), len(lines))
     heads = {line for _, line in lines[:first]}
     again = [number for number, line in lines[first:] if line in heads] if heads else []
     return ([*lines[:first], *((n, line) for n, line in lines[first:] if line not in heads)] if again else lines), again
 
 
 def _has_number(line: str) -> bool:
-    return any(is_number(cell.strip('" ')) for mark in _SEPARATORS for cell in line.split(mark))
+    return any(is_number(cell.strip('" ')) for mark in SEPARATORS for cell in line.split(mark))
 
 
 def _below_preamble(lines: list[tuple[int, str]], separator: str | None) -> tuple[int, list[tuple[int, str]], str | None]:
@@ -281,9 +282,9 @@ def _below_preamble(lines: list[tuple[int, str]], separator: str | None) -> tupl
     The samples are the longest run of lines with as many cells, numbers or stamps among them; the header is the nearest line above with
     as many cells and without numbers. A first line that is as wide as the samples is the header itself.
     """
-    looked = lines[:_LOOKED_AT]
+    looked = lines[:LOOKED_AT]
     found: list[tuple[int, int, int, str]] = []
-    for mark in _SEPARATORS if separator is None else [separator]:
+    for mark in SEPARATORS if separator is None else [separator]:
         if len(mark) != 1 or mark in '"\r\n':
             return 0, lines, None
         split = _cells_of_lines(looked, mark)
@@ -468,8 +469,8 @@ def _separator(lines: list[tuple[int, str]], given: str | None, file: str) -> st
             raise RecordError(f"separator {given!r} is not a single character. Give ',' or ';' or '\\t'.", file, code="value.wrong-kind")
         return given
     # the last line of a log is often cut short
-    looked = lines[:_LOOKED_AT] if len(lines) > _LOOKED_AT else lines[: max(2, len(lines) - 1)]
-    counts = {mark: found for mark in _SEPARATORS if (found := _split(looked, mark)) and found[0] > 1}
+    looked = lines[:LOOKED_AT] if len(lines) > LOOKED_AT else lines[: max(2, len(lines) - 1)]
+    counts = {mark: found for mark in SEPARATORS if (found := _split(looked, mark)) and found[0] > 1}
     if not counts:
         raise RecordError(
             f"no comma, semicolon or tab divides the header '{lines[0][1][:60]}'. Give separator='...'.",
@@ -481,7 +482,7 @@ def _separator(lines: list[tuple[int, str]], given: str | None, file: str) -> st
     usual = even or [mark for mark, found in counts.items() if sum(count == found[0] for count in found) > 0.5 * len(found)] or list(counts)
     if len(usual) == 1:
         return usual[0]
-    names = " and ".join(f"{_SEPARATORS[mark]} ({counts[mark][0]} columns)" for mark in usual)
+    names = " and ".join(f"{SEPARATORS[mark]} ({counts[mark][0]} columns)" for mark in usual)
     raise RecordError(
         f"the separator is ambiguous: {names} are both possible. Give separator='{usual[0] if usual[0] != chr(9) else chr(92) + 't'}' "
         "or the other.",
@@ -545,7 +546,7 @@ def merged(
         for t, stamp, line in zip(each.times, each.stamps, each.lines, strict=True):
             rows.setdefault(t, (stamp, line))
     axis = sorted(rows)
-    columns = [tuple(rows[t][0] for t in axis)]
+    columns: list[Sequence[str]] = [tuple(rows[t][0] for t in axis)]
     for each in series:
         values: Mapping[float, str] = dict(zip(each.times, each.texts, strict=True))
         columns.append(tuple(values.get(t, "") for t in axis))

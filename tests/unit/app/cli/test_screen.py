@@ -48,7 +48,7 @@ def plain(text: str) -> str:
     return ESCAPES.sub("", text)
 
 
-@pytest.mark.parametrize("columns", [60, 80, 200])
+@pytest.mark.parametrize("columns", [60, pytest.param(80, marks=pytest.mark.campaign), 200])
 def test_no_line_is_longer_than_the_terminal_or_100(accelerometer: Path, columns: int) -> None:
     said = plain(in_a_terminal("check", accelerometer, "-v", columns=columns))
     assert max(map(len, said.splitlines())) <= min(columns, LONGEST)
@@ -115,7 +115,7 @@ def test_not_credible_is_red_and_first(call: Call, tmp_path: Path) -> None:
     assert max(map(len, plain(answer).splitlines())) <= 80
 
 
-@pytest.mark.parametrize("columns", [80, 120])
+@pytest.mark.parametrize("columns", [80, pytest.param(120, marks=pytest.mark.campaign)])
 def test_a_campaign_fits_on_a_screen(made: Path, tmp_path: Path, columns: int) -> None:
     # each line of progress is wiped before the next one, so that only the last text of a line is seen
     said = plain(re.sub(r"[^\n]*\r\x1b\[2K", "", in_a_terminal("calibrate", made, "--to", tmp_path, columns=columns))).replace("\r", "")
