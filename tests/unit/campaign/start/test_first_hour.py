@@ -148,3 +148,22 @@ def test_a_power_by_formula_is_taken_from_volts_and_amperes(tmp_path: Path) -> N
     assert made["questions"] == []
     _, done = said("calibrate", str(tmp_path / "p" / "campaign.toml"))
     assert done["stages"][0]["values"]["plate.capacitance"] == pytest.approx(150.0, rel=0.03)
+
+
+def test_a_second_log_with_other_names_judges_what_the_first_one_proposes(tmp_path: Path) -> None:
+    first = plate(tmp_path / "first.csv")
+    second = plate(tmp_path / "zweite.csv", "Platte [degC],Raum [degC],Heizung [W]")
+    second.write_text(second.read_text().replace("time [s]", "Zeit [s]"))
+    names = ("--same", "T_plate=Platte", "--same", "T_room=Raum", "--same", "P=Heizung")
+    code, made = said("init", str(first), str(second), "--to", str(tmp_path / "p"), "--evaluations", "100", *names)
+    assert code in (0, 4)
+    code, done = said("calibrate", str(tmp_path / "p" / "campaign.toml"))
+    assert code == 0
+    assert done["verdicts"][0]["passed"]
+    assert done["stages"][0]["values"]["plate.capacitance"] == pytest.approx(150.0, rel=0.03)
+    code, message = said("init", str(first), str(second), "--to", str(tmp_path / "q"), "--same", "T_plate=Kasten")
+    assert code == 2
+    assert message.startswith("no column 'Kasten'. Columns: Zeit, Platte, Raum, Heizung.")
+    code, message = said("init", str(first), str(second), "--to", str(tmp_path / "q"), "--same", "BOX=Platte")
+    assert code == 2
+    assert message.startswith("no column 'BOX' in the first log. Columns: T_plate, ")
