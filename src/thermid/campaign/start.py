@@ -6,5 +6,12 @@ from thermid.campaign._start.originals import PUBLIC as PUBLIC, copies as copies
 from thermid.campaign._start.physical import known_masses as known_masses
 from thermid.campaign._start.project import parted as parted, write_project as write_project
 from thermid.campaign._start.proposal import StatedFacts as StatedFacts, propose as propose, seated as seated
-from thermid.campaign._start.roles import ACCURACY as ACCURACY, Roles as Roles, roles_of as roles_of, thinned as thinned, word as word
+from thermid.campaign._start.roles import (
+    ACCURACY as ACCURACY,
+    Roles as Roles,
+    read_as as read_as,
+    roles_of as roles_of,
+    thinned as thinned,
+    word as word,
+)
 from thermid.campaign._start.templates import TEMPLATES as TEMPLATES, write_template as write_template

@@ -1,8 +1,9 @@
 """InitFcn scripts of Simulink models: ``name = expression; % comment [unit]`` -> parameters of a deck.
 
-Read is arithmetic on single numbers: earlier names, ``pi``, ``Inf``, ``+ - * / ^`` and parentheses; continuation by three points, several
-statements on a line, comments, block comments. Everything else is refused with its line: nothing is run. As in MATLAB, the arithmetic is on
-plain numbers, and the comment says what unit the result is in.
+Read is arithmetic on numbers: earlier names, ``pi``, ``Inf``, ``sqrt``, ``+ - * / ^`` and parentheses; fields of structures (``acc.m``
+becomes ``acc_m``) and vectors (``k = [1 2]`` becomes ``k_1`` and ``k_2``); continuation by three points, several statements on a line,
+comments, block comments. Commands that set no value, such as ``clc``, are passed over. Everything else is refused, every fault with its
+line: nothing is run. As in MATLAB, the arithmetic is on plain numbers, and the comment says what unit the result is in.
 """
 
 from __future__ import annotations
@@ -19,7 +20,7 @@ from thermid.base.arguments import takes_objects
 from thermid.base.errors import DeckError, ExpressionError, ThermidError, UnitError, cap, raising
 from thermid.base.expression import parse
 from thermid.base.files import read_text
-from thermid.base.units import DIMENSIONLESS, Dimension, describe, in_si, unit
+from thermid.base.units import DIMENSIONLESS, Dimension, counted, describe, in_si, unit
 from thermid.model.parameters import Parameter, parameter
 
 _CELSIUS = re.compile(r"(deg\.?\s*|degrees?\s+|°\s*)?(C|celsius)\Z", re.IGNORECASE)
@@ -27,6 +28,9 @@ PI = "3.141592653589793"
 _WORD = re.compile(r"\s*(?:(?P<number>(?:\d+\.?\d*|\.\d+)(?:[eE][-+]?\d+)?)(?![\w.])|(?P<name>[A-Za-z]\w*)|(?P<sign>\.?[*/^]|[-+()]))")
 _BRACKET = re.compile(r"\[([^\[\]]*)\]")
 _HEAD = re.compile(r"(?P<name>[A-Za-z]\w*)\s*=(?!=)(?P<rest>.*)\Z", re.DOTALL)
+_FIELD = re.compile(r"\b([A-Za-z]\w*)\.(?=[A-Za-z])")
+_NO_VALUE = re.compile(r"(clear|clearvars|clc|close|format|more|warning)(\s+[\w*-]+)*\Z")
+"""Commands of MATLAB that set no value."""
 ROLES = {
     "mass": "kg",
     "specific_heat": "J/(kg K)",
@@ -95,6 +99,7 @@ class _Reader:
     scales: set[str] = field(default_factory=set)
     dimensions: dict[str, Dimension] = field(default_factory=dict)
     remarks: list[str] = field(default_factory=list)
+    failed: set[str] = field(default_factory=set)
 
     def take(self, s: Statement) -> None:
         """Add one statement."""
@@ -105,6 +110,9 @@ class _Reader:
         except ThermidError as error:
             raise ExpressionError(f"'{s.written}' cannot be read: {error.message}", where, code=error.code) from None
         unknown = [n for n in expression.names if n not in self.numbers]
+        if self.failed & {*unknown}:  # its own fault is listed
+            self.failed.add(s.name)
+            return
         if unknown:
             late = "it is set in a later line" if unknown[0] in s.later else "no earlier line sets it"
             raise ExpressionError(f"'{s.name}' needs '{unknown[0]}', and {late}. Use only earlier names, numbers, pi and Inf.", where)
@@ -152,7 +160,8 @@ class _Reader:
         if not names:
             if of is None and not s.brackets:
                 self.remarks.append(
-                    f"line {s.line}: '{s.name}' has no unit in its comment{s.doubt}, so its value is taken as a plain number. Add the unit"
+                    f"line {s.line}: '{s.name}' has no unit in its comment{s.doubt or _asked(s.comment)}, so its value is taken as a plain "
+                    "number. Add the unit"
                 )
             return (s.text if of is None else f"{s.text} [{of}]"), ""
         derived = self._derived(s.text)
@@ -198,6 +207,13 @@ def _unit_text(bracket: str) -> str | None:
     return text
 
 
+def _asked(comment: str) -> str:
+    """Return the question whether the last word of a comment, or what stands in parentheses, is a unit; empty where none is one."""
+    words = [*re.findall(r"\((.*)\)", comment), *comment.rstrip(" .").replace(",", " ").split()[-1:]]
+    found = next((text for word in words if word.strip() and (text := _unit_text(word)) is not None), None)
+    return f" in brackets (is it [{found}]?)" if found is not None else ""
+
+
 def _close(a: float, b: float) -> bool:
     return a == b or abs(a - b) <= 1e-12 * max(abs(a), abs(b))
 
@@ -212,7 +228,7 @@ def read_initfcn(source: str | os.PathLike[str]) -> InitFcn:
 
     Raises
     ------
-    ExpressionError   With the line, when a statement is not arithmetic over earlier names.
+    ExpressionError   With every line whose statement is not arithmetic over earlier names.
     ThermidError      When the file cannot be read as text.
 
     Examples
@@ -228,12 +244,28 @@ def read_initfcn(source: str | os.PathLike[str]) -> InitFcn:
             file,
             code="cap.exceeded",
         )
-    reader = _Reader(file)
-    for statement in statements(text, file, {"pi": PI, "Inf": "inf"}):
-        reader.take(statement)
+    reader, faults = _Reader(file), list[ThermidError]()
+    for statement in statements(text, file, {"pi": PI, "Inf": "inf"}, faults, reader.failed):
+        try:
+            reader.take(statement)
+        except ThermidError as error:
+            faults.append(error)
+            reader.failed.add(statement.name)
+    _refuse(faults, another=len(faults) > len(reader.parameters))
     if not reader.parameters:
         raise ExpressionError("the script sets no name. It needs lines such as 'Acc_m = 0.054; % Mass [kg].'", file)
     return InitFcn(reader.parameters, reader.numbers, tuple(reader.remarks), file)
+
+
+def _refuse(faults: list[ThermidError], another: bool) -> None:
+    """Raise the faults of a script as one error, in the order of its lines; only the first of a file of another kind, where most fail."""
+    if not faults:
+        return
+    first, *rest = sorted(faults, key=lambda e: int(e.where.rpartition(":")[2]))
+    if another and rest:
+        raise type(first)(f"{first.message} {counted(len(rest), 'more line')} cannot be read either.", first.where, code=first.code)
+    text = "\n  ".join([first.message, *(f"{e.where}: {e.message}" for e in rest)])
+    raise type(first)(text, first.where, code=first.code)
 
 
 def _source(source: str | os.PathLike[str]) -> tuple[str, str]:
@@ -275,25 +307,43 @@ class Statement:
     later: tuple[str, ...] = ()
 
 
-def statements(text: str, file: str, constants: Mapping[str, str]) -> Iterator[Statement]:
+def statements(text: str, file: str, constants: Mapping[str, str], faults: list[ThermidError], failed: set[str]) -> Iterator[Statement]:
     """Yield the assignments of a script.
 
     Parameters
     ----------
     text, file : str    The script, and its name for messages.
     constants : dict    Built-in name -> text that stands for it.
+    faults : list       Takes an error for each thing that is not an assignment of arithmetic.
+    failed : set        Takes the names that such a thing would have set.
 
     Raises
     ------
-    ExpressionError   With the line, at the first thing that is not an assignment of arithmetic.
+    ExpressionError   When a comment or a statement does not end.
     """
     found: list[Statement] = []
+    vectors: set[str] = set()
     for number, code, comment in _joined(_without_line_numbers(text.splitlines()), file):
-        parts = [p.strip() for p in re.split(r"[;,](?![^(]*\))", code) if p.strip()]
-        assignments = [_assignment(part, f"{file}:{number}", number, constants) for part in parts]
-        found += _commented(assignments, comment)
+        parts = [p.strip() for p in re.split(r"[;,](?![^(\[]*[)\]])", code) if p.strip()]
+        made: list[list[Statement]] = []
+        for part in parts:
+            try:
+                if _NO_VALUE.match(part):
+                    _refuse_clear(part, f"{file}:{number}", bool(found or made))
+                    continue
+                made.append(_assignments(part, f"{file}:{number}", number, constants, vectors))
+            except ThermidError as error:
+                faults.append(error)
+                failed.update(m["name"] for m in [_HEAD.match(_FIELD.sub(r"\1_", part))] if m)
+        alone = len(parts) == 1 and bool(made)
+        found += [s for one in made[0] for s in _commented([one], comment)] if alone else _commented([s for m in made for s in m], comment)
     for k, statement in enumerate(found):
         yield replace(statement, later=tuple(s.name for s in found[k + 1 :]))
+
+
+def _refuse_clear(part: str, where: str, late: bool) -> None:
+    if late and part.startswith("clear"):
+        raise ExpressionError(f"'{part}' would remove the values above it. Put it first, or remove it.", where)
 
 
 def _without_line_numbers(lines: list[str]) -> list[str]:
@@ -337,15 +387,40 @@ def _cut(line: str) -> tuple[str, str, bool]:
     return (line[: min(where)], line[min(where) :].lstrip("%# ").strip(), False) if where else (line, "", False)
 
 
-def _assignment(part: str, where: str, number: int, constants: Mapping[str, str]) -> Statement:
-    """Return one assignment without its comment."""
-    head = _HEAD.match(part)
+def _assignments(part: str, where: str, number: int, constants: Mapping[str, str], vectors: set[str]) -> list[Statement]:
+    """Return one assignment without its comment, or those of a vector's elements, whose name joins `vectors`."""
+    head = _HEAD.match(_FIELD.sub(r"\1_", part))
     if head is None:
         raise ExpressionError(
             f"'{_shortened(part)}' is not of the form 'name = expression'. An InitFcn may hold values only. Remove this line.", where
         )
-    written = head["rest"].strip()
-    return Statement(number, head["name"], written, _expression(written, where, constants))
+    name, written = head["name"], head["rest"].strip()
+    elements = [written]
+    if written.startswith("[") and written.endswith("]"):
+        inner = written[1:-1].strip()
+        elements = [e.strip() for e in re.split(r"[,;]", inner)] if re.search(r"[,;]", inner) else inner.split()
+        vectors.add(name)
+    names = [name] if len(elements) == 1 and name not in vectors else [f"{name}_{k}" for k in range(1, len(elements) + 1)]
+
+    def plain(text: str) -> str:
+        taken = re.sub(r"\b([A-Za-z]\w*)\((\d+)\)", lambda m: f"{m[1]}_{m[2]}" if m[1] in vectors else m[0], text)
+        return _expression(_rooted(taken), where, constants)
+
+    return [Statement(number, n, e, plain(e)) for n, e in zip(names, elements, strict=True)]
+
+
+def _rooted(written: str) -> str:
+    """Return an expression with ``sqrt(x)`` as a power of x."""
+    while (found := re.search(r"\bsqrt\s*\(", written)) is not None:
+        depth = 1
+        for k in range(found.end(), len(written)):
+            depth += (written[k] == "(") - (written[k] == ")")
+            if depth == 0:
+                written = f"{written[: found.start()]}(({written[found.end() : k]})^0.5){written[k + 1 :]}"
+                break
+        else:
+            return written
+    return written
 
 
 def _expression(written: str, where: str, constants: Mapping[str, str]) -> str:
@@ -363,7 +438,7 @@ def _expression(written: str, where: str, constants: Mapping[str, str]) -> str:
             rest = written[place:].strip()
             raise ExpressionError(
                 f"'{_shortened(written)}': '{_shortened(rest, 20)}' cannot be read. Use single numbers, earlier names, pi, Inf, + - * "
-                "/ ^ and parentheses; no texts, vectors, calls or structures.",
+                "/ ^, sqrt and parentheses; no texts, ranges, matrices or calls.",
                 where,
             )
         if word["sign"] == "(" and words and (words[-1].isidentifier()):

@@ -96,14 +96,14 @@ def test_a_script_is_shown_with_its_remarks() -> None:
 @pytest.mark.parametrize(
     ("script", "message"),
     [
-        ("a = 1;\nb = sqrt(a);", "script:2: 'sqrt(a)': 'sqrt(' calls a function or takes an element. Write the number instead."),
-        ("a = [1 2];", "script:1: '[1 2]': '[1 2]' cannot be read. Use single numbers, earlier"),
+        ("a = 1;\nb = exp(a);", "script:2: 'exp(a)': 'exp(' calls a function or takes an element. Write the number instead."),
+        ("a = [1:3];", "script:1: '1:3': ':3' cannot be read. Use single numbers, earlier"),
         ("a = 'steel';", "cannot be read. Use single"),
         ("a = 3';", "cannot be read. Use single"),
         ("a = 2\\3;", "cannot be read. Use single"),
         ("a = 1j;", "cannot be read. Use single"),
-        ("a = 1;\n\nclear all", "script:3: 'clear all' is not of the form 'name = expression'. An InitFcn may hold values only. Remove"),
-        ("p.x = 3;", "script:1: 'p.x = 3' is not of the form"),
+        ("a = 1;\n\nclear all", "script:3: 'clear all' would remove the values above it. Put it first, or remove it."),
+        ("p.x\n", "script:1: 'p.x' is not of the form"),
         ("a == 2", "is not of the form"),
         ("if 1, a = 2; end", "'if 1' is not of the form"),
         ("a = 2^3^2;", "two powers in a row, which MATLAB evaluates from the left and a deck from the right."),

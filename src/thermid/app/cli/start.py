@@ -27,6 +27,7 @@ from thermid.campaign.start import (
     known_masses,
     parted,
     propose,
+    read_as,
     roles_of,
     seated,
     thinned,
@@ -36,7 +37,6 @@ from thermid.campaign.start import (
 )
 from thermid.inference.criticism import EVALUATIONS
 from thermid.measure.amounts import amount
-from thermid.measure.readers import read_record
 from thermid.measure.records import without_strays
 from thermid.model.deck import STANDARD, load_model, standard_parts
 from thermid.physics.finishes import FINISHES
@@ -64,6 +64,9 @@ def init(
     time: Annotated[str | None, typer.Option("--time", help="The time column, where it cannot be told.")] = None,
     template: Annotated[str, typer.Option("--template", help="Without a log: part, box, chamber or tclab.")] = "",
     evaluations: Annotated[int, typer.Option("--evaluations", help="Budget of the search of a structure, in runs.")] = EVALUATIONS,
+    same: Annotated[
+        list[str] | None, typer.Option("--same", help="COLUMN=NAME of a column of the first log in further logs, such as BOX=Kasten.")
+    ] = None,
     accuracy: Annotated[str, typer.Option("--accuracy", help="Constant error of the thermometers, one standard deviation.")] = "",
     mass: Annotated[list[str] | None, typer.Option("--mass", help="PART=MASS from a scale, such as box='1.2 [kg]'.")] = None,
     material: Annotated[list[str] | None, typer.Option("--material", help="PART=MATERIAL of a part with a mass: box=aluminium.")] = None,
@@ -85,7 +88,8 @@ def init(
     if sys.stdin.isatty() and not as_json:
         roles = _asked(logs[0], roles, time, bool(temperature), bool(power))
     roles, known = _known(roles, accuracy, mass or [], material or [], path or [], deck)
-    read = [without_strays(read_record(log, roles.channels(), time=time, name=word(log.name.partition(".")[0]))) for log in logs]
+    alike = pairs(same or [], "--same")
+    read = [without_strays(read_as(roles, log, alike if k else {}, time)) for k, log in enumerate(logs)]
     records, masked = [record for record, _ in read], [said for _, lines in read for said in lines]
     fitted, kept = parted(records)
     with working("searching for a structure"):

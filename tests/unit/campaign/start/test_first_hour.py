@@ -9,7 +9,7 @@ import sys
 import time
 import tomllib
 from pathlib import Path
-from types import ModuleType
+from types import ModuleType, SimpleNamespace
 from typing import Any
 
 import numpy as np
@@ -18,6 +18,8 @@ from typer.testing import CliRunner
 
 from thermid.app.cli.app import app
 from thermid.base.errors import ThermidError
+from thermid.campaign._start.physical import known_masses, not_physical
+from thermid.campaign.start import Roles
 
 SCRIPTS = Path(__file__).parents[4] / "scripts"
 
@@ -148,3 +150,41 @@ def test_a_power_by_formula_is_taken_from_volts_and_amperes(tmp_path: Path) -> N
     assert made["questions"] == []
     _, done = said("calibrate", str(tmp_path / "p" / "campaign.toml"))
     assert done["stages"][0]["values"]["plate.capacitance"] == pytest.approx(150.0, rel=0.03)
+
+
+def test_a_second_log_with_other_names_judges_what_the_first_one_proposes(tmp_path: Path) -> None:
+    first = plate(tmp_path / "first.csv")
+    second = plate(tmp_path / "zweite.csv", "Platte [degC],Raum [degC],Heizung [W]")
+    second.write_text(second.read_text().replace("time [s]", "Zeit [s]"))
+    names = ("--same", "T_plate=Platte", "--same", "T_room=Raum", "--same", "P=Heizung")
+    code, _ = said("init", str(first), str(second), "--to", str(tmp_path / "p"), "--evaluations", "100", *names)
+    assert code in (0, 4)
+    code, done = said("calibrate", str(tmp_path / "p" / "campaign.toml"))
+    assert code == 0
+    assert done["verdicts"][0]["passed"]
+    assert done["stages"][0]["values"]["plate.capacitance"] == pytest.approx(150.0, rel=0.03)
+    code, message = said("init", str(first), str(second), "--to", str(tmp_path / "q"), "--same", "T_plate=Kasten")
+    assert code == 2
+    assert message.startswith("no column 'Kasten'. Columns: Zeit, Platte, Raum, Heizung.")
+    code, message = said("init", str(first), str(second), "--to", str(tmp_path / "q"), "--same", "BOX=Platte")
+    assert code == 2
+    assert message.startswith("no column 'BOX' in the first log. Columns: T_plate, ")
+
+
+@pytest.mark.parametrize(("part", "word"), [(20.0, True), (70.0, False)])
+def test_a_part_that_is_only_what_follows_its_sensor_is_named(part: float, word: bool) -> None:
+    """Of 20 J/K under a sensor and 600 J/K behind it the 600 are the plate; 70 J/K can be a part with a mass inside."""
+    values = {"plate.capacitance": part, "inner.capacitance": 600.0}
+    held = {"plate": part, "inner": 600.0}
+    network = SimpleNamespace(numbers=lambda _: SimpleNamespace(capacitances=held))
+    one = SimpleNamespace(
+        values=values,
+        errors=lambda: dict.fromkeys(values, 0.05),
+        problem=SimpleNamespace(experiments=[SimpleNamespace(network=network)]),
+        request=SimpleNamespace(model=SimpleNamespace(conductors={})),
+    )
+    found = not_physical(one, Roles({"T": "plate"}, "Tamb"), {})
+    assert [c.path for c in found] == ["plate.capacitance"] * word
+    assert all("'inner' of 600 J/K may be this part" in str(c) and c.low == 60.0 for c in found)
+    weighed = known_masses({"plate": "22 [g]"}, {"plate": "aluminium"})
+    assert not [c for c in not_physical(one, Roles({"T": "plate"}, "Tamb"), weighed) if word]

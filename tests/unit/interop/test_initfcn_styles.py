@@ -1,0 +1,80 @@
+"""Thirty InitFcn scripts of our own in the styles that people write: read right, or every fault named in one run."""
+
+from __future__ import annotations
+
+import pytest
+
+import thermid as td
+from thermid.interop.initfcn import read_initfcn
+
+READ: dict[str, tuple[str, dict[str, float]]] = {
+    "head of a script": ("clear all; clc; close all\nm = 0.1; % [kg]", {"m": 0.1}),
+    "head on lines": ("clear\nclose all\nclc\nformat long\nwarning off\nm = 2; % [kg]", {"m": 2.0}),
+    "a structure": ("box.m = 1.2; % Mass [kg]\nbox.c = 900; % [J/(kg K)]\nbox.C = box.m*box.c; % [J/K]", {"box_C": 1080.0}),
+    "a structure in a structure": (
+        "s.pcb.k = 15; % [W/(m K)]\ns.pcb.t = 1.6e-3; % [m]\nkt = s.pcb.k*s.pcb.t % [W/K]",
+        {"kt": 0.024},
+    ),
+    "a vector": ("P = [1.5 2 0.25]; % [W]\ntotal = P(1)+P(2)+P(3) % [W]", {"P_1": 1.5, "P_3": 0.25, "total": 3.75}),
+    "a vector with commas": ("A = [0.01, 0.02]; % Areas [m^2]", {"A_1": 0.01, "A_2": 0.02}),
+    "a column": ("C = [100; 250; 40]; % [J/K]", {"C_1": 100.0, "C_2": 250.0, "C_3": 40.0}),
+    "a vector of expressions": ("L = 0.1; % [m]\nA = [L*L, 2*L*L]; % [m^2]", {"A_1": 0.01, "A_2": 0.02}),
+    "a vector in a structure": ("h.side = [4 6]; % [W/(m^2 K)]\nmean_h = (h.side(1)+h.side(2))/2 % [W/(m^2 K)]", {"mean_h": 5.0}),
+    "a root": ("A = 0.04; % [m^2]\nside = sqrt(A); % [m]", {"side": 0.2}),
+    "a root of a sum": ("a = 3;\nb = 4;\nc = sqrt(a^2 + (b)^2);", {"c": 5.0}),
+    "a root in a root": ("x = sqrt(sqrt(16));", {"x": 2.0}),
+    "elementwise signs": ("a = 2;\nb = a.^2 .* 3 ./ 4;", {"b": 3.0}),
+    "a comment of MATLAB on lines above": ("% all masses in kg\n\nm = 2; % [kg]", {"m": 2.0}),
+    "a comment of Octave": ("m = 2; # mass [kg]", {"m": 2.0}),
+    "a line that goes on": ("C = 900 ...\n  * 1.2; % [J/K]", {"C": 1080.0}),
+    "two values on a line": ("m = 1; c = 900; % [kg] [J/(kg K)]", {"m": 1.0, "c": 900.0}),
+    "a block comment": ("%{\nold: m = 3;\n%}\nm = 1; % [kg]", {"m": 1.0}),
+    "degrees Celsius": ("T0 = 22; % Start [degC]", {"T0": 22.0}),
+    "powers of ten": ("k = 1.38e-23;\nt = 2E3; % [s]", {"k": 1.38e-23, "t": 2000.0}),
+    "pi": ("d = 0.01; % [m]\nA = pi*d^2/4; % [m^2]", {"A": 7.853981633974483e-05}),
+    "no semicolons": ("m = 1 % [kg]\nc = 900 % [J/(kg K)]", {"m": 1.0, "c": 900.0}),
+    "one element": ("P = [3]; % [W]\nQ = P(1)*2 % [W]", {"P_1": 3.0, "Q": 6.0}),
+}
+ASKED: dict[str, tuple[str, str]] = {
+    "a unit without brackets": ("m = 2; % mass, kg", "(is it [kg]?)"),
+    "a unit in parentheses": ("h = 6; % film (W/(m^2 K))", "(is it [W/(m^2 K)]?)"),
+    "no unit": ("n = 3;", "'n' has no unit in its comment, so its value is taken as a plain number"),
+    "a unit that is none": ("m = 2; % [kilo]", "'[kilo]' after 'm' is not a known unit"),
+}
+REFUSED: dict[str, tuple[str, list[str]]] = {
+    "calls and loops": (
+        "a = 1; p = 2; q = 3; r = 4; s = 5;\nb = interp1(x, y, 3);\nfor k = 1:3\n  c = k;\nend\nd = 'steel';",
+        ["script:2: ", "script:3: 'for k = 1:3'", "script:4: 'c' needs 'k'", "script:5: 'end'", "script:6: "],
+    ),
+    "a fault does not spread": ("m = 1;\nn = 2;\na = load('x.mat');\nb = 2*a;\nc = b + m;\nd = zeros(3);", ["script:3: ", "script:6: "]),
+    "clear too late": ("a = 1;\nn = 2;\nclear a\nb = exp(2);", ["script:3: 'clear a' would remove the values above it", "script:4: "]),
+}
+
+
+@pytest.mark.parametrize("style", READ)
+def test_a_script_is_read(style: str) -> None:
+    script, wanted = READ[style]
+    found = read_initfcn(script)
+    assert {name: found.numbers[name] for name in wanted} == pytest.approx(wanted)
+    assert not [r for r in found.remarks if "no unit" in r and "[" in script.splitlines()[int(r.split()[1].rstrip(":")) - 1]]
+
+
+@pytest.mark.parametrize("style", ASKED)
+def test_a_value_without_a_unit_is_asked_about(style: str) -> None:
+    script, question = ASKED[style]
+    (remark,) = read_initfcn(script).remarks
+    assert question in remark
+
+
+@pytest.mark.parametrize("style", REFUSED)
+def test_every_fault_of_a_script_is_named_in_one_run(style: str) -> None:
+    script, places = REFUSED[style]
+    with pytest.raises(td.ThermidError) as caught:
+        read_initfcn(script)
+    lines = str(caught.value).split("\n  ")
+    assert len(lines) == len(places)
+    assert all(line.startswith(place) for line, place in zip(lines, places, strict=True)), lines
+
+
+def test_there_are_thirty() -> None:
+    assert len(READ) + len(ASKED) + len(REFUSED) == 30
