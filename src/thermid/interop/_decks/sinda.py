@@ -359,8 +359,12 @@ def _points(deck: SindaDeck, submodel: str, kind: str, word: str, line: Line) ->
 
 
 def _conductors(deck: SindaDeck, submodel: str, lines: list[Line]) -> None:
-    """Read CONDUCTOR DATA: number, pairs of nodes, value; GEN, SIV and SPV. A contactor named in a comment makes a group of its rows."""
-    group = _Group()
+    """Read CONDUCTOR DATA: number, pairs of nodes, value; GEN, SIV and SPV. A contactor named in a comment makes a group of its rows.
+
+    A block of radiation alone, as Thermal Desktop writes one for each group of surfaces that see each other, is one group.
+    """
+    rows = [line.text.lstrip() for line in lines]
+    group = _Group(f"radiation_{identifier(submodel)}" if len(rows) > 1 and all(row.startswith("-") for row in rows) else "")
     for line in lines:
         (head, _), *rest = fields(line) or [("", line.where)]
         word, _, first = head.partition(" ")
@@ -385,8 +389,8 @@ class _Group:
     Rows belong to it until their pair of submodels changes; inside one submodel until their first node does.
     """
 
-    def __init__(self) -> None:
-        self.name, self.key = "", ("", "")
+    def __init__(self, block: str = "") -> None:
+        self.name, self.key, self.block = "", ("", ""), block
 
     def of(self, line: Line, ends: tuple[tuple[str, str], tuple[str, str]]) -> str:
         (sub_a, a), (sub_b, _) = ends
@@ -396,7 +400,7 @@ class _Group:
             self.name, self.key = "_and_".join(dict.fromkeys(made)), key
         elif key != self.key:
             self.name = ""
-        return self.name
+        return self.name or self.block
 
 
 def _contactor(words: str) -> str:
@@ -667,14 +671,15 @@ def _unique(loads: list[FileLoad]) -> Iterator[FileLoad]:
 
 
 def _question_kelvin(deck: SindaDeck) -> None:
-    """Name temperatures that are read as kelvin because nothing states their unit, where hardware would be too cold."""
+    """Name temperatures that are read as kelvin because nothing states their unit; as missing where hardware would be too cold."""
     coldest = min((node for node in deck.nodes if not node.held), key=lambda node: node.celsius, default=None)
-    if deck.units.stated or coldest is None or coldest.celsius > COLDEST_START_IN_KELVIN:
+    if deck.units.stated or coldest is None:
         return
     deck.reading.remark(
         coldest.where,
         f"unit of temperatures not stated: read as kelvin, {coldest.submodel}.{coldest.name} begins at {coldest.celsius:.4g} degC. Write "
         "ABSZRO = -459.67 and UID = ENG for degrees Fahrenheit, ABSZRO = -273.15 for degC, or ABSZRO = 0 for kelvin into CONTROL DATA",
+        dropped=coldest.celsius < COLDEST_START_IN_KELVIN,
     )
 
 
