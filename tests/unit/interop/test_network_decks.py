@@ -629,3 +629,12 @@ def test_a_unit_of_temperature_that_nothing_states_is_said(tmp_path: Path) -> No
     network = read_network(_write(tmp_path, "silent.inp", RADK.replace("    abszro = 0.\n", "    sigma = 5.67e-8\n")))
     assert network.incomplete == ""
     assert any("ABSZRO" in str(each) for each in network.remarks)
+
+
+@pytest.mark.parametrize("more", ["", "  -1, 10., 0.\n  -2, 30., 0.\n"])
+def test_a_transient_begins_at_the_temperatures_of_its_nodes(tmp_path: Path, more: str) -> None:
+    text = f"HEADER CONTROL DATA, GLOBAL\n  abszro = -273.15\n  timend = 10.\nHEADER NODE DATA, A\n  3, 25., 5.\n  4, 40., 5.\n{more}"
+    text += "HEADER CONDUCTOR DATA, A\n  1, 3, 4, 0.1\n" + ("  2, 3, 1, 0.1\n  3, 4, 2, 0.1\n" if more else "")
+    network = read_network(_write(tmp_path, "free.inp", text))
+    run = td.simulate(network.model(), network.scenario())
+    assert [run[f"A.T{k}"].kelvin[0] - 273.15 for k in (3, 4)] == pytest.approx([25.0, 40.0])

@@ -244,9 +244,12 @@ class NetworkFile:
             "commands": {each.name: course.table("") for each, course in followed if each.scales},
             "initial": {node.path: f"{node.celsius!r} [degC]" for node in self.nodes if not node.held and node.capacitance is not None},
         }
+        start = self.start
         if self.start:
             tables["initial"] = {}
-        head = {"title": self.title, "duration": f"{self.duration!r} [s]"} | ({"start": self.start} if self.start else {})
+        elif len(held) != 1:  # a run needs a start though every node has its own
+            start = next((f"{node.celsius!r} [degC]" for node in self.nodes if not node.held and node.capacitance is not None), "")
+        head = {"title": self.title, "duration": f"{self.duration!r} [s]"} | ({"start": start} if start else {})
         return head | {name: table for name, table in tables.items() if table}
 
     def scenario(self) -> Scenario:

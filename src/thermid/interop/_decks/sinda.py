@@ -16,7 +16,7 @@ import numpy as np
 
 from thermid.base.errors import DeckError, ThermidError
 from thermid.base.units import counted
-from thermid.interop._decks.heat_rates import CALL, SUFFIX, CommentedArrays, heat_rates
+from thermid.interop._decks.heat_rates import CALL, SUFFIX, CommentedArrays, heat_rates, owner_of
 from thermid.interop._decks.network_file import FileConductor, FileCourse, FileLoad, FileNode, NetworkFile, TextSpan, fortran, identifier
 from thermid.interop._decks.statements import DeckReading, Line, fields, numbered, stream, with_unit
 from thermid.physics.constants import ICE_POINT, STEFAN_BOLTZMANN
@@ -87,6 +87,7 @@ class SindaDeck:
     loads: list[FileLoad] = field(default_factory=list)
     arrays: dict[tuple[str, str], list[float]] = field(default_factory=dict)
     words: dict[str, list[str]] = field(default_factory=dict)
+    owners: dict[tuple[str, str], tuple[str, str]] = field(default_factory=dict)
     registers: dict[str, tuple[float | str, TextSpan]] = field(default_factory=dict)
     control: dict[str, float] = field(default_factory=dict)
     logic: list[tuple[str, list[Line]]] = field(default_factory=list)
@@ -250,6 +251,8 @@ def _arrays(deck: SindaDeck, submodel: str, lines: list[Line]) -> None:
         found = re.match(r"\s*(\d+)\s*=(\s*SPACE\s*,\s*\d+\s*$)?", row, re.IGNORECASE)
         if found:
             key, row = found[1], row[found.end() :]
+            if owner := owner_of(line.before):
+                deck.owners[submodel, key] = owner
             deck.arrays[submodel, key] = [0.0] * int(found[2].rpartition(",")[2]) if found[2] else []
         for word in re.split(r"[\s,]+", row.strip()):
             if not word or word.upper() == "END":
@@ -549,7 +552,8 @@ def _absorbed(deck: SindaDeck, submodel: str, line: Line) -> None:
     if submodel not in deck.words:
         deck.reading.remark(line.where, f"heat rates: no text file with those of {submodel} was read")
         return
-    rates, absent = heat_rates(arrays, deck.words[submodel], deck.units.time, str(line.where))
+    owners = {int(key): node for (owner, key), node in deck.owners.items() if owner == submodel}
+    rates, absent = heat_rates(arrays, owners, deck.words[submodel], deck.units.time, str(line.where))
     for node in absent:
         deck.reading.remark(line.where, f"heat rate: {node} has none in the text file of {submodel}")
     for rate in rates:
