@@ -123,6 +123,8 @@ _NAMESPACES = {
         "Spread": "prediction.bands",
         "plan_retune": "campaign.studies",
         "RetunePlan": "campaign.studies",
+        "size": "campaign.verdicts",
+        "Sizing": "campaign.verdicts",
         "load_study": "campaign.studies",
         "Study": "campaign.studies",
     },

@@ -35,4 +35,5 @@ from thermid.campaign._judge.margins import (
     margins as margins,
 )
 from thermid.campaign._judge.metrics import largest as largest, metric as metric
+from thermid.campaign._judge.sizing import Sizing as Sizing, size as size
 from thermid.campaign._judge.verdict import Verdict as Verdict, compare as compare, validate as validate

@@ -126,6 +126,23 @@ def test_fluxes_take_their_areas_and_the_scale(tmp_path: Path) -> None:
     assert powers == pytest.approx({"PLATE_c0a1_T1": 2.5 * 1.5, "PLATE_c0a1_T4": 1.75 * 6.0, "FIN_c0a1_T2": 2.0 * 3.0})
 
 
+def test_a_node_that_absorbs_nothing_has_no_array(tmp_path: Path) -> None:
+    """The file numbers the arrays of the others without a gap; their comments name the nodes."""
+    text = _rates("C").replace(_rows(1, MEANS, "C"), _rows(1, (0.0, *MEANS[1:]), "C"))
+    begin = text.index("C solar albedo planetshine - PLATE.1")
+    text = text[:begin] + text[text.index("C solar albedo planetshine - PLATE.4") :].replace("C     7=", "C     6=").replace(
+        "C     8=", "C     7="
+    )
+    network = read_sinda(_case(tmp_path, text))
+    assert network.incomplete == ""
+    courses = {load.into: load.course for load in network.loads}
+    assert courses.keys() == {("PLATE", "T4"), ("FIN", "T2")}
+    for (owner, node), numbers in list(RATES.items())[1:]:
+        course = courses[owner, f"T{node}"]
+        assert course is not None
+        assert course.numbers.tolist() == list(numbers)
+
+
 def test_what_is_absent_is_counted_and_named(tmp_path: Path) -> None:
     lost = read_sinda(_case(tmp_path, None))
     (tmp_path / "C0A1.hra_bin").write_bytes(b"\0" * 80)
@@ -240,6 +257,7 @@ DAVIS = "Space-and-Satellite-Systems-UC-Davis/Structure-Thermal-Desktop"
 TUTORIAL = f"{DAVIS}/Reference Files and Tutorials/CRTech Tutorials/2. ModelBrowser_63/case1.cc"
 SHA = {
     f"{DAVIS}/OLD_Working CubseSAT Model/C1A0.hra": "78d474592827fe2319aabcf3d2183c33d733681c38de2a07ab590a2b9b5cd940",
+    f"{DAVIS}/Reference Files and Tutorials/Workshops/Selene/C0A0.hra": "6a5a664a27721ffbc0316a4f304d534107b67dba00f75c8f042aa1e688fc8df0",
     TUTORIAL: "d624cb58e5cac7e3110c29fa978b10723512970796d890e6bf5d127324d7e185",
 }
 
@@ -250,6 +268,13 @@ def _public(name: str) -> Path:
         pytest.skip(f"{name} is not under THERMID_PUBLIC")
     assert hashlib.sha256(file.read_bytes()).hexdigest() == SHA[name]
     return file
+
+
+def test_rates_of_three_files_of_which_each_leaves_nodes_out() -> None:
+    folder = _public(f"{DAVIS}/Reference Files and Tutorials/Workshops/Selene/C0A0.hra").parent
+    agreed = agreement(read_sinda(folder / "case0.inp"), sinda_print(folder / "case0.out"))
+    assert len(agreed.nodes) == 150
+    assert np.sqrt(np.mean(agreed.off**2)) < 0.01
 
 
 def test_two_orbits_against_the_tools_own_print() -> None:

@@ -592,3 +592,49 @@ def test_a_row_without_a_field_is_refused_with_its_place(tmp_path: Path) -> None
         (tmp_path / "net.cc").write_text(text, encoding="utf-8")
         with pytest.raises(DeckError, match=r"'\(\|' is not a (node|conductor)"):
             read_sinda(tmp_path / "net.cc")
+
+
+RADK = """HEADER CONTROL DATA, GLOBAL
+    abszro = 0.
+HEADER NODE DATA, BOX
+  1, 300., 5.
+  2, 300., 5.
+HEADER NODE DATA, SPACE
+  -1, 3., 0.
+HEADER CONDUCTOR DATA, BOX
+  1, 1, 2, 0.4
+  -2, 1, SPACE.1, 0.01
+HEADER CONDUCTOR DATA, C0A0
+  -1, BOX.1, SPACE.1, 0.02
+  -2, BOX.2, SPACE.1, 0.03
+HEADER SOURCE DATA, BOX
+  1, 6.
+"""
+
+
+def test_a_block_of_radiation_has_one_factor(tmp_path: Path) -> None:
+    network = read_network(_write(tmp_path, "radk.inp", RADK))
+    assert network.groups() == {"radiation_c0a0": 2}
+    model = network.model().with_values({"radiation_c0a0": 0.5})
+    settled = td.steady(model, network.scenario())
+    area = {"BOX.T1": 0.01 + 0.5 * 0.02, "BOX.T2": 0.5 * 0.03}
+    assert sum(5.670374419e-8 * a * (settled[n] ** 4 - 3.0**4) for n, a in area.items()) == pytest.approx(6.0, rel=1e-9)
+    (text,) = network.written_back(model).values()
+    assert text == RADK.replace("0.02\n", "0.01 $ fitted, was 0.02\n").replace("0.03\n", "0.015 $ fitted, was 0.03\n")
+    again = read_network(_write(tmp_path, "again.inp", text))
+    assert td.steady(again.model(), again.scenario())["BOX.T1"] == pytest.approx(settled["BOX.T1"], rel=1e-12)
+
+
+def test_a_unit_of_temperature_that_nothing_states_is_said(tmp_path: Path) -> None:
+    network = read_network(_write(tmp_path, "silent.inp", RADK.replace("    abszro = 0.\n", "    sigma = 5.67e-8\n")))
+    assert network.incomplete == ""
+    assert any("ABSZRO" in str(each) for each in network.remarks)
+
+
+@pytest.mark.parametrize("more", ["", "  -1, 10., 0.\n  -2, 30., 0.\n"])
+def test_a_transient_begins_at_the_temperatures_of_its_nodes(tmp_path: Path, more: str) -> None:
+    text = f"HEADER CONTROL DATA, GLOBAL\n  abszro = -273.15\n  timend = 10.\nHEADER NODE DATA, A\n  3, 25., 5.\n  4, 40., 5.\n{more}"
+    text += "HEADER CONDUCTOR DATA, A\n  1, 3, 4, 0.1\n" + ("  2, 3, 1, 0.1\n  3, 4, 2, 0.1\n" if more else "")
+    network = read_network(_write(tmp_path, "free.inp", text))
+    run = td.simulate(network.model(), network.scenario())
+    assert [run[f"A.T{k}"].kelvin[0] - 273.15 for k in (3, 4)] == pytest.approx([25.0, 40.0])

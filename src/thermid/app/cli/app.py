@@ -84,6 +84,12 @@ COMMANDS = {
             "thermid steady box.toml --scenario hot.toml --limit '*.case=-40..85'",
         ),
     ),
+    "size": Place(
+        "build.size_value",
+        "Build",
+        "Find the window of a design value in which limits hold.",
+        ("thermid size unit.toml panel.area --scenario hot.toml --limit 'unit=-20..50' --between '0.01 [m^2]..0.5 [m^2]'",),
+    ),
     "compare": Place(
         "build.compare_versions",
         "Build",

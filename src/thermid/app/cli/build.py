@@ -38,11 +38,12 @@ from thermid.app.cli.options import (
     writable,
 )
 from thermid.base.errors import DeckError, ScenarioError, SolverError, ThermidError, ThermidWarning, refuse_unknown
+from thermid.base.expression import Kelvin
 from thermid.base.extensions import file_kinds, json_schema
 from thermid.base.files import DRAWING, NETCDF, TABLE, check_ending, write_text
 from thermid.base.toml_files import read_toml
 from thermid.campaign.stages import check_campaign
-from thermid.campaign.verdicts import compare_models
+from thermid.campaign.verdicts import Limits, compare_models, size
 from thermid.fit.problem import InputTable
 from thermid.model.deck import load_model
 from thermid.model.laws import literal
@@ -213,6 +214,39 @@ def compare_versions(
     """
     found = compare_models(load_model(old), load_model(new), [load_scenario(each) for each in scenario])
     say(as_json, found.to_dict(), str(found))
+
+
+def size_value(
+    deck: Deck,
+    value: Annotated[str, typer.Argument(help="The value: an area, conductance, power, duty, emissivity or flow, such as panel.area.")],
+    scenario: Annotated[list[Path], typer.Option("--scenario", help="A scenario in which limits must hold; may be repeated.")],
+    limit: Annotated[list[str], typer.Option("--limit", help="NODE=LOW..HIGH or NODE=HIGH, such as 'unit=-20..50'; may be repeated.")],
+    between: Annotated[
+        str | None, typer.Option("--between", help="Range, '0.01 [m^2]..0.5 [m^2]'; min and max of the deck without it.")
+    ] = None,
+    margin: Annotated[float, typer.Option("--margin", help="What must be left to each limit. [K]")] = 0.0,
+    spread: Annotated[list[str], typer.Option("--spread", help="NAME=SPREAD of what is not known exactly; may be repeated.")] = [],  # noqa: B006
+    param: Parameters = [],  # noqa: B006
+    values: ValuesPath = None,
+    keep_values: KeepValues = False,
+    accept: Accept = None,
+    as_json: Json = False,
+) -> None:
+    """Find the window of a design value in which limits hold.
+
+    Each end names the limit that binds there; --spread gives it an error and the value that holds in 95 %. Without any such value the least
+    violation is stated.
+    """
+    model = fitted_model(deck, values, keep_values, param)
+    standing = model_standing(model).accept(accept or ())
+    ranges = {node: _ends(text, node) for node, text in pairs(limit, "--limit").items()}
+    limits = [Limits(node, node, (Kelvin(low), Kelvin(high))) for node, (low, high) in ranges.items()]
+    ends = between.split("..") if between is not None else None
+    asked = (ends[0], ends[-1]) if ends is not None else None
+    scenarios = [load_scenario(each) for each in scenario]
+    found = size(model, value, limits, scenarios, between=asked, margin=margin, spread=pairs(spread, "--spread"))
+    say(as_json, found.to_dict() | {"standing": standing.to_dict()}, standing.over(str(found)))
+    leave(standing)
 
 
 def _ends(text: str, pattern: str) -> tuple[float, float]:

@@ -158,7 +158,9 @@ def _values(old: Model, new: Model, asked: Sequence[Scenario], before: Sequence[
                 continue
             unit = si_unit(values.dimension(path))
             number = {path: f"{float(wanted[path])!r} [{unit}]"}
-            changes.append(Change(path, f"{now[path]:.6g} -> {wanted[path]:.6g} {unit}".removesuffix(" 1"), *_effect(old, number, asked, before)))
+            changes.append(
+                Change(path, f"{now[path]:.6g} -> {wanted[path]:.6g} {unit}".removesuffix(" 1"), *_effect(old, number, asked, before))
+            )
             moved = moved.with_values(number)
     here = ParameterSet(old).table
     for path in here.keys() & target.table.keys():

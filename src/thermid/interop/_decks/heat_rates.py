@@ -23,6 +23,7 @@ SUFFIX: Final = ".hra"
 """End of the name of a file of heat rates."""
 FIRST_COURSE: Final = 6
 """Number of the array that holds the course of the first node."""
+_OWNER: Final = re.compile(r".* - (\w+)\.(\d+)\s+Area\b")
 _BEGIN: Final = re.compile(r"C\s+\d+\s*=")
 _NUMBER: Final = re.compile(r"[-+]?[\d.]+(?:[eEdD][-+]?\d+)?")
 CALL: Final = re.compile(r"F?\s*CALL\s+LOADQ(?:_(\w+)_\d+\s*$|\s*\(\s*'(\w+)')", re.IGNORECASE)
@@ -52,12 +53,22 @@ class CommentedArrays:
         return f" {comment[1:]}" if self.inside else None
 
 
-def heat_rates(arrays: Mapping[int, Sequence[float]], words: Sequence[str], seconds: float, where: str) -> tuple[list[HeatRate], list[str]]:
+def owner_of(comments: Sequence[str]) -> tuple[str, str] | None:
+    """Return the node that the last comment before an array names: `solar albedo planetshine - PLATE.4 Area = 0.0008`."""
+    found = next((found for each in reversed(comments) if (found := _OWNER.match(each))), None)
+    return (found[1].upper(), f"T{int(found[2])}") if found else None
+
+
+def heat_rates(
+    arrays: Mapping[int, Sequence[float]], owners: Mapping[int, tuple[str, str]], words: Sequence[str], seconds: float, where: str
+) -> tuple[list[HeatRate], list[str]]:
     """Return the heat rates of a file, and the nodes that it names without a rate.
 
     Parameters
     ----------
     arrays : dict       Number of an array -> its numbers.
+    owners : dict       Number of an array -> the node that its comment names. A file leaves out nodes that absorb nothing: then its
+                        arrays do not follow the nodes of CARRAY DATA.
     words : list        CARRAY DATA in order: a submodel, then numbers of its nodes.
     seconds : float     The deck's unit of time. [s]
     where : str         Place that an error names.
@@ -75,25 +86,30 @@ def heat_rates(arrays: Mapping[int, Sequence[float]], words: Sequence[str], seco
     if len(scale) != 1:
         raise DeckError(f"array 4 has {counted(len(scale), 'scale')}; one for all nodes is read.", where)
     rates, absent = [], []
+    courses = {owner: arrays[number] for number, owner in owners.items()}
+    if not courses and len([number for number in arrays if number >= FIRST_COURSE]) == len(nodes):
+        courses = {into: arrays[FIRST_COURSE + k] for k, into in enumerate(nodes) if FIRST_COURSE + k in arrays}
     for k, into in enumerate(nodes):
         factor = scale[0] * (float(areas[k]) if areas.any() else 1.0)
-        numbers = arrays.get(FIRST_COURSE + k)
+        numbers = courses.get(into)
         course = None
         if numbers is not None and times.size:
             period = float(times[-1]) if times[0] == 0.0 else 0.0
             course = FileCourse(times, np.array(numbers) * factor, period, where)
-        if means is None and course is None:
+        if course is None and (means is None or means[k] != 0.0):
             absent.append(".".join(into))
             continue
+        if course is None:
+            continue  # it absorbs nothing
         mean = means[k] * factor if means is not None else _mean(course)
         rates.append(HeatRate(into, mean, course if times.size > 1 else None))
     return rates, absent
 
 
-def _mean(course: FileCourse | None) -> float:
+def _mean(course: FileCourse) -> float:
     """Return the mean over time of a course."""
-    if course is None or course.seconds.size == 1:
-        return 0.0 if course is None else float(course.numbers[0])
+    if course.seconds.size == 1:
+        return float(course.numbers[0])
     return float(np.trapezoid(course.numbers, course.seconds) / (course.seconds[-1] - course.seconds[0]))
 
 

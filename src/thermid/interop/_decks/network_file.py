@@ -244,9 +244,12 @@ class NetworkFile:
             "commands": {each.name: course.table("") for each, course in followed if each.scales},
             "initial": {node.path: f"{node.celsius!r} [degC]" for node in self.nodes if not node.held and node.capacitance is not None},
         }
+        start = self.start
         if self.start:
             tables["initial"] = {}
-        head = {"title": self.title, "duration": f"{self.duration!r} [s]"} | ({"start": self.start} if self.start else {})
+        elif len(held) != 1:  # a run needs a start though every node has its own
+            start = next((f"{node.celsius!r} [degC]" for node in self.nodes if not node.held and node.capacitance is not None), "")
+        head = {"title": self.title, "duration": f"{self.duration!r} [s]"} | ({"start": start} if start else {})
         return head | {name: table for name, table in tables.items() if table}
 
     def scenario(self) -> Scenario:
@@ -289,7 +292,7 @@ class NetworkFile:
         named = {name: float(now[name]) for name in (*numbers, *self.groups())}
         before = ParameterSet(self.model()).evaluate(named)  # what the files state with the changed parameters and groups
         changed = {p for p in before.keys() | now.keys() if not _same(now.get(p, math.nan), before.get(p, math.nan))}
-        out = {self.parameters[n][1]: f"{named[n]:.7g}" for n, value in numbers.items() if not _same(named[n], value)}
+        out = {self.parameters[n][1]: f"{named[n]:.12g}" for n, value in numbers.items() if not _same(named[n], value)}
         places: dict[TextSpan, dict[str, float]] = {}  # a row that makes several conductors has one number for all of them
         for path, span, group in self._places():
             factor = named[group] if group else 1.0
@@ -349,9 +352,9 @@ def _watts(power: float | str) -> str:
 def _times(number: str, factor: float) -> str:
     """Return a number of a file times a factor; an expression in brackets times it."""
     try:
-        return f"{float(fortran(number)) * factor:.7g}"
+        return f"{float(fortran(number)) * factor:.12g}"
     except ValueError:
-        return f"({number.strip()}) * {factor:.7g}"
+        return f"({number.strip()}) * {factor:.12g}"
 
 
 def _edited(text: str, changes: list[tuple[TextSpan, str]], tool: str) -> str:

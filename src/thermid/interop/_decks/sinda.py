@@ -16,7 +16,7 @@ import numpy as np
 
 from thermid.base.errors import DeckError, ThermidError
 from thermid.base.units import counted
-from thermid.interop._decks.heat_rates import CALL, SUFFIX, CommentedArrays, heat_rates
+from thermid.interop._decks.heat_rates import CALL, SUFFIX, CommentedArrays, heat_rates, owner_of
 from thermid.interop._decks.network_file import FileConductor, FileCourse, FileLoad, FileNode, NetworkFile, TextSpan, fortran, identifier
 from thermid.interop._decks.statements import DeckReading, Line, fields, numbered, stream, with_unit
 from thermid.physics.constants import ICE_POINT, STEFAN_BOLTZMANN
@@ -87,6 +87,7 @@ class SindaDeck:
     loads: list[FileLoad] = field(default_factory=list)
     arrays: dict[tuple[str, str], list[float]] = field(default_factory=dict)
     words: dict[str, list[str]] = field(default_factory=dict)
+    owners: dict[tuple[str, str], tuple[str, str]] = field(default_factory=dict)
     registers: dict[str, tuple[float | str, TextSpan]] = field(default_factory=dict)
     control: dict[str, float] = field(default_factory=dict)
     logic: list[tuple[str, list[Line]]] = field(default_factory=list)
@@ -250,6 +251,8 @@ def _arrays(deck: SindaDeck, submodel: str, lines: list[Line]) -> None:
         found = re.match(r"\s*(\d+)\s*=(\s*SPACE\s*,\s*\d+\s*$)?", row, re.IGNORECASE)
         if found:
             key, row = found[1], row[found.end() :]
+            if owner := owner_of(line.before):
+                deck.owners[submodel, key] = owner
             deck.arrays[submodel, key] = [0.0] * int(found[2].rpartition(",")[2]) if found[2] else []
         for word in re.split(r"[\s,]+", row.strip()):
             if not word or word.upper() == "END":
@@ -359,8 +362,12 @@ def _points(deck: SindaDeck, submodel: str, kind: str, word: str, line: Line) ->
 
 
 def _conductors(deck: SindaDeck, submodel: str, lines: list[Line]) -> None:
-    """Read CONDUCTOR DATA: number, pairs of nodes, value; GEN, SIV and SPV. A contactor named in a comment makes a group of its rows."""
-    group = _Group()
+    """Read CONDUCTOR DATA: number, pairs of nodes, value; GEN, SIV and SPV. A contactor named in a comment makes a group of its rows.
+
+    A block of radiation alone, as Thermal Desktop writes one for each group of surfaces that see each other, is one group.
+    """
+    rows = [line.text.lstrip() for line in lines]
+    group = _Group(f"radiation_{identifier(submodel)}" if len(rows) > 1 and all(row.startswith("-") for row in rows) else "")
     for line in lines:
         (head, _), *rest = fields(line) or [("", line.where)]
         word, _, first = head.partition(" ")
@@ -385,8 +392,8 @@ class _Group:
     Rows belong to it until their pair of submodels changes; inside one submodel until their first node does.
     """
 
-    def __init__(self) -> None:
-        self.name, self.key = "", ("", "")
+    def __init__(self, block: str = "") -> None:
+        self.name, self.key, self.block = "", ("", ""), block
 
     def of(self, line: Line, ends: tuple[tuple[str, str], tuple[str, str]]) -> str:
         (sub_a, a), (sub_b, _) = ends
@@ -396,7 +403,7 @@ class _Group:
             self.name, self.key = "_and_".join(dict.fromkeys(made)), key
         elif key != self.key:
             self.name = ""
-        return self.name
+        return self.name or self.block
 
 
 def _contactor(words: str) -> str:
@@ -545,7 +552,8 @@ def _absorbed(deck: SindaDeck, submodel: str, line: Line) -> None:
     if submodel not in deck.words:
         deck.reading.remark(line.where, f"heat rates: no text file with those of {submodel} was read")
         return
-    rates, absent = heat_rates(arrays, deck.words[submodel], deck.units.time, str(line.where))
+    owners = {int(key): node for (owner, key), node in deck.owners.items() if owner == submodel}
+    rates, absent = heat_rates(arrays, owners, deck.words[submodel], deck.units.time, str(line.where))
     for node in absent:
         deck.reading.remark(line.where, f"heat rate: {node} has none in the text file of {submodel}")
     for rate in rates:
@@ -667,14 +675,15 @@ def _unique(loads: list[FileLoad]) -> Iterator[FileLoad]:
 
 
 def _question_kelvin(deck: SindaDeck) -> None:
-    """Name temperatures that are read as kelvin because nothing states their unit, where hardware would be too cold."""
+    """Name temperatures that are read as kelvin because nothing states their unit; as missing where hardware would be too cold."""
     coldest = min((node for node in deck.nodes if not node.held), key=lambda node: node.celsius, default=None)
-    if deck.units.stated or coldest is None or coldest.celsius > COLDEST_START_IN_KELVIN:
+    if deck.units.stated or coldest is None:
         return
     deck.reading.remark(
         coldest.where,
         f"unit of temperatures not stated: read as kelvin, {coldest.submodel}.{coldest.name} begins at {coldest.celsius:.4g} degC. Write "
         "ABSZRO = -459.67 and UID = ENG for degrees Fahrenheit, ABSZRO = -273.15 for degC, or ABSZRO = 0 for kelvin into CONTROL DATA",
+        dropped=coldest.celsius < COLDEST_START_IN_KELVIN,
     )
 
 
