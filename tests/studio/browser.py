@@ -59,7 +59,11 @@ def studio(*arguments: str) -> Iterator[str]:
     """Yield the address of a studio."""
     command = [sys.executable, "-m", "thermid", "studio", *arguments, "--no-browser"]
     process = subprocess.Popen(
-        command, stdout=subprocess.PIPE, stderr=subprocess.STDOUT, text=True, env={**os.environ, "PYTHONUNBUFFERED": "1"}
+        command,
+        stdout=subprocess.PIPE,
+        stderr=subprocess.STDOUT,
+        text=True,
+        env={"XDG_STATE_HOME": tempfile.gettempdir(), **os.environ, "PYTHONUNBUFFERED": "1"},
     )
     assert process.stdout is not None
     try:

@@ -21,8 +21,6 @@ from thermid.simulation.runs import simulate
 from thermid.simulation.scenarios import Scenario
 
 GASES: Final = ("air", "vacuum", "printed")
-FULL: Final = 1.0
-"""Factor of a power that is as it was. [-]"""
 
 
 @dataclass(frozen=True)
@@ -100,7 +98,7 @@ def _then(before: Conditions, words: str, model: Model | None = None, scenario: 
 
 def _powered(before: Conditions, load: str, factor: float) -> Conditions:
     """Return conditions with one power multiplied: in the scenario where it has a course, else in the deck."""
-    if factor == FULL:
+    if factor == 1.0:
         return before
     scenario, words = before.scenario, f"{load}: {factor:g} times its power"
     for table in ("loads", "commands"):

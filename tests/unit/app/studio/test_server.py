@@ -287,3 +287,44 @@ def test_a_value_without_a_logarithm_is_refused_with_its_name() -> None:
         with pytest.raises(DeckError, match=r"skin\.htc: the value must be above zero"):
             unknown.to_fitted(value)
     assert unknown.to_fitted(1.0) == 0.0
+
+
+def test_the_pages_that_are_built_come_under_the_same_policy(port: int) -> None:
+    for path in ("/start", "/build", "/bundle/build.js", "/bundle/pages.css"):
+        status, headers, _ = asked(port, path)
+        assert status == 200
+        assert "script-src 'self'" in headers["content-security-policy"]
+        assert asked(port, path, None, {"cookie": "x"})[0] == 403
+    assert asked(port, "/bundle/sources.txt")[0] == 404
+    assert asked(port, "/bundle/..%2Fserver.py")[0] == 404
+
+
+def test_a_log_is_taken_from_the_page_alone_and_stays_in_its_folder(port: int) -> None:
+    assert asked(port, "/api/draft/log/a.csv", "t,T\n", {"content-type": "text/plain"})[0] == 400
+    assert asked(port, "/api/draft/log/a.csv", "t,T\n", {"x-thermid-studio": "1", "cookie": "x"})[0] == 403
+    status, _, text = asked(port, "/api/draft/log/..%5C..%5Cup.csv", "t,T\n", {"x-thermid-studio": "1"})
+    assert (status, json.loads(text)) == (200, {"file": "logs/up.csv"})
+
+
+@pytest.mark.parametrize("name", ["../up.toml", "/etc/passwd", "a\0.toml", "link/up.toml"])
+def test_nothing_is_opened_outside_the_folder(tmp_path: Path, name: str) -> None:
+    home = tmp_path / "home"
+    home.mkdir()
+    (tmp_path / "up.toml").write_text('title = "x"', encoding="utf-8")
+    (home / "link").symlink_to(tmp_path)
+    with pytest.raises(DeckError) as refused:
+        Room(home).open(name)
+    assert refused.value.code == "file.outside-project"
+
+
+def test_recent_files_are_remembered_and_forgotten(tmp_path: Path) -> None:
+    (tmp_path / "a.toml").write_text('title = "a"\n[nodes]\nn = { capacitance = "1 [J/K]" }\n', encoding="utf-8")
+    room = Room(tmp_path)
+    room.open("a.toml")
+    assert Room(tmp_path).front()["recent"] == ["a.toml"]
+    assert Room(tmp_path / "elsewhere").front()["recent"] == []
+    assert room.forget()["recent"] == []
+    assert [f["file"] for f in room.front()["files"]] == ["a.toml"]
+    with pytest.raises(DeckError) as refused:
+        room.new("a")
+    assert refused.value.code == "output.over-another-file"
