@@ -1,8 +1,8 @@
 """B7: networks of 100 to 1,000 nodes at a stated error, beside CVODE (BDF, sparse direct) on the same equations written in numpy.
 
-Three families: a grid of similar nodes; the same with every tenth heat capacity 1e-3 or 1e-5 of the others; a grid whose nodes see many others by
-radiation, from 250 to 700 K. thermid is told the error and nothing else; a method of its own that is forced, and CVODE, have their cheapest setting
-that is right. ``python benchmarks/run.py B7 --sizes 343 512``.
+Three families: a grid of similar nodes; the same with every tenth heat capacity 1e-3 or 1e-5 of the others; a grid whose nodes see many others
+by radiation, from 250 to 700 K. thermid is told the error and nothing else; a method of its own that is forced, and CVODE, have their cheapest
+setting that is right. ``python benchmarks/run.py B7 --sizes 343 512``.
 """
 
 from __future__ import annotations
@@ -120,7 +120,9 @@ def grid(family: str, nodes: int) -> Grid:
     n, air = k**3, k**3
     inner = [(place[:-1], place[1:]), (place[:, :-1], place[:, 1:]), (place[..., :-1], place[..., 1:])]
     faces = np.concatenate((place[0].ravel(), place[-1].ravel()))
-    links = np.concatenate([np.column_stack((p.ravel(), q.ravel())) for p, q in inner] + [np.column_stack((faces, np.full(faces.size, air)))])
+    links = np.concatenate(
+        [np.column_stack((p.ravel(), q.ravel())) for p, q in inner] + [np.column_stack((faces, np.full(faces.size, air)))]
+    )
     conductance = np.where(links[:, 1] < n, rng.uniform(0.5, 2.0, len(links)), rng.uniform(0.05, 0.2, len(links)))
     capacity = rng.uniform(20.0, 80.0, n)
     if family == "unequal":
@@ -175,7 +177,9 @@ def _own(case: Grid, method: str, error: float) -> Callable[[], Array]:
     return solve
 
 
-def _cheapest(name: str, error: float, parts: tuple[float, ...], make: Callable[[float], Callable[[], Array]], right: Array, rounds: int) -> dict[str, Any]:
+def _cheapest(
+    name: str, error: float, parts: tuple[float, ...], make: Callable[[float], Callable[[], Array]], right: Array, rounds: int
+) -> dict[str, Any]:
     """Return the row of the first setting that is right, from cheap to tight; of the last one where none is."""
     for part in parts:
         solve = make(part * error)

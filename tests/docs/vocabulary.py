@@ -213,9 +213,7 @@ def by_heading() -> dict[str, Names]:
         "File of locks": _model(plan_schema.LockFile),
         "Delivery": _model(plan_schema.ChecksFile),
         "Run of a delivery": _model(plan_schema.MetTable, {"times_s": "s", "temperatures_C": "degC"}),
-        "Options of the integrator": _of(
-            _plain(dataclasses.fields(td.Options)), {"error": "K", "max_step": "s"}
-        ),
+        "Options of the integrator": _of(_plain(dataclasses.fields(td.Options)), {"error": "K", "max_step": "s"}),
         "Values file": _values_file(),
         "Errors": _exceptions(),
     }

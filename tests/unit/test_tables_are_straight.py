@@ -168,7 +168,9 @@ def test_a_node_that_rests_on_a_knee_and_one_that_swings_over_it() -> None:
     assert rest["x"].celsius[-1] == pytest.approx(25.0, abs=1e-6)
     assert rest.statistics["steps"] < 200
     air = {"mean": "15 [degC]", "amplitude": "0.1 [K]", "period": "10 [min]"}
-    run = td.simulate(box(power="5 [W]"), bench(boundaries={"air": air}, start="25 [degC]", duration="1 [h]"), every=60.0, options=td.Options(error=4e-6))
+    run = td.simulate(
+        box(power="5 [W]"), bench(boundaries={"air": air}, start="25 [degC]", duration="1 [h]"), every=60.0, options=td.Options(error=4e-6)
+    )
 
     def rate(s: float, t: Any) -> Any:
         a = 15.0 + 0.1 * np.sin(2.0 * np.pi * s / 600.0)

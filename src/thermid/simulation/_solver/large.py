@@ -157,8 +157,7 @@ def _message(raw: Any, options: Options, end: float, name: Any, follows: bool) -
     when = f"at {raw.time:.6g} s of {end:.6g} s{node}"
     instead = " RKC2 needs short steps if one node is fast. Leave the method out." if options.method == "RKC2" else ""
     words = {
-        _kernel.MAX_STEPS: f"{options.max_steps} steps were not enough, {when}. Allow more max_steps, or a larger error."
-        + instead,
+        _kernel.MAX_STEPS: f"{options.max_steps} steps were not enough, {when}. Allow more max_steps, or a larger error." + instead,
         _kernel.STEP_UNDERFLOW: f"the step became too small {when}. Look for a discontinuous law there, or allow a larger error.",
         _kernel.NON_FINITE: unsolved(when, follows),
         _kernel.RUN_AWAY: runs_away(when, follows),

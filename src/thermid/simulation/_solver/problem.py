@@ -107,7 +107,7 @@ class Traces:
 STEP_SHARE: Final = 0.25
 """Part of the error of a run that a step of fourth order may make (docs/decisions/251-one-error-in-kelvin.md). [-]"""
 SECOND_ORDER: Final = 2.5
-"""A step of the methods of large networks may make ``(SECOND_ORDER error)**1.5``: its error falls with the cube, that of the run with the square. [-]"""
+"""A step of second order may make ``(SECOND_ORDER error)**1.5``: its error falls with the cube of its length, that of the run with the square."""
 
 
 @dataclass(frozen=True)
@@ -134,7 +134,13 @@ class Options:
 
     def __new__(cls, *_: Any, **given: Any) -> Options:
         """Refuse a name that there is not, with those that there are."""
-        refuse_unknown(given, cls.__dataclass_fields__, "Options", "no option '{}'. How close a run is says 'error' alone, in kelvin; there are {known}.", ScenarioError)
+        refuse_unknown(
+            given,
+            cls.__dataclass_fields__,
+            "Options",
+            "no option '{}'. How close a run is says 'error' alone, in kelvin; there are {known}.",
+            ScenarioError,
+        )
         return super().__new__(cls)
 
     def __post_init__(self) -> None:
