@@ -112,7 +112,7 @@ def check(seed: int) -> bool:
 
 @pytest.fixture(autouse=True)
 def small_blocks(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(columns, "BLOCK", 600)
+    monkeypatch.setattr(columns, "LINES_AT_ONCE", 600)
 
 
 def test_hostile_logs_are_read_as_cell_by_cell() -> None:

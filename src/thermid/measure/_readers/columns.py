@@ -20,7 +20,7 @@ from thermid.measure._record.channel import FloatArray
 
 _FRACTION = re.compile(r"\s*[+-]?(\d+[.,]\d*|[.,]\d+)([eE][+-]?\d+)?\s*\Z")
 _NUMBER = re.compile(r"[+-]?(\d+\.?\d*|\.\d+)([eE][+-]?\d+)?\Z|[+-]?inf(inity)?\Z", re.IGNORECASE | re.ASCII)
-BLOCK: Final = 5_000
+LINES_AT_ONCE: Final = 5_000
 """Lines of a text log that are read at once; the layout is told from the first so many, and from the last two."""
 _UNUSED: Final = "\x1f"  # no text log has it: `textfile` refuses control characters
 
@@ -152,12 +152,12 @@ def table_of_text(text: str, file: str, separator: str | None, notes: Sequence[s
 
 def _long_table(text: str, file: str, separator: str | None, notes: Sequence[str]) -> Cells | None:
     """Return the cells of a long text whose rows are all as the first ones; None where it is short, or a row is not."""
-    if not text.isascii() or '"' in text or text.count("\n") < BLOCK + 2:
+    if not text.isascii() or '"' in text or text.count("\n") < LINES_AT_ONCE + 2:
         return None
     ends = np.flatnonzero(np.frombuffer(text.encode("ascii"), np.uint8) == ord("\n")) + 1
     starts = np.concatenate([[0], ends, [] if text.endswith("\n") else [len(text) + 1]]).astype(int)
     try:
-        known = cells_of_text(text[: starts[BLOCK]] + text[starts[-3] :], file, separator, notes)
+        known = cells_of_text(text[: starts[LINES_AT_ONCE]] + text[starts[-3] :], file, separator, notes)
     except ThermidError:  # told again below, with the line where it stands
         return None
     marks = [mark for mark, word in SEPARATORS.items() if word == known.layout.separator]
@@ -176,8 +176,8 @@ def _columns(known: Cells, text: str, starts: Any, mark: str) -> list[Sequence[s
     plain = [k for k, column in enumerate(known.columns) if not isinstance(numbers(column, "."), int)]
     values = np.empty((len(plain), starts.size - 1))
     texts: dict[int, list[str]] = {k: [] for k in range(width) if k not in plain}
-    for first in range(0, starts.size - 1, BLOCK):
-        last = min(first + BLOCK, starts.size - 1)
+    for first in range(0, starts.size - 1, LINES_AT_ONCE):
+        last = min(first + LINES_AT_ONCE, starts.size - 1)
         lines = text[starts[first] : starts[last] - 1].split("\n")
         found = _numbers_of_lines(lines, mark, plain) if {line.count(mark) for line in lines} == {width - 1} else None
         if found is None or not ({line[:1] for line in lines}.isdisjoint(LEAD) or all(map(holds_cells, lines))):
