@@ -64,9 +64,7 @@ def init(
     time: Annotated[str | None, typer.Option("--time", help="The time column, where it cannot be told.")] = None,
     template: Annotated[str, typer.Option("--template", help="Without a log: part, box, chamber or tclab.")] = "",
     evaluations: Annotated[int, typer.Option("--evaluations", help="Budget of the search of a structure, in runs.")] = EVALUATIONS,
-    same: Annotated[
-        list[str] | None, typer.Option("--same", help="COLUMN=NAME of a column of the first log in further logs, such as BOX=Kasten.")
-    ] = None,
+    same: Annotated[list[str] | None, typer.Option("--same", help="COLUMN=NAME in further logs, such as BOX=Kasten.")] = None,
     accuracy: Annotated[str, typer.Option("--accuracy", help="Constant error of the thermometers, one standard deviation.")] = "",
     mass: Annotated[list[str] | None, typer.Option("--mass", help="PART=MASS from a scale, such as box='1.2 [kg]'.")] = None,
     material: Annotated[list[str] | None, typer.Option("--material", help="PART=MATERIAL of a part with a mass: box=aluminium.")] = None,
@@ -83,20 +81,18 @@ def init(
         return
     if template:
         raise ScenarioError("a template is for a project without a log; give one of them.", "--template")
-    scales = pairs(full_scale or [], "--full-scale")
-    roles = roles_of(logs[0], temperature or (), surroundings, power or (), scales, time, pairs(formula or [], "--formula"))
-    if sys.stdin.isatty() and not as_json:
-        roles = _asked(logs[0], roles, time, bool(temperature), bool(power))
+    scales, formulas = pairs(full_scale or [], "--full-scale"), pairs(formula or [], "--formula")
+    roles = roles_of(logs[0], temperature or (), surroundings, power or (), scales, time, formulas)
+    roles = _asked(logs[0], roles, time, bool(temperature), bool(power)) if sys.stdin.isatty() and not as_json else roles
     roles, known = _known(roles, accuracy, mass or [], material or [], path or [], deck)
     alike = pairs(same or [], "--same")
     read = [without_strays(read_as(roles, log, alike if k else {}, time)) for k, log in enumerate(logs)]
-    records, masked = [record for record, _ in read], [said for _, lines in read for said in lines]
-    fitted, kept = parted(records)
+    masked = [said for _, lines in read for said in lines]
+    fitted, kept = parted([record for record, _ in read])
     with working("searching for a structure"):
         found = propose(roles, [thinned(r) for r in fitted], evaluations, known=known)
-    title = name or word(logs[0].name.partition(".")[0])
-    made = write_project(to, found, fitted, kept, ", ".join(log.name for log in logs), title, masked)
-    ignored = [f"not used: {column}: {why}" for column, why in roles.ignored.items()]
+    source, title = ", ".join(log.name for log in logs), name or word(logs[0].name.partition(".")[0])
+    made = write_project(to, found, fitted, kept, source, title, masked)
     content = {
         "masses": found.chosen.nodes,
         "cannot_tell": sorted(found.search.orders) if len(found.search.orders) > 1 else [],
@@ -112,7 +108,7 @@ def init(
         "left_out": list(made.left_out),
         "files": [str(f) for f in made.files],
     }
-    say(as_json, content, "\n".join([str(made), *ignored]))
+    say(as_json, content, "\n".join([str(made), *(f"not used: {column}: {why}" for column, why in roles.ignored.items())]))
     if not found.decided:
         raise SystemExit(IdentificationError.exit_code)
 

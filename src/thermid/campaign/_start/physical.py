@@ -105,15 +105,15 @@ def _checks(one: FittedStructure, roles: Roles, masses: Mapping[str, KnownMass])
     def check(path: str, low: float, high: float, what: str, meaning: str) -> RangeCheck:
         return RangeCheck(path, values[path], errors[path] * values[path], low, high, what, "table of init", meaning)
 
-    unseen, hidden = max(((c, n) for n, c in held.items() if n not in roles.parts.values()), default=(0.0, ""))
+    largest, hidden = max(((c, n) for n, c in held.items() if n not in roles.parts.values()), default=(0.0, ""))
     for node in (n for n in roles.parts.values() if f"{n}.capacitance" in values):
         known = masses.get(node)
-        least = max(LEAST_PART, unseen / MOST_BEHIND)
+        least = max(LEAST_PART, largest / MOST_BEHIND)
         low, high = (0.7 * known.low * known.mass, 1.5 * known.high * known.mass) if known else (least, MOST_PART)
         what = f"{known.mass:.3g} kg with what is fixed to it" if known else "a part that carries a sensor"
         meaning = "A power is missing or wrong, or an instrument has an offset"
         if not known and values[f"{node}.capacitance"] < least:
-            meaning = f"'{hidden}' of {unseen:.3g} J/K may be this part, behind its sensor: state --mass {node}=... or the paths"
+            meaning = f"'{hidden}' of {largest:.3g} J/K may be this part, behind its sensor: state --mass {node}=... or the paths"
         yield check(f"{node}.capacitance", low, high, what, meaning)
     for name, c in one.request.model.conductors.items():
         path = f"{name}.conductance"
