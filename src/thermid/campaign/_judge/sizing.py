@@ -78,8 +78,8 @@ class Sizing(Result):
             lines = [f"{self.path}: NO VALUE meets every limit; least violation {-spare:.3f} K at {value:.6g} {self.unit}, {self.worst}"]
         for window in self.windows:
             for word, end in zip(("least", "most"), window, strict=True):
-                sure = f" +- {end.error:.2g}, in 95 %: {end.assured:.6g}" if np.isfinite(end.error) else ""
-                lines.append(f"  {word} {end.value:.6g} {self.unit}{sure}: {end.by}")
+                error = f" +- {end.error:.2g}, in 95 %: {end.assured:.6g}" if np.isfinite(end.error) else ""
+                lines.append(f"  {word} {end.value:.6g} {self.unit}{error}: {end.by}")
         return "\n".join(lines)
 
     def to_dict(self) -> dict[str, Any]:
@@ -146,10 +146,10 @@ def size(
             windows[-1][1] = b  # a limit that only touches
         else:
             windows.append([a, b])
-    value, most = _best(least, grid, spare.min(axis=0))
+    value, spare_there = _best(least, grid, spare.min(axis=0))
     worst = min(items, key=lambda item: item.spare(value))
     made = tuple((task.bound(a, 1.0, source, spread, high - low), task.bound(b, -1.0, source, spread, high - low)) for a, b in windows)
-    return Sizing(task.path, task.unit, (low, high), made, (value, most), str(worst))
+    return Sizing(task.path, task.unit, (low, high), made, (value, spare_there), str(worst))
 
 
 class _Task:
@@ -158,12 +158,12 @@ class _Task:
     def __init__(self, model: Model, path: str, margin: float) -> None:
         values = ParameterSet(model)
         self.model, self.path, self.margin = model, path, margin
-        self.given, self.unit = values.bounded(path), si_unit(values.dimension(path))
+        self.parameter, self.unit = values.bounded(path), si_unit(values.dimension(path))
         self._kept: dict[tuple[int, float], Mapping[str, tuple[float, float]]] = {}
 
     def searched(self, between: tuple[Any, Any] | None) -> tuple[float, float]:
         """Return the range. [SI]"""
-        ends = between if between is not None else (self.given.minimum, self.given.maximum)
+        ends = between if between is not None else (self.parameter.minimum, self.parameter.maximum)
         low, high = (literal(end, self.unit, f"between, {self.path}") if isinstance(end, str) else end for end in ends)
         if low is None or high is None or not low < high:
             raise ScenarioError("the range is missing or empty. Give between=(low, high), or min and max in the deck.", self.path)
@@ -225,9 +225,9 @@ class _LimitSide:
 
 def _items(task: _Task, limits: Sequence[Limits], scenarios: Sequence[Scenario] | Mapping[str, Sequence[Scenario]]) -> Iterator[_LimitSide]:
     """Yield every side of every limit in every scenario of its state."""
-    given = scenarios if isinstance(scenarios, Mapping) else {"operating": scenarios}
-    refuse_unknown(given, STATES, "scenarios", "no state '{}'; there are {known}.", ScenarioError)
-    for state, several in given.items():
+    by_state = scenarios if isinstance(scenarios, Mapping) else {"operating": scenarios}
+    refuse_unknown(by_state, STATES, "scenarios", "no state '{}'; there are {known}.", ScenarioError)
+    for state, several in by_state.items():
         for scenario, one in product(several, limits):
             for upper, end in enumerate(one.ends(state) or ()):
                 if np.isfinite(end):
@@ -262,4 +262,4 @@ def _best(least: Spare, grid: np.ndarray, spare: np.ndarray) -> tuple[float, flo
     k = int(np.argmax(spare))
     ends = float(grid[max(k - 1, 0)]), float(grid[min(k + 1, grid.size - 1)])
     turn = minimize_scalar(lambda x: -least(x), bounds=ends, method="bounded", options={"xatol": CROSSING_SHARE * (grid[-1] - grid[0])})
-    return max((float(turn.x), -float(turn.fun)), (float(grid[k]), float(spare[k])), key=lambda found: found[1])
+    return max((float(turn.x), -float(turn.fun)), (float(grid[k]), float(spare[k])), key=lambda point: point[1])
