@@ -8,7 +8,6 @@ from itertools import pairwise, product
 from typing import Any, Final
 
 import numpy as np
-from scipy.optimize import brentq, minimize_scalar
 
 from thermid.base.arguments import takes_objects
 from thermid.base.errors import ScenarioError, refuse_unknown
@@ -21,9 +20,9 @@ from thermid.prediction.bands import Known, predict
 from thermid.simulation.runs import simulate, steady
 from thermid.simulation.scenarios import Scenario
 
-SAMPLES: Final = 33
+RANGE_SAMPLES: Final = 33
 """Values of the range at which every limit is evaluated before its crossings are sought between them."""
-NARROW: Final = 1e-9
+CROSSING_SHARE: Final = 1e-9
 """Share of the range to which a crossing is found."""
 ONE_SIDED: Final = 1.6448536269514722
 """Standard errors that a normal variable stays below in 95 %."""
@@ -79,8 +78,8 @@ class Sizing(Result):
             lines = [f"{self.path}: NO VALUE meets every limit; least violation {-spare:.3f} K at {value:.6g} {self.unit}, {self.worst}"]
         for window in self.windows:
             for word, end in zip(("least", "most"), window, strict=True):
-                sure = f" +- {end.error:.2g}, in 95 %: {end.assured:.6g}" if np.isfinite(end.error) else ""
-                lines.append(f"  {word} {end.value:.6g} {self.unit}{sure}: {end.by}")
+                error = f" +- {end.error:.2g}, in 95 %: {end.assured:.6g}" if np.isfinite(end.error) else ""
+                lines.append(f"  {word} {end.value:.6g} {self.unit}{error}: {end.by}")
         return "\n".join(lines)
 
     def to_dict(self) -> dict[str, Any]:
@@ -134,12 +133,12 @@ def size(
     items = list(_items(task, limits, scenarios))
     if not items:
         raise ScenarioError("no limit applies to a scenario. Give limits of the state of the scenarios.", path)
-    grid = np.linspace(low, high, SAMPLES)
+    grid = np.linspace(low, high, RANGE_SAMPLES)
     spare = np.array([[item.spare(float(x)) for x in grid] for item in items])
     ends = [(x, item) for item, row in zip(items, spare, strict=True) for x in _crossings(item, grid, row)]
-    edges: list[tuple[float, _Item | None]] = [(low, None), *sorted(ends, key=lambda end: end[0]), (high, None)]
+    edges: list[tuple[float, _LimitSide | None]] = [(low, None), *sorted(ends, key=lambda end: end[0]), (high, None)]
     least: Spare = lambda x: min(item.spare(x) for item in items)  # noqa: E731
-    windows: list[list[tuple[float, _Item | None]]] = []
+    windows: list[list[tuple[float, _LimitSide | None]]] = []
     for a, b in pairwise(edges):
         if b[0] <= a[0] or least(0.5 * (a[0] + b[0])) < 0.0:
             continue
@@ -147,10 +146,10 @@ def size(
             windows[-1][1] = b  # a limit that only touches
         else:
             windows.append([a, b])
-    value, most = _best(least, grid, spare.min(axis=0))
+    value, spare_there = _best(least, grid, spare.min(axis=0))
     worst = min(items, key=lambda item: item.spare(value))
     made = tuple((task.bound(a, 1.0, source, spread, high - low), task.bound(b, -1.0, source, spread, high - low)) for a, b in windows)
-    return Sizing(task.path, task.unit, (low, high), made, (value, most), str(worst))
+    return Sizing(task.path, task.unit, (low, high), made, (value, spare_there), str(worst))
 
 
 class _Task:
@@ -159,12 +158,12 @@ class _Task:
     def __init__(self, model: Model, path: str, margin: float) -> None:
         values = ParameterSet(model)
         self.model, self.path, self.margin = model, path, margin
-        self.given, self.unit = values.bounded(path), si_unit(values.dimension(path))
+        self.parameter, self.unit = values.bounded(path), si_unit(values.dimension(path))
         self._kept: dict[tuple[int, float], Mapping[str, tuple[float, float]]] = {}
 
     def searched(self, between: tuple[Any, Any] | None) -> tuple[float, float]:
         """Return the range. [SI]"""
-        ends = between if between is not None else (self.given.minimum, self.given.maximum)
+        ends = between if between is not None else (self.parameter.minimum, self.parameter.maximum)
         low, high = (literal(end, self.unit, f"between, {self.path}") if isinstance(end, str) else end for end in ends)
         if low is None or high is None or not low < high:
             raise ScenarioError("the range is missing or empty. Give between=(low, high), or min and max in the deck.", self.path)
@@ -185,7 +184,7 @@ class _Task:
                 self._kept[key] = {n: (t, t) for n, t in steady(self.at(x), scenario).items()}
         return self._kept[key]
 
-    def bound(self, end: tuple[float, _Item | None], inward: float, source: Known, spread: Any, width: float) -> Bound:
+    def bound(self, end: tuple[float, _LimitSide | None], inward: float, source: Known, spread: Any, width: float) -> Bound:
         """Return an end of a window, with its error where something is not known exactly: that of the temperature over its slope."""
         x, item = end
         if item is None:
@@ -203,7 +202,7 @@ class _Task:
 
 
 @dataclass(frozen=True, eq=False)
-class _Item:
+class _LimitSide:
     """One side of a limit in one scenario."""
 
     task: _Task
@@ -224,19 +223,21 @@ class _Item:
         return (self.limit - high if self.upper else low - self.limit) - self.task.margin
 
 
-def _items(task: _Task, limits: Sequence[Limits], scenarios: Sequence[Scenario] | Mapping[str, Sequence[Scenario]]) -> Iterator[_Item]:
+def _items(task: _Task, limits: Sequence[Limits], scenarios: Sequence[Scenario] | Mapping[str, Sequence[Scenario]]) -> Iterator[_LimitSide]:
     """Yield every side of every limit in every scenario of its state."""
-    given = scenarios if isinstance(scenarios, Mapping) else {"operating": scenarios}
-    refuse_unknown(given, STATES, "scenarios", "no state '{}'; there are {known}.", ScenarioError)
-    for state, several in given.items():
+    by_state = scenarios if isinstance(scenarios, Mapping) else {"operating": scenarios}
+    refuse_unknown(by_state, STATES, "scenarios", "no state '{}'; there are {known}.", ScenarioError)
+    for state, several in by_state.items():
         for scenario, one in product(several, limits):
             for upper, end in enumerate(one.ends(state) or ()):
                 if np.isfinite(end):
-                    yield _Item(task, scenario, state, one.point, task.model.canonical(one.node), bool(upper), float(end))
+                    yield _LimitSide(task, scenario, state, one.point, task.model.canonical(one.node), bool(upper), float(end))
 
 
-def _crossings(item: _Item, grid: np.ndarray, spare: np.ndarray) -> Iterator[float]:
+def _crossings(item: _LimitSide, grid: np.ndarray, spare: np.ndarray) -> Iterator[float]:
     """Yield the values at which a limit has nothing to spare, the turning points that samples hide among them."""
+    from scipy.optimize import brentq, minimize_scalar
+
     points, heights = grid.tolist(), spare.tolist()
     for k in range(1, grid.size - 1):
         side = 1.0 if spare[k] > 0.0 else -1.0
@@ -251,12 +252,14 @@ def _crossings(item: _Item, grid: np.ndarray, spare: np.ndarray) -> Iterator[flo
         if heights[i] == 0.0:
             yield points[i]
         elif heights[i] * heights[j] < 0.0:
-            yield float(brentq(item.spare, points[i], points[j], xtol=NARROW * (grid[-1] - grid[0])))
+            yield float(brentq(item.spare, points[i], points[j], xtol=CROSSING_SHARE * (grid[-1] - grid[0])))
 
 
 def _best(least: Spare, grid: np.ndarray, spare: np.ndarray) -> tuple[float, float]:
     """Return the value at which the worst limit has most to spare, and how much. [K]"""
+    from scipy.optimize import minimize_scalar
+
     k = int(np.argmax(spare))
     ends = float(grid[max(k - 1, 0)]), float(grid[min(k + 1, grid.size - 1)])
-    turn = minimize_scalar(lambda x: -least(x), bounds=ends, method="bounded", options={"xatol": NARROW * (grid[-1] - grid[0])})
-    return max((float(turn.x), -float(turn.fun)), (float(grid[k]), float(spare[k])), key=lambda found: found[1])
+    turn = minimize_scalar(lambda x: -least(x), bounds=ends, method="bounded", options={"xatol": CROSSING_SHARE * (grid[-1] - grid[0])})
+    return max((float(turn.x), -float(turn.fun)), (float(grid[k]), float(spare[k])), key=lambda point: point[1])

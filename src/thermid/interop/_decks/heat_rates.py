@@ -55,8 +55,8 @@ class CommentedArrays:
 
 def owner_of(comments: Sequence[str]) -> tuple[str, str] | None:
     """Return the node that the last comment before an array names: `solar albedo planetshine - PLATE.4 Area = 0.0008`."""
-    found = next((found for each in reversed(comments) if (found := _OWNER.match(each))), None)
-    return (found[1].upper(), f"T{int(found[2])}") if found else None
+    match = next((match for each in reversed(comments) if (match := _OWNER.match(each))), None)
+    return (match[1].upper(), f"T{int(match[2])}") if match else None
 
 
 def heat_rates(
