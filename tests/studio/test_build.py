@@ -1,4 +1,7 @@
-"""A model built in a real browser, from the start page to the saved files: by clicks, and again by keys alone; counted in actions."""
+"""A model built in a real browser, from the start page to the saved files: by clicks, and again by keys alone; counted in actions.
+
+`make test-browser` runs all of it, the normal suite the last test alone.
+"""
 
 from __future__ import annotations
 
@@ -138,6 +141,7 @@ def check_result(page: Page, folder: Path, actions: float) -> None:
     assert page.run("return window.studio.errors") == []
 
 
+@pytest.mark.campaign
 def test_two_masses_are_built_and_fitted_by_clicks(page: Page, folder: Path, tmp_path: Path) -> None:
     log, person = write_log(tmp_path / "board test.csv"), Person(page)
     person.fill("#new-name", "box")
@@ -165,6 +169,7 @@ def test_two_masses_are_built_and_fitted_by_clicks(page: Page, folder: Path, tmp
     check_result(page, folder, person.actions)
 
 
+@pytest.mark.campaign
 def test_two_masses_are_built_and_fitted_by_keys_alone(page: Page, folder: Path) -> None:
     from selenium.webdriver.common.keys import Keys
 
@@ -213,6 +218,7 @@ def test_two_masses_are_built_and_fitted_by_keys_alone(page: Page, folder: Path)
     check_result(page, folder, person.actions)
 
 
+@pytest.mark.campaign
 def test_nodes_are_dragged_moved_by_keys_and_joined_by_a_drag(page: Page, folder: Path) -> None:
     from selenium.webdriver import ActionChains
     from selenium.webdriver.common.keys import Keys
@@ -242,6 +248,7 @@ def test_nodes_are_dragged_moved_by_keys_and_joined_by_a_drag(page: Page, folder
     assert page.run("return document.querySelector('[data-wire]')") is None
 
 
+@pytest.mark.campaign
 def test_the_text_shows_its_fault_at_the_line_and_the_canvas_follows_it(page: Page, folder: Path) -> None:
     from selenium.webdriver.common.keys import Keys
 
