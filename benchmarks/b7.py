@@ -1,8 +1,8 @@
 """B7: networks of 100 to 1,000 nodes at a stated error, beside CVODE (BDF, sparse direct) on the same equations written in numpy.
 
-Three families: a grid of similar nodes; the same with every tenth heat capacity 1e-3 or 1e-5 of the others; a grid whose nodes see many others
-by radiation, from 250 to 700 K. thermid is told the error and nothing else; a method of its own that is forced, and CVODE, have their cheapest
-setting that is right. ``python benchmarks/run.py B7 --sizes 343 512``.
+Three families: a grid of similar nodes; the same with every tenth heat capacity 1e-3 or 1e-5 of the others; a grid whose nodes see many
+others by radiation, from 250 to 700 K. thermid is told the error and nothing else; a method of its own that is forced, and CVODE, have
+their cheapest setting that is right. ``python benchmarks/run.py B7 --sizes 343 512``.
 """
 
 from __future__ import annotations

@@ -128,7 +128,7 @@ def simulate(
     times = moments(at, conditions.seconds)
     grid = np.union1d(output_times(conditions, every and with_unit(every, "s"), None), times)
     writable((csv, TABLE), (netcdf, NETCDF))
-    solution = transient.simulate(model, conditions, times=grid, options=Options(error=with_unit(error, "K")))
+    solution = transient.simulate(model, conditions, times=grid, options=Options(error=literal(with_unit(error, "K"), "K", "--error")))
     try:
         final = steady(model, conditions, conditions.seconds)
     except SolverError:
