@@ -23,6 +23,7 @@ sys.path.insert(0, str(ROOT / "benchmarks"))
 import real_runs as rr  # noqa: E402
 
 from . import scores as s  # noqa: E402
+from .error_model import error_model_record  # noqa: E402
 from .tasks import stratum  # noqa: E402
 
 Array = np.ndarray
@@ -74,7 +75,7 @@ REAL_SETS: dict[str, Callable[..., rr.RealSet]] = {
     "tclab_apmonitor": apmonitor,
     "tclabsp": rr.tclabsp,
 }
-BANDS: dict[str, rr.Bands] = {"today": predict_record}
+BANDS: dict[str, rr.Bands] = {"today": predict_record, "error-model": error_model_record}
 """Rules that predict records, by name."""
 
 

@@ -36,6 +36,7 @@ from thermid.fit.problem import (
     wired,
 )
 from thermid.fit.uncertainty import stretch_means
+from thermid.inference.error_model import ErrorModel
 from thermid.measure.records import Record
 from thermid.model.laws import Constant, TableSignal, literal
 from thermid.model.parameters import UNJUDGED, Standing
@@ -384,6 +385,19 @@ def as_run(problem: Problem, end: Array, e: Experiment) -> Scenario:
 
 def _with_own(budget: Budget, shown: Calibration, e: Experiment, seen: KindsSeen) -> tuple[Budget, list[str]]:
     """Return the budget with the random room and start of the run where nothing fitted or logged them, and what no fit says."""
+    own, open_ = own_values(shown, e, seen)
+    for name, (mean, sd, runs) in own.items():
+        cause = START if name.startswith("initial.") else ROOM
+        source = Source(f"{cause}: {name}", "structural", Normal(mean, sd), f"differences between runs, from {runs} runs")
+        budget = budget.with_one(source, cause, Target(name, "add"))
+    return budget, open_
+
+
+def own_values(shown: Calibration, e: Experiment, seen: KindsSeen) -> tuple[dict[str, tuple[float, float, int]], list[str]]:
+    """Return room or start of a run -> mean and sd of what it is off by [K], and from how many runs; and rooms of which no fit says it.
+
+    Those that were fitted or logged are left out.
+    """
     request = shown.request
     assert request is not None
     find = e.network.find
@@ -392,6 +406,7 @@ def _with_own(budget: Budget, shown: Calibration, e: Experiment, seen: KindsSeen
     given = request.scenario(e.record)
     texts = {f"initial.{find(n)}": str(t) for n, t in given.initial.items() if isinstance(t, str)}
     open_ = []
+    out: dict[str, tuple[float, float, int]] = {}
     rooms = [b for b in e.scenario.boundaries if b in e.network.boundaries and isinstance(e.scenario.boundaries[b], Constant)]
     hidden = {f"initial.{n}" for n in e.hidden}
     first = {o.sensor: first_reading(e.record, o.sensor, request.window) for o in e.observations}
@@ -406,11 +421,25 @@ def _with_own(budget: Budget, shown: Calibration, e: Experiment, seen: KindsSeen
             continue
         if rule is not None and rule.offset:  # how far the first reading stands from the room is known already
             found = OwnValue(name, start, 0.0, found.sd, found.runs)
-        cause = START if name.startswith("initial.") else ROOM
-        words = f"differences between runs, from {found.runs} runs"
-        law = Normal(*found.given(first))
-        budget = budget.with_one(Source(f"{cause}: {name}", "structural", law, words), cause, Target(name, "add"))
-    return budget, open_
+        out[name] = (*found.given(first), found.runs)
+    return out, open_
+
+
+def told_by(errors: ErrorModel, calibration: Calibration, record: Record, **asked: Any) -> RecordPrediction:
+    """Return the prediction of a record by the model of error of its fit; arguments as in `predict_record`."""
+    shown = fitted_to(record_request(calibration, record, **{k: v for k, v in asked.items() if k != "without"}))
+    assert shown.problem is not None
+    assert shown.request is not None
+    e = shown.problem.experiments[0]
+    own, open_ = own_values(shown, e, KindsSeen.of(Known.of(calibration).provenances))
+    local = {u.name: float(shown.fitted[u.name]) for u in shown.problem.unknowns}
+    found = errors.readings(shown.request, local, {n: (mean, sd) for n, (mean, sd, _) in own.items()})
+    run = {b.sensor: b.predicted for b in shown.blocks}
+    bands = {s: SensorBand(s, b.node, b.times, b.measured, b.predicted, b.parts, b.predicted - run[s]) for s, b in found.items()}
+    left = [LeftOut(f"the temperature of {', '.join(open_)}, which is assumed: no fit shows how it differs between runs")] if open_ else []
+    locally = tuple(dict.fromkeys(i.name for i in shown.local))
+    told = tuple(_follow_commands(bands, e.scenario))
+    return RecordPrediction(calibration.stage, e.record.name, bands, locally, told, in_order(left), calibration.standing)
 
 
 def _assumed(seen: KindsSeen, name: str, scenario: Scenario) -> str:

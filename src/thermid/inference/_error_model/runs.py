@@ -209,6 +209,14 @@ class SensorRows:
 
         return SensorRows(mean(self.times), mean(self.residuals), np.sqrt(mean(self.noise**2) / count), mean(self.rows))
 
+    def about(self, columns: Sequence[int], far: Array) -> SensorRows:
+        """Return the residuals that are left where some unknowns are so far from where the derivatives were taken."""
+        return replace(self, residuals=self.residuals - self.rows[:, list(columns)] @ far)
+
+    def taken(self, columns: Sequence[int]) -> SensorRows:
+        """Return some of the unknowns, in an order."""
+        return replace(self, rows=self.rows[:, list(columns)])
+
     def white(self, wander: Wander) -> tuple[Array, Array, float]:
         """Return white rows and residuals, and ln det of what they were divided by."""
         out, log_det = innovations(self.times, np.column_stack([self.rows, self.residuals]), self.noise, wander)

@@ -27,8 +27,8 @@ class SizePrior:
 
 SIZES: Final = {
     "surface": SizePrior(0.05, "1", "prior", "size of the smooth departure of a constant coefficient about its physical mean"),
-    "joint": SizePrior(0.03, "1", "prior", "the same of a constant conductance of a joint or a solid"),
-    "law": SizePrior(0.05, "1", "prior", "the same of radiation and of correlations"),
+    "joint": SizePrior(0.03, "1", "prior", "size of the smooth departure of a constant conductance of a joint or a solid"),
+    "law": SizePrior(0.05, "1", "prior", "size of the smooth departure of radiation and of correlations"),
     "trend": SizePrior(0.005, "1/K", "prior", "growth of a joint with its level"),
     "hidden": SizePrior(0.1, "1", "prior", "mass behind a node that no deck has, in parts of the node's own"),
     "run": SizePrior(0.01, "1", "prior", "departure of a coefficient, conductance, mass or power from run to run"),
@@ -63,7 +63,7 @@ SHARES_OF_RUN: Final = (1.0 / 30.0, 1.0 / 10.0)
 """Time constants of hidden masses, in parts of the longest run. [-]"""
 LEFT_TIMES: Final = (1.0 / 30.0, 1.0 / 10.0, 1.0 / 3.0)
 """Time constants of what no element explains, in parts of the run; as likely each. [-]"""
-LEFT_SIZES: Final = (0.0, 0.3, 1.0, 2.0)
+LEFT_SIZES: Final = (0.0, 0.3, 1.0, 2.0, 4.0, 8.0)
 """Sizes of the same that are tried, in parts of the scale of their half-normal prior; each stands for all sizes nearer to it. [-]"""
 HEATED, EVERY = 0.1, 10
 """Part of the largest heat of an element from which its conditions count where features are laid [-]; of those every tenth is taken."""
@@ -79,14 +79,16 @@ LIKELY: Final = 0.01
 """Probability from which a size and time of what no element explains counts. [-]"""
 READINGS: Final = 200
 """Readings of a sensor in a run; more are averaged over equal stretches."""
-NEWTON_STEPS: Final = 3
-"""Newton steps in values, exponents and shares."""
+NEWTON_STEPS, ARRIVED = 3, 0.2
+"""Newton steps in values, exponents and shares at most; they end where the next is below so many standard errors."""
 UNBOUNDED: Final = 3.0
 """Standard deviation of a logarithm without a prior or bounds. [-]"""
 OUTSIDE: Final = 2.0
 """Root mean square of readings over what the model of error allows, from which nothing is predicted: then a log, its noise or a column is
 wrong. One is expected, with a standard deviation of a few per cent. [-]"""
-FAR_SIZE: Final = 3.0
+FAR_SIZE: Final = 5.0
 """Size of a departure in scales of its prior, from which nothing is predicted either: it then stands for something else. [-]"""
 COUNTED: Final = 1e-3
 """Weight of a member beside the heaviest, below which it is left out. [-]"""
+LEAST_NOISE, UNSAID = 1e-3, 0.1
+"""Scatter of neighbouring readings below which they show no noise, and what is then taken where nobody states any. [K]"""
