@@ -2,19 +2,11 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
 from dataclasses import replace
-from functools import lru_cache
-from typing import Any
 from unittest.mock import patch
 
-import thermid as td
-
 from thermid.base.errors import ThermidError
-from thermid.fit.calibration import Calibration
 from thermid.inference.error_model import SIZES, ErrorModel
-from thermid.prediction._records import told_by  # the one way in which predict_record asks it
-from thermid.prediction.bands import RecordPrediction
 
 from .rules import fitted
 from .tasks import Answer, Question, Refusal, Task
@@ -37,13 +29,3 @@ def error_model(task: Task, question: Question, without: tuple[str, ...] = ()) -
     except ThermidError as error:
         return Refusal(str(error))
     return Answer({n: told[n].kelvin for n in question.nodes}, {n: told[n].half_width for n in question.nodes})
-
-
-@lru_cache(maxsize=4)
-def _of(fit: Calibration) -> ErrorModel:
-    return ErrorModel.of(fit)
-
-
-def error_model_record(fit: Calibration, record: td.Record, **asked: Any) -> RecordPrediction:
-    """Return the prediction of a record by the model of error; arguments as in `predict_record`."""
-    return told_by(_of(fit), fit, record, **asked)

@@ -8,6 +8,7 @@ from __future__ import annotations
 import sys
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
+from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -23,7 +24,6 @@ sys.path.insert(0, str(ROOT / "benchmarks"))
 import real_runs as rr  # noqa: E402
 
 from . import scores as s  # noqa: E402
-from .error_model import error_model_record  # noqa: E402
 from .tasks import stratum  # noqa: E402
 
 Array = np.ndarray
@@ -75,7 +75,7 @@ REAL_SETS: dict[str, Callable[..., rr.RealSet]] = {
     "tclab_apmonitor": apmonitor,
     "tclabsp": rr.tclabsp,
 }
-BANDS: dict[str, rr.Bands] = {"today": predict_record, "error-model": error_model_record}
+BANDS: dict[str, rr.Bands] = {"today": predict_record, "error-model": partial(predict_record, error_model=True)}
 """Rules that predict records, by name."""
 
 

@@ -33,9 +33,20 @@ from thermid.fit.problem import Problem, Request
 from thermid.inference._error_model.elements import course_of, ways_of, with_heats, with_laws
 from thermid.inference._error_model.gaussian import NormalMixture, weights_of
 from thermid.inference._error_model.model import GROUPS, FittedWay, deviations, fitted_way, points_of
-from thermid.inference._error_model.records import INSTRUMENT, ROOM, START, RecordRun, problem_of_record, shared_with, split
+from thermid.inference._error_model.records import (
+    INSTRUMENT,
+    ROOM,
+    START,
+    VALUES as VALUES,
+    BesideRow as BesideRow,
+    RecordRun,
+    problem_of_record,
+    shared_with,
+    split,
+)
 from thermid.inference._error_model.runs import UnknownColumn
-from thermid.inference._error_model.sizes import COUNTED, FAR_SIZE, OUTSIDE, SIZES as SIZES
+from thermid.inference._error_model.sizes import COUNTED, FAR_SIZE, LARGEST, OUTSIDE, SIZES as SIZES
+from thermid.model.identity import identity_of
 from thermid.simulation.network import Network
 from thermid.simulation.runs import Simulator, network_for, output_times
 from thermid.simulation.scenarios import Scenario
@@ -43,8 +54,7 @@ from thermid.simulation.solver import Engine, Options, Wiring
 
 FOLLOWED = "prediction.error-not-followed"
 """Code of what is said of a fit that the model of error cannot follow."""
-VALUES, STRUCTURE, RUN, UNEXPLAINED, AVERAGED, READING = (
-    "values",
+STRUCTURE, RUN, UNEXPLAINED, AVERAGED, READING = (
     "structure at this distance",
     "this run",
     "what no element explains",
@@ -181,12 +191,12 @@ class ErrorModel:
         """What of the readings no departure of a usual size explains, in words; empty where all is explained."""
         if self.misfit > OUTSIDE:
             return f"the readings lie {self.misfit:.2g} times further from the model than noise and all departures allow"
-        parts = {group: size / SIZES[group].value for group, size in self.sizes.items()}
-        worst = max(parts, key=parts.__getitem__)
-        if parts[worst] > FAR_SIZE:
+        # of all departures that of a room alone extrapolates with no element: a wrong power hides in it
+        drift = self.sizes["room"] / SIZES["room"].value
+        if drift > FAR_SIZE:
             return (
-                f"the readings ask for a {SIZES[worst].effect} that is {parts[worst]:.2g} times the usual one "
-                f"({self.sizes[worst]:.2g} {SIZES[worst].unit} beside {SIZES[worst].value:g} {SIZES[worst].unit})"
+                f"the readings ask for {drift:.2g} times the usual {SIZES['room'].effect} "
+                f"({self.sizes['room']:.2g} K beside {SIZES['room'].value:g} K)"
             )
         return ""
 
@@ -265,7 +275,13 @@ class ErrorModel:
         return out
 
     @takes_objects
-    def readings(self, request: Request, local: Mapping[str, float], own: Mapping[str, tuple[float, float]]) -> dict[str, ReadingBand]:
+    def readings(
+        self,
+        request: Request,
+        local: Mapping[str, float],
+        own: Mapping[str, tuple[float, float]],
+        beside: Mapping[str, BesideRow] | None = None,
+    ) -> dict[str, ReadingBand]:
         """Return sensor -> what is known of the readings of a record that the fit has not seen.
 
         Parameters
@@ -273,13 +289,14 @@ class ErrorModel:
         request : Request   That runs the record at the values of the fit.
         local : dict        What was fitted to the record, by the names of its unknowns -> its value. [K]
         own : dict          Boundary or ``initial.<node>`` -> mean and standard deviation of what it is off by in a further run. [K]
+        beside : dict       Value -> how it follows sources of unit variance that the fit does not know.
 
         Raises
         ------
         IdentificationError   As `band`.
         """
         self._refuse_contradiction()
-        problem = problem_of_record(self.fit, request, own)
+        problem = problem_of_record(self.fit, request, own, beside or {})
         _refuse_unsaid_gas(self.fit, problem.experiments[0].network)
         known = shared_with(self.fit, problem)
         heaviest = max(float(s.max()) for s in self.weights)
@@ -379,8 +396,15 @@ def _problem_of(fit: Calibration) -> Problem:
     IdentificationError   When it is not there, or not what the model of error can follow.
     """
     problem = fit.problem
-    if problem is None or not problem.unknowns:
+    if problem is None or not any(u.kind == "parameter" for u in problem.unknowns):
         raise IdentificationError("this calibration does not hold what its fit was asked. Run the fit again.", fit.stage, code=FOLLOWED)
+    size = len(problem.experiments[0].network.nodes)
+    if size > LARGEST:
+        text = f"the model of error follows at most {LARGEST} nodes, not {size}: its cost grows with the cube of its elements."
+        raise IdentificationError(text, fit.stage, code=FOLLOWED)
+    if any(identity_of(e.model) != identity_of(fit.model) for e in problem.experiments):
+        text = "several levels were fitted together, and the model of error follows one. Ask the stage of one level."
+        raise IdentificationError(text, fit.stage, code=FOLLOWED)
     if fit.model.runner is not None:
         raise IdentificationError("the elements of an FMU are not known, so nothing is known of how they depart.", fit.stage, code=FOLLOWED)
     return problem
@@ -398,6 +422,7 @@ class StraightRun:
     beside : dict           Node -> the same of sources that the fit does not know (rows, sources). [K]
     columns : tuple         What this run has for itself.
     beyond : dict           Conductor -> its class, and what of its variance lies further off than its features reach. [-]
+    stated : frozenset      Boundaries.
     """
 
     kelvin: Mapping[str, Array]
@@ -406,6 +431,7 @@ class StraightRun:
     beside: Mapping[str, Array]
     columns: tuple[UnknownColumn, ...]
     beyond: Mapping[str, tuple[str, float]]
+    stated: frozenset[str]
 
     @classmethod
     def of(
@@ -457,13 +483,14 @@ class StraightRun:
             {n: m[:, width:] for n, m in moves.items()},
             tuple(c for c, _ in alone),
             way.departures.beyond(network, course),
+            frozenset(network.boundaries),
         )
 
     def members(self, way: FittedWay, node: str, kept: Indices) -> tuple[Array, dict[str, Array]]:
         """Return the means (members, rows) of a node [K], and source -> variance (members, rows) [K^2]."""
         rows, own = self.rows[node], self.own[node]
         parts = _parts(way, kept, rows, own, self.columns, self.beyond)
-        parts[UNEXPLAINED] = np.repeat(way.left[kept, :1] ** 2, own.shape[0], axis=1)
+        parts[UNEXPLAINED] = np.repeat(way.left[kept, :1] ** 2, own.shape[0], axis=1) * (node not in self.stated)
         return self.kelvin[node] + way.members.mean[kept] @ rows.T, parts
 
 
@@ -485,20 +512,6 @@ def _answers(ready: Simulator, at: Mapping[str, float], nodes: Sequence[str], se
         slopes = run.slopes(n) if ready.free else np.zeros((ready.times.size, 0))
         out[n] = (np.append(run[n].kelvin, rest[n]), np.vstack([slopes, moves[n]])) if settles else (run[n].kelvin, slopes)
     return out
-
-
-@dataclass(frozen=True, eq=False)
-class BesideRow:
-    """How a name that may change in a run follows sources that a fit does not know.
-
-    Parameters
-    ----------
-    gain : array (sources,)     What it differs by for a unit of each. [SI], or [-]
-    relative : bool             Whether that is in parts of its value.
-    """
-
-    gain: Array
-    relative: bool
 
 
 def _parts(
@@ -523,10 +536,10 @@ def _parts(
             kind, rest = beyond[c.source]
             alone[:, j] = np.sqrt(alone[:, j] ** 2 + rest * sizes[:, GROUPS.index(kind)] ** 2)
     parts = {VALUES: np.maximum(whole - structure, 0.0), STRUCTURE: structure}
-    sources = [{"run": RUN, "room": ROOM}.get(c.group, c.source) for c in columns]
+    sources = [{"run": RUN, "room": ROOM, "unlogged": ROOM}.get(c.group, c.source) for c in columns]
     for source in dict.fromkeys((RUN, ROOM, *sources)):
         which = [j for j, s in enumerate(sources) if s == source]
-        parts[source] = alone[:, which] ** 2 @ (own[:, which] ** 2).T
+        parts[source] = parts.get(source, 0.0) + alone[:, which] ** 2 @ (own[:, which] ** 2).T
     return parts
 
 

@@ -40,8 +40,9 @@ from thermid.inference.error_model import ErrorModel
 from thermid.measure.records import Record
 from thermid.model.laws import Constant, TableSignal, literal
 from thermid.model.parameters import UNJUDGED, Standing
-from thermid.prediction._budget import MISFIT, Budget, Target, budget_of, first_line, in_order
-from thermid.prediction._known import Known, instruments_of
+from thermid.prediction._budget import MISFIT, UNSOUGHT, Budget, Target, budget_of, first_line, in_order
+from thermid.prediction._errors import beside_rows, error_model_of, rows_below
+from thermid.prediction._known import Known, instruments_of, rows_of
 from thermid.prediction._setting import Setting
 from thermid.simulation.scenarios import Scenario
 from thermid.values.store import LeftOut, Normal, Source
@@ -293,6 +294,7 @@ def predict_record(
     readings: Mapping[str, Any] | None = None,
     window: float = 0.0,
     without: Sequence[str] = (),
+    error_model: bool = False,
 ) -> RecordPrediction:
     """Prediction of a logged run, with its readings beside the bands.
 
@@ -305,8 +307,11 @@ def predict_record(
     readings : dict             Boundary or ``initial.<node>`` -> channel whose first reading stands there, or ``{channel, offset}``.
     window : float              First readings are medians over this time. [s]
     without : sequence          Sources that are not counted, as in `predict`.
+    error_model : bool          Whether the bands are those of the model of error of the fit; nothing is left out then.
     """
     shown = fitted_to(record_request(calibration, record, scenario, local, readings, window))
+    if error_model:
+        return bands_by_errors(error_model_of(calibration), calibration, shown)
     return record_bands(calibration, shown, without)
 
 
@@ -425,21 +430,25 @@ def own_values(shown: Calibration, e: Experiment, seen: KindsSeen) -> tuple[dict
     return out, open_
 
 
-def told_by(errors: ErrorModel, calibration: Calibration, record: Record, **asked: Any) -> RecordPrediction:
-    """Return the prediction of a record by the model of error of its fit; arguments as in `predict_record`."""
-    shown = fitted_to(record_request(calibration, record, **{k: v for k, v in asked.items() if k != "without"}))
+def bands_by_errors(errors: ErrorModel, calibration: Calibration, shown: Calibration) -> RecordPrediction:
+    """Return the bands of a record that was run at the values of a fit, by its model of error."""
     assert shown.problem is not None
     assert shown.request is not None
-    e = shown.problem.experiments[0]
-    own, open_ = own_values(shown, e, KindsSeen.of(Known.of(calibration).provenances))
+    e, known = shown.problem.experiments[0], Known.of(calibration)
+    own, open_ = own_values(shown, e, KindsSeen.of(known.provenances))
     local = {u.name: float(shown.fitted[u.name]) for u in shown.problem.unknowns}
-    found = errors.readings(shown.request, local, {n: (mean, sd) for n, (mean, sd, _) in own.items()})
+    below = beside_rows(Budget.of_rows(rows_below(known, rows_of(known)), known.model, e.bare))
+    found = errors.readings(shown.request, local, {n: (mean, sd) for n, (mean, sd, _) in own.items()}, below)
     run = {b.sensor: b.predicted for b in shown.blocks}
     bands = {s: SensorBand(s, b.node, b.times, b.measured, b.predicted, b.parts, b.predicted - run[s]) for s, b in found.items()}
-    left = [LeftOut(f"the temperature of {', '.join(open_)}, which is assumed: no fit shows how it differs between runs")] if open_ else []
+    budget = budget_of(known, e.bare)
+    listed = (
+        [LeftOut(f"the temperature of {', '.join(open_)}, which is assumed: no fit shows how it differs between runs")] if open_ else []
+    )
+    left = in_order((*(x for x in budget.omitted if not x.listed), *listed))
     locally = tuple(dict.fromkeys(i.name for i in shown.local))
-    told = tuple(_follow_commands(bands, e.scenario))
-    return RecordPrediction(calibration.stage, e.record.name, bands, locally, told, in_order(left), calibration.standing)
+    told = (*(r for r in budget.remarks if r == UNSOUGHT), *_follow_commands(bands, e.scenario))
+    return RecordPrediction(calibration.stage, e.record.name, bands, locally, told, left, calibration.standing)
 
 
 def _assumed(seen: KindsSeen, name: str, scenario: Scenario) -> str:

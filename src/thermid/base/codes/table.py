@@ -363,8 +363,8 @@ CODES: Final[Mapping[str, CodeMeaning]] = {
     ),
     "prediction.error-not-followed": CodeMeaning(
         "error",
-        "The model of error cannot follow a fit: its logs have two clocks, its model is somebody else's program, or it comes from a file.",
-        "Fit again from logs with one clock, or use the bands of predict.",
+        "The model of error cannot follow a fit: it has too many nodes, joins levels, is somebody else's program, or comes from a file.",
+        "Ask a fit of this session of one level and fewer nodes, or take the bands of predict without error_model.",
     ),
     "prediction.gas-of-joint-unsaid": CodeMeaning(
         "error",

@@ -148,9 +148,9 @@ class RunsOfFit:
         alone = [alone_in(problem, i) for i in range(len(courses))]
         values = [k for k in range(len(problem.unknowns)) if not any(k in own for own in alone)]
         traces = []
-        for i, (network, (shared, own)) in enumerate(zip(networks, parts, strict=True)):
+        for i, (network, (shared, single)) in enumerate(zip(networks, parts, strict=True)):
             by_name = {c.name: h for c, h in shared}
-            heats = [*(by_name.get(n, DepartureHeat(n, ())) for n in columns), *(h for _, h in own)]
+            heats = [*(by_name.get(n, DepartureHeat(n, ())) for n in columns), *(h for _, h in single)]
             fitted_rows = traces_of(problem, i, network, heats, fitted)
             size = len(problem.unknowns)
             order = [*values, *range(size, size + len(columns)), *alone[i], *range(size + len(columns), size + len(heats))]

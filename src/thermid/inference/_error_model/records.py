@@ -8,6 +8,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from thermid.base.dual import value_of
 from thermid.base.linear_algebra import Array, Indices, quadratic_forms, symmetric_inverse
 from thermid.fit.calibration import Calibration
 from thermid.fit.problem import SCALE, Experiment, Influence, Prior, Problem, Request, Unknown, build_problem
@@ -19,11 +20,27 @@ from thermid.model.laws import Constant
 from thermid.simulation.scenarios import Scenario
 from thermid.values.store import Store
 
-START, INSTRUMENT, ROOM = "start of the run", "instrument", "room"
+VALUES, START, INSTRUMENT, ROOM = "values", "start of the run", "instrument", "room"
 """What of a run by itself a band comes from, beside its elements."""
 
 
-def problem_of_record(fit: Calibration, request: Request, own: Mapping[str, tuple[float, float]]) -> Problem:
+@dataclass(frozen=True, eq=False)
+class BesideRow:
+    """How a name that may change in a run follows sources that a fit does not know.
+
+    Parameters
+    ----------
+    gain : array (sources,)     What it differs by for a unit of each. [SI], or [-]
+    relative : bool             Whether that is in parts of its value.
+    """
+
+    gain: Array
+    relative: bool
+
+
+def problem_of_record(
+    fit: Calibration, request: Request, own: Mapping[str, tuple[float, float]], beside: Mapping[str, BesideRow]
+) -> Problem:
     """Return a record with everything that is not known of its run as unknowns.
 
     Parameters
@@ -31,6 +48,7 @@ def problem_of_record(fit: Calibration, request: Request, own: Mapping[str, tupl
     fit : Calibration
     request : Request   That runs the record at the values of the fit.
     own : dict          Boundary or ``initial.<node>`` -> mean and standard deviation of what it is off by. [K]
+    beside : dict       Value -> how it follows sources of unit variance that the fit does not know.
     """
     assert fit.problem is not None
     named = tuple(u.name for u in fit.problem.unknowns if u.kind == "parameter")
@@ -48,7 +66,24 @@ def problem_of_record(fit: Calibration, request: Request, own: Mapping[str, tupl
         left = [n for n in names if n.startswith("initial.") and n not in taken]
         if left and sensor in sensors:
             more.append(_shifted(made, f"first reading of {sensor}", left, 0.0, noise_of(e, sensors[sensor])))
-    return replace(made, unknowns=(*made.unknowns, *more))
+    return replace(made, unknowns=(*made.unknowns, *more, *_beside(made, beside)))
+
+
+def _beside(problem: Problem, beside: Mapping[str, BesideRow]) -> list[Unknown]:
+    """Return one unknown for each source that the fit does not know, acting on every value that follows it."""
+    acting = {t.name for u in problem.unknowns for t in u.targets}
+    numbers = problem.experiments[0].network.numbers().values
+    out: list[Unknown] = []
+    for k in range(max((row.gain.size for row in beside.values()), default=0)):
+        targets = []
+        for name, row in beside.items():
+            if row.gain[k] and name in numbers:
+                value = float(value_of(numbers[name]))
+                factor = float(row.gain[k]) * (value if row.relative else 1.0)
+                targets.append(Influence(0, name, 0.0 if name in acting else value, factor))
+                acting.add(name)
+        out.append(Unknown(f"{VALUES} {k}", "beside", tuple(targets), 0.0, prior=Prior(0.0, 1.0)))
+    return out
 
 
 def shared_with(fit: Calibration, problem: Problem) -> set[str]:
@@ -200,14 +235,14 @@ class RecordRun:
             own = slice(begin, begin + t.times.size)
             whole[own, own] = Wander(size, part * self.span).covariance(t.times)
             begin += t.times.size
-        return quadratic_forms(self.left(np.eye(rows)), whole)
+        return np.asarray(quadratic_forms(self.left(np.eye(rows)), whole))
 
 
 def _column(e: Experiment, u: Unknown) -> UnknownColumn:
     """Return an unknown of a run as a column about the mean of its prior."""
     boundaries = {*e.scenario.boundaries}
     at = {t.name for t in u.targets}
-    source = INSTRUMENT if u.kind != "local" else ROOM if at & boundaries else START
+    source = VALUES if u.kind == "beside" else INSTRUMENT if u.kind != "local" else ROOM if at & boundaries else START
     return UnknownColumn(u.name, "", u.prior.sd if u.prior is not None else reach(u), source)
 
 

@@ -146,8 +146,9 @@ class Departures:
             out.append((UnknownColumn(name, "run", 0.5, load), DepartureHeat(name, ((node, power),))))
         for boundary in course.follows:
             if course.follows[boundary]:
+                group = "room" if np.ptp(course.kelvin[boundary]) > 0.0 else "unlogged"
                 heats = room_heats(network, course, boundary, ROOM_TIME)
-                out += [(UnknownColumn(h.name, "room", 1.0, boundary), h) for h in heats]
+                out += [(UnknownColumn(h.name, group, 1.0, boundary), h) for h in heats]
         return out
 
     def beyond(self, network: Network, course: ElementCourse) -> dict[str, tuple[str, float]]:

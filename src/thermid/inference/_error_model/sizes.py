@@ -33,6 +33,7 @@ SIZES: Final = {
     "hidden": SizePrior(0.1, "1", "prior", "mass behind a node that no deck has, in parts of the node's own"),
     "run": SizePrior(0.01, "1", "prior", "departure of a coefficient, conductance, mass or power from run to run"),
     "room": SizePrior(0.2, "K", "prior", "drift of a room about its logged or stated temperature"),
+    "unlogged": SizePrior(0.3, "K", "prior", "drift of a room that no log follows, about the one temperature that stands for it"),
     "left": SizePrior(0.1, "K", "prior", "what no element explains, at a sensor"),
 }
 """Scales of the half-normal priors of sizes."""
@@ -86,9 +87,11 @@ UNBOUNDED: Final = 3.0
 OUTSIDE: Final = 2.0
 """Root mean square of readings over what the model of error allows, from which nothing is predicted: then a log, its noise or a column is
 wrong. One is expected, with a standard deviation of a few per cent. [-]"""
-FAR_SIZE: Final = 5.0
-"""Size of a departure in scales of its prior, from which nothing is predicted either: it then stands for something else. [-]"""
+FAR_SIZE: Final = 2.5
+"""Drift of a room in scales of its prior, from which nothing is predicted either: a power or a column then hides in it. [-]"""
 COUNTED: Final = 1e-3
 """Weight of a member beside the heaviest, below which it is left out. [-]"""
 LEAST_NOISE, UNSAID = 1e-3, 0.1
 """Scatter of neighbouring readings below which they show no noise, and what is then taken where nobody states any. [K]"""
+LARGEST: Final = 16
+"""Nodes up to which a fit has a model of error: the unknowns grow with the elements, and the cost with their cube."""
