@@ -46,6 +46,7 @@ from thermid.inference._error_model.records import (
 )
 from thermid.inference._error_model.runs import UnknownColumn
 from thermid.inference._error_model.sizes import COUNTED, FAR_SIZE, LARGEST, OUTSIDE, SIZES as SIZES
+from thermid.inference._error_model.undetermined import open_values, reachable
 from thermid.model.identity import identity_of
 from thermid.simulation.network import Network
 from thermid.simulation.runs import Simulator, network_for, output_times
@@ -272,7 +273,29 @@ class ErrorModel:
             if all(m.shape[1] > size for m, _ in members):
                 rest = _band(n, np.array([np.inf]), weights, members, answers, slice(size, size + 1))
                 out[n] = replace(out[n], settled=rest)
+        self._refuse_unreachable(scenario, wanted, out)
         return out
+
+    def _refuse_unreachable(self, scenario: Scenario, times: Array, bands: Mapping[str, ErrorBand]) -> None:
+        """Refuse bands that are wider than what the network can reach at all, because a value is determined by no reading."""
+        assert self.fit.problem is not None
+        unknowns, left = self.fit.problem.unknowns, np.sqrt(np.diag(self.covariance)).tolist()
+        open_ = open_values(unknowns, dict(zip(self.unknowns, left, strict=True)))
+        wide = {n: b for n, b in bands.items() if b.shares[VALUES] > 0.5} if open_ else {}
+        if not wide:
+            return
+        loose = [u for u in unknowns if u.name in open_]
+        for n, (low, high) in reachable(self.fit.fitted_model, scenario, loose, times, list(wide)).items():
+            half, room = wide[n].half_width, 0.5 * (high - low)
+            if (half > room).any() and ((wide[n].kelvin + half > high) | (wide[n].kelvin - half < low)).any():
+                k = int((half - room).argmax())
+                told = f"the band of '{n}', +- {half[k]:.3g} K at {times[k]:.3g} s, would be wider than what the network can reach"
+                raise IdentificationError(
+                    f"no reading determines '{open_[0]}', and {told} with any value of it, {low[k] - 273.15:.1f} to "
+                    f"{high[k] - 273.15:.1f} degC. State a prior of it, or fit a run that determines it: next_test says which.",
+                    self.fit.stage,
+                    code="prediction.value-undetermined",
+                )
 
     @takes_objects
     def readings(

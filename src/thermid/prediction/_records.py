@@ -310,12 +310,10 @@ def predict_record(
     error_model : bool          Whether the bands are those of the model of error of the fit; nothing is left out then.
     """
     shown = fitted_to(record_request(calibration, record, scenario, local, readings, window))
-    if error_model:
-        return bands_by_errors(error_model_of(calibration), calibration, shown)
-    return record_bands(calibration, shown, without)
+    return record_bands(calibration, shown, without, error_model)
 
 
-def record_bands(calibration: Calibration, shown: Calibration, without: Sequence[str] = ()) -> RecordPrediction:
+def record_bands(calibration: Calibration, shown: Calibration, without: Sequence[str] = (), error_model: bool = False) -> RecordPrediction:
     """Return the bands of a record that was run at the values of a fit.
 
     Parameters
@@ -323,9 +321,12 @@ def record_bands(calibration: Calibration, shown: Calibration, without: Sequence
     calibration : Calibration   The fit.
     shown : Calibration         The run of the record at its values; what was fitted to it are values of its own.
     without : sequence          Sources that are not counted, as in `predict`.
+    error_model : bool          Whether the bands are those of the model of error of the fit; nothing is left out then.
     """
     problem = shown.problem
     assert problem is not None
+    if error_model:
+        return bands_by_errors(error_model_of(calibration), calibration, shown)
     end = np.array(list(shown.fitted.values()))
     bench = problem.bench(0, end)
     e, scenario = bench.experiment, as_run(problem, end, bench.experiment)

@@ -122,3 +122,20 @@ def test_what_the_model_of_error_does_not_follow_is_refused_by_name(fit: td.Cali
         td.predict(fit, _asked(6.0), error_model=True, draws=20)
     with pytest.raises(IdentificationError, match="values of a file"):
         td.predict(td.design.Known(fit.fitted_model, (fit.values,)), _asked(6.0), error_model=True)
+
+
+def test_a_value_that_no_reading_determines_is_named_and_nothing_is_predicted() -> None:
+    """No power goes into the core, so nothing says how it is joined; its prior is about as wide as its bounds."""
+    made: dict[str, Any] = deck(base=BOX)
+    made["nodes"]["core"] = {"capacitance": "0.1 [J/K]"}
+    joint = {"value": "0.5 [W/K]", "min": 0.35, "max": 0.9}
+    made["conductors"] = {"joint": {"kind": "conduction", "between": ["core", "case"], "conductance": joint}}
+    made["loads"]["inside"] = {"into": "core", "power": "0 [W]"}
+    model = td.model_from_dict(made)
+    record = _log(4.0, 0)
+    fit = td.calibrate(model, record, [HTC, "joint.conductance"], priors={"joint.conductance": ("0.5 [W/K]", "45 [%]")}, search="local")
+    asked = _asked(6.0).with_(loads={"heat": "2 [W]", "inside": "10 [W]"})
+    with pytest.raises(IdentificationError, match=r"no reading determines 'joint.conductance', and the band of 'core'") as refused:
+        td.predict(fit, asked, error_model=True)
+    assert refused.value.code == "prediction.value-undetermined"
+    td.predict(fit, _asked(6.0), nodes=["case"], error_model=True)

@@ -376,6 +376,11 @@ CODES: Final[Mapping[str, CodeMeaning]] = {
         "No departure of a usual size explains the readings of a fit, so nothing is predicted from it.",
         "Check columns, units, powers and noise of the logs; criticise looks for a missing element.",
     ),
+    "prediction.value-undetermined": CodeMeaning(
+        "error",
+        "No reading determines a value, and a band that counts it would be wider than what the network can reach at all.",
+        "State a prior of the value, or fit a run that determines it; next_test says which.",
+    ),
     "record.damaged": CodeMeaning(
         "error",
         "The file of a log is cut short, or is not of the format that its name says.",

@@ -204,7 +204,7 @@ class RecordRun:
         at = self.far + np.concatenate([mean, np.zeros(self.far.size - mean.size)])
         off = np.concatenate([t.residuals - t.rows @ at for t in self.means])
         at[self.shared + len(self.columns) :] += self._answer @ off
-        return at
+        return np.asarray(at)
 
     def centres(self, mean: Array) -> list[Array]:
         """Return sensor by sensor what is expected of every reading less what it is (readings,), at means of the way's unknowns. [K]"""

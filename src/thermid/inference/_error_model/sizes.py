@@ -95,3 +95,6 @@ LEAST_NOISE, UNSAID = 1e-3, 0.1
 """Scatter of neighbouring readings below which they show no noise, and what is then taken where nobody states any. [K]"""
 LARGEST: Final = 16
 """Nodes up to which a fit has a model of error: the unknowns grow with the elements, and the cost with their cube."""
+OPEN, REACHED, DRAWN = 0.5, 0.01, 64
+"""Part of what was known before that a value keeps where no reading determines it; share of all possible values that lead beyond what a
+network is said to reach, each side, and how many are drawn. [-]"""
