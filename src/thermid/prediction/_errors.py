@@ -98,6 +98,14 @@ def with_beside(band: ErrorBand, beside: Beside) -> tuple[dict[str, Array], dict
     return parts, shifts, band.kelvin + np.sum([np.zeros(band.times.size), *shifts.values()], axis=0)
 
 
-def meaning(causes: Sequence[str]) -> dict[str, str]:
-    """Return cause -> what it stands for, and what would narrow a band that comes from it."""
-    return {c: f"{MEANING.get(c, c)}; narrower by {NARROWS[c]}" for c in causes if c in MEANING}
+def meaning(shares: Mapping[str, float], least: float) -> dict[str, str]:
+    """Return cause -> what it stands for; of the largest also what would narrow a band that comes from it.
+
+    Parameters
+    ----------
+    shares : dict   Cause -> its share of the variance of the widest band. [-]
+    least : float   Share from which a cause is told. [-]
+    """
+    largest = max(shares, key=shares.__getitem__, default="")
+    told = {c: MEANING[c] for c, share in shares.items() if c in MEANING and share >= least}
+    return {c: f"{text}; narrower by {NARROWS[c]}" if c == largest else text for c, text in told.items()}

@@ -442,13 +442,13 @@ class AskedByErrors:
                 rest[n] = Band(n, band.times[-1:], centre, np.zeros(1), parts).final
         find = {n: best[n].path for n in (nodes if nodes is not None else best.nodes)}
         find |= {alias: path for alias, path in known.model.every_alias().items() if path in bands}
-        causes = dict.fromkeys(c for b in bands.values() for c, share in b.final.shares.items() if share >= LEAST_SHARE)
+        widest = max((b.final for b in bands.values()), key=lambda e: e.error)
         unsought = [r for r in budget.remarks if r == UNSOUGHT]
         warnings = (*best.warnings, *unsought, *([beside.remark] if beside.remark else []), *carrier_words(errors, bands))
         left, least = _left_out(budget, bands)
         title, standing = known.model.title, budget.standing
         course, times = self.scenario.title, next(iter(bands.values())).times
-        return Prediction(title, course, times, bands, rest, meaning([*causes]), warnings, find, standing, left, least)
+        return Prediction(title, course, times, bands, rest, meaning(widest.shares, LEAST_SHARE), warnings, find, standing, left, least)
 
 
 LEAST_SHARE = 0.005
