@@ -18,7 +18,7 @@ does not say what carries the heat of its surfaces, so are free air and a stream
 from __future__ import annotations
 
 from collections.abc import Collection, Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
@@ -88,7 +88,6 @@ class ErrorBand:
     mixture : NormalMixture           Of its temperature. [K]
     parts : dict                Source -> variance (times,). [K^2]
     beside : array (times, sources)     What a unit of each source beside the model of error does. [K]
-    settled : ErrorBand or None     Where it settles with the inputs of the end; None where nothing does.
     """
 
     node: str
@@ -96,7 +95,6 @@ class ErrorBand:
     mixture: NormalMixture
     parts: Mapping[str, Array]
     beside: Array
-    settled: ErrorBand | None = None
 
     @property
     def kelvin(self) -> Array:
@@ -132,6 +130,20 @@ class ErrorBand:
         told = ", ".join(f"{source} {100 * s:.0f} %" for source, s in sorted(self.shares.items(), key=lambda i: -i[1]) if s >= 0.005)
         end = f"{self.node}: {float(self.kelvin[-1]) - 273.15:.2f} degC, 95 % {low:.2f} .. {high:.2f}"
         return f"{end}, from {told}. Narrower by: {self.narrowed_by}"
+
+
+@dataclass(frozen=True, eq=False)
+class RunErrors:
+    """What is known of a run.
+
+    Parameters
+    ----------
+    bands : dict        Node -> ErrorBand.
+    settled : dict      Node -> the same where it settles with the inputs of the end, at one time; empty where nothing settles.
+    """
+
+    bands: Mapping[str, ErrorBand]
+    settled: Mapping[str, ErrorBand]
 
 
 @dataclass(frozen=True, eq=False)
@@ -238,7 +250,21 @@ class ErrorModel:
         as_logged: bool = False,
         beside: Mapping[str, BesideRow] | None = None,
     ) -> dict[str, ErrorBand]:
-        """Return node -> what is known of its true temperature in a scenario.
+        """Return node -> what is known of its true temperature in a scenario; arguments and errors as in `run`."""
+        return dict(self.run(scenario, nodes, every=every, times=times, as_logged=as_logged, beside=beside).bands)
+
+    @takes_objects
+    def run(
+        self,
+        scenario: Scenario,
+        nodes: Sequence[str] = (),
+        *,
+        every: str | float | None = None,
+        times: Any = None,
+        as_logged: bool = False,
+        beside: Mapping[str, BesideRow] | None = None,
+    ) -> RunErrors:
+        """Return what is known of true temperatures in a scenario.
 
         Parameters
         ----------
@@ -265,16 +291,15 @@ class ErrorModel:
         weights = np.concatenate([share for _, _, share, _ in several])
         weights = weights / float(weights.sum())
         ends = {n: wanted.size for n in several[0][3].kelvin}
-        out = {}
+        out, settled = {}, {}
         for n, size in ends.items():
             members = [run.members(way, n, kept) for way, kept, _, run in several]
             answers = sum(share.sum() * run.beside[n] for _, _, share, run in several) / sum(share.sum() for _, _, share, _ in several)
             out[n] = _band(n, wanted, weights, members, answers, slice(0, size))
             if all(m.shape[1] > size for m, _ in members):
-                rest = _band(n, np.array([np.inf]), weights, members, answers, slice(size, size + 1))
-                out[n] = replace(out[n], settled=rest)
+                settled[n] = _band(n, np.array([np.inf]), weights, members, answers, slice(size, size + 1))
         self._refuse_unreachable(scenario, wanted, out)
-        return out
+        return RunErrors(out, settled)
 
     def _refuse_unreachable(self, scenario: Scenario, times: Array, bands: Mapping[str, ErrorBand]) -> None:
         """Refuse bands that are wider than what the network can reach at all, because a value is determined by no reading."""

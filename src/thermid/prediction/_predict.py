@@ -427,18 +427,18 @@ class AskedByErrors:
         errors = error_model_of(known.fit)
         stated = [self.spread] if isinstance(self.spread, Mapping | Spread) else list(self.spread)
         beside = Beside.of(known, budget, stated)
-        found = errors.band(
+        found = errors.run(
             self.scenario, list(nodes or ()), every=self.every, times=self.times, as_logged=self.as_logged, beside=beside.rows
         )
         best = simulate(known.model, self.scenario, every=self.every, times=self.times, options=self.options)
         bands, rest = {}, {}
-        for n, band in found.items():
+        for n, band in found.bands.items():
             parts, shifts, centre = with_beside(band, beside)
             simulated = best[n].kelvin
             own = {STRUCTURE: band.kelvin - simulated, **shifts}
             bands[n] = Band(n, band.times, simulated, centre - simulated, parts, shifts=own)
-            if band.settled is not None:
-                parts, _, centre = with_beside(band.settled, beside)
+            if n in found.settled:
+                parts, _, centre = with_beside(found.settled[n], beside)
                 rest[n] = Band(n, band.times[-1:], centre, np.zeros(1), parts).final
         find = {n: best[n].path for n in (nodes if nodes is not None else best.nodes)}
         find |= {alias: path for alias, path in known.model.every_alias().items() if path in bands}
