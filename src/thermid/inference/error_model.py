@@ -32,7 +32,7 @@ from thermid.fit.discrepancy import coefficient_path, constant_coefficients, dis
 from thermid.fit.problem import Problem, Request
 from thermid.inference._error_model.elements import course_of, ways_of, with_heats, with_laws
 from thermid.inference._error_model.gaussian import NormalMixture, weights_of
-from thermid.inference._error_model.model import GROUPS, FittedWay, deviations, fitted_way, points_of
+from thermid.inference._error_model.model import GROUPS, FittedWay, deviations, fitted_way, open_values, points_of, reachable
 from thermid.inference._error_model.records import (
     INSTRUMENT,
     ROOM,
@@ -45,8 +45,7 @@ from thermid.inference._error_model.records import (
     split,
 )
 from thermid.inference._error_model.runs import UnknownColumn
-from thermid.inference._error_model.sizes import COUNTED, FAR_SIZE, LARGEST, OUTSIDE, SIZES as SIZES
-from thermid.inference._error_model.undetermined import open_values, reachable
+from thermid.inference._error_model.sizes import COUNTED, FAR_SIZE, NODES_FOLLOWED, OUTSIDE, SIZES as SIZES
 from thermid.model.identity import identity_of
 from thermid.simulation.network import Network
 from thermid.simulation.runs import Simulator, network_for, output_times
@@ -314,10 +313,10 @@ class ErrorModel:
             half, room = wide[n].half_width, 0.5 * (high - low)
             if (half > room).any() and ((wide[n].kelvin + half > high) | (wide[n].kelvin - half < low)).any():
                 k = int((half - room).argmax())
-                told = f"the band of '{n}', +- {half[k]:.3g} K at {times[k]:.3g} s, would be wider than what the network can reach"
+                wider = f"the band of '{n}', +- {half[k]:.3g} K at {times[k]:.3g} s, would be wider than what the network can reach"
                 raise IdentificationError(
-                    f"no reading determines '{open_[0]}', and {told} with any value of it, {low[k] - 273.15:.1f} to "
-                    f"{high[k] - 273.15:.1f} degC. State a prior of it, or fit a run that determines it: next_test says which.",
+                    f"no reading determines '{open_[0]}', and {wider} with any value of it, {low[k] - 273.15:.1f} to "
+                    f"{high[k] - 273.15:.1f} degC. State a prior of it, or fit a run that determines it: next_test names one.",
                     self.fit.stage,
                     code="prediction.value-undetermined",
                 )
@@ -447,8 +446,8 @@ def _problem_of(fit: Calibration) -> Problem:
     if problem is None or not any(u.kind == "parameter" for u in problem.unknowns):
         raise IdentificationError("this calibration does not hold what its fit was asked. Run the fit again.", fit.stage, code=FOLLOWED)
     size = len(problem.experiments[0].network.nodes)
-    if size > LARGEST:
-        text = f"the model of error follows at most {LARGEST} nodes, not {size}: its cost grows with the cube of its elements."
+    if size > NODES_FOLLOWED:
+        text = f"the model of error follows at most {NODES_FOLLOWED} nodes, not {size}: its cost grows with the cube of its elements."
         raise IdentificationError(text, fit.stage, code=FOLLOWED)
     if any(identity_of(e.model) != identity_of(fit.model) for e in problem.experiments):
         text = "several levels were fitted together, and the model of error follows one. Ask the stage of one level."

@@ -20,7 +20,7 @@ MEANING = {
     VALUES: "noise, instruments and priors leave the fitted values this uncertain",
     STRUCTURE: "elements depart from their laws, the more the further the run is from those that were fitted",
     "this run": "coefficients, masses and powers differ from run to run",
-    "room": "a room wanders about what is logged of it",
+    "room": "a room drifts about what is logged of it",
     "what no element explains": "residuals that no departure of an element follows",
     "sizes, and what carries the heat": "how large departures are, and whether free air or a fan carries the heat of surfaces",
 }
@@ -34,7 +34,7 @@ def error_model_of(fit: Calibration) -> ErrorModel:
 
 
 @dataclass(frozen=True, eq=False)
-class Beside:
+class CountedBeside:
     """What a band counts beside the model of error: values that stages below found, gas in joints, and what is stated.
 
     Parameters
@@ -49,7 +49,7 @@ class Beside:
     remark: str = ""
 
     @classmethod
-    def of(cls, known: Known, whole: Budget, stated: Sequence[Any]) -> Beside:
+    def of(cls, known: Known, whole: Budget, stated: Sequence[Any]) -> CountedBeside:
         """Return what is counted beside the model of error of a fit in the scenario of its whole budget."""
         rows = rows_of(known)
         made = Budget.of_rows(rows_below(known, rows), known.model, whole.scenario)
@@ -85,7 +85,7 @@ def rows_below(known: Known, rows: Rows) -> Rows:
     return replace(rows, sources=sources, causes=causes, matrix=rows.matrix[:, used])
 
 
-def with_beside(band: ErrorBand, beside: Beside) -> tuple[dict[str, Array], dict[str, Array], Array]:
+def with_beside(band: ErrorBand, beside: CountedBeside) -> tuple[dict[str, Array], dict[str, Array], Array]:
     """Return source -> variance (times,) [K^2], and what moves the centre (times,): by cause, and together [K]."""
     parts = dict(band.parts)
     if band.beside.shape[1]:

@@ -28,7 +28,7 @@ from thermid.model.parameters import UNJUDGED, Standing, worst
 from thermid.model.tree import Model
 from thermid.physics.constants import ICE_POINT
 from thermid.prediction._budget import CONSTANT, KINDS, MISFIT, UNSOUGHT, Budget, Spread, assumed_left_out, budget_of, first_line, in_order
-from thermid.prediction._errors import Beside, error_model_of, meaning, with_beside
+from thermid.prediction._errors import CountedBeside, error_model_of, meaning, with_beside
 from thermid.prediction._known import Known, Rows
 from thermid.prediction._setting import Drawn, Linear, Setting
 from thermid.simulation.runs import Solution, simulate
@@ -390,43 +390,48 @@ def predict(
     if draws < 0:
         raise IdentificationError(f"{draws} members are too few. Give 0 for derivatives alone, or some hundred.", known.model.title)
     off = (*without, *(() if discrepancy else ("structural", "misfit")))
-    asked = AskedByErrors(scenario, spread, every, times, options, as_logged)
-    if error_model and (model is not None or off or draws):
-        raise IdentificationError("the model of error takes no other model, no draws and leaves nothing out.", known.model.title)
-
-    def of(one: Known, wanted: Sequence[str] | None, at: Any) -> Prediction:
-        budget = budget_of(one, scenario, spread, without=off)
-        if error_model:
-            return replace(asked, times=at).of(one, budget, wanted)
-        return predicted(budget, wanted, every=every, times=at, draws=draws, seed=seed, options=options)
-
-    plain = of(known.on(model) if model is not None else known, nodes, times)
+    asked = Asked(scenario, spread, off, every, times, draws, seed, options, error_model, as_logged)
+    plain = asked.of(known.on(model) if model is not None else known, nodes)
     if known.fit is None or model is not None or draws or DEFECTS in without:
         return plain
     others = explained(known.fit)
-    told = [of(Known.of(e.fit), list(plain.bands), plain.times) for e in others]
+    told = [replace(asked, times=plain.times).of(Known.of(e.fit), list(plain.bands)) for e in others]
     looked = replace(plain, warnings=tuple(w for w in plain.warnings if w != UNSOUGHT))
     return averaged(plain, others, told, known.fit) if told else looked
 
 
 @dataclass(frozen=True, eq=False)
-class AskedByErrors:
-    """What is asked of the model of error: arguments as in `predict`."""
+class Asked:
+    """What is asked of `predict`: arguments as there, `without` what `discrepancy` leaves out too."""
 
     scenario: Scenario
     spread: Given | Sequence[Given]
+    without: Sequence[str]
     every: str | float | None
     times: Any
+    draws: int
+    seed: int
     options: Options | None
+    error_model: bool
     as_logged: bool
 
-    def of(self, known: Known, budget: Budget, nodes: Sequence[str] | None) -> Prediction:
-        """Return the prediction by the model of error of a fit; its whole budget says what is left out."""
-        if known.fit is None or known.at:
-            raise IdentificationError("values of a file have no model of error. Ask the fit.", known.model.title, code=FOLLOWED)
+    def of(self, known: Known, nodes: Sequence[str] | None) -> Prediction:
+        """Return the prediction by what is known."""
+        budget = budget_of(known, self.scenario, self.spread, without=self.without)
+        if self.error_model:
+            return self._by_errors(known, budget, nodes)
+        return predicted(budget, nodes, every=self.every, times=self.times, draws=self.draws, seed=self.seed, options=self.options)
+
+    def _by_errors(self, known: Known, budget: Budget, nodes: Sequence[str] | None) -> Prediction:
+        """Return the prediction by the model of error of a fit; its whole budget states what is left out."""
+        if self.without or self.draws:
+            raise IdentificationError("the model of error takes no draws and leaves nothing out.", known.model.title)
+        if known.fit is None or known.at or known.model is not known.fit.fitted_model:
+            text = "values of a file or on another model have no model of error. Ask the fit itself."
+            raise IdentificationError(text, known.model.title, code=FOLLOWED)
         errors = error_model_of(known.fit)
         stated = [self.spread] if isinstance(self.spread, Mapping | Spread) else list(self.spread)
-        beside = Beside.of(known, budget, stated)
+        beside = CountedBeside.of(known, budget, stated)
         found = errors.run(
             self.scenario, list(nodes or ()), every=self.every, times=self.times, as_logged=self.as_logged, beside=beside.rows
         )
@@ -448,10 +453,10 @@ class AskedByErrors:
         left, least = _left_out(budget, bands)
         title, standing = known.model.title, budget.standing
         course, times = self.scenario.title, next(iter(bands.values())).times
-        return Prediction(title, course, times, bands, rest, meaning(widest.shares, LEAST_SHARE), warnings, find, standing, left, least)
+        return Prediction(title, course, times, bands, rest, meaning(widest.shares, CAUSE_SHARE), warnings, find, standing, left, least)
 
 
-LEAST_SHARE = 0.005
+CAUSE_SHARE = 0.005
 """Share of a variance from which a table names its cause. [-]"""
 TELLING = 0.1
 """Probability from which the other answer to what carries the heat is told. [-]"""

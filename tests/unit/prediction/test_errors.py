@@ -115,7 +115,7 @@ def test_what_is_stated_counts_beside_it(fit: td.Calibration) -> None:
 
 
 def test_what_the_model_of_error_does_not_follow_is_refused_by_name(fit: td.Calibration, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr("thermid.inference.error_model.LARGEST", 0)
+    monkeypatch.setattr("thermid.inference.error_model.NODES_FOLLOWED", 0)
     with pytest.raises(IdentificationError, match="at most 0 nodes, not 1"):
         ErrorModel.of(fit)
     with pytest.raises(IdentificationError, match="no draws"):

@@ -379,7 +379,7 @@ CODES: Final[Mapping[str, CodeMeaning]] = {
     "prediction.value-undetermined": CodeMeaning(
         "error",
         "No reading determines a value, and a band that counts it would be wider than what the network can reach at all.",
-        "State a prior of the value, or fit a run that determines it; next_test says which.",
+        "State a prior of the value, or fit a run that determines it; next_test names one.",
     ),
     "record.damaged": CodeMeaning(
         "error",

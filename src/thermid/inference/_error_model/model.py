@@ -27,20 +27,26 @@ from thermid.inference._error_model.runs import Departures, SensorRows, UnknownC
 from thermid.inference._error_model.sizes import (
     ARRIVED,
     FIRST_SETS,
+    KEPT_OF_PRIOR,
     LEAST_NOISE,
     LEFT_SIZES,
     LEFT_TIMES,
     LIKELY,
     NEWTON_STEPS,
+    REACHED,
     SETS,
     SHARES_OF_RUN,
     SIZES,
     UNBOUNDED,
-    UNSAID,
     USUAL_LEFT,
+    USUAL_NOISE,
+    VALUES_DRAWN,
 )
 from thermid.measure.records import noise_seen
+from thermid.model.tree import Model
 from thermid.simulation.network import Network
+from thermid.simulation.runs import prepare
+from thermid.simulation.scenarios import Scenario
 
 GROUPS = tuple(name for name in SIZES if name != "left")
 """Sizes that are drawn, in order."""
@@ -216,7 +222,7 @@ def traces_of(problem: Problem, i: int, network: Network, heats: Sequence[Depart
 def noise_of(e: Experiment, o: Observation) -> float:
     """Return the noise of a reading: as stated, else as neighbouring readings scatter; whatever weight the fit gave them. [K]"""
     seen = o.noise or noise_seen(e.record.channels[o.sensor])
-    return (seen if seen > LEAST_NOISE else UNSAID) / float(np.sqrt(o.effective_share))
+    return (seen if seen > LEAST_NOISE else USUAL_NOISE) / float(np.sqrt(o.effective_share))
 
 
 def fitted_way(problem: Problem, fitted: Array, way: Way, points: Mapping[str, OperatingPoint]) -> FittedWay:
@@ -278,3 +284,38 @@ def points_of(problem: Problem, fitted: Array) -> dict[str, OperatingPoint]:
     for e, course in zip(problem.experiments, courses, strict=True):
         every |= conductors_of(e.network, course)
     return {p: at for p, c in every.items() if (at := point_of(courses, c)) is not None}
+
+
+def open_values(unknowns: Sequence[Unknown], deviations: Mapping[str, float]) -> list[str]:
+    """Return the values of a fit whose posterior is nearly as wide as what was known before, the widest first.
+
+    Parameters
+    ----------
+    deviations : dict   Value -> standard deviation that the readings leave it; fitted form.
+    """
+    left = {u.name: deviations[u.name] / _before(u)[1] for u in unknowns if u.kind == "parameter" and u.name in deviations}
+    return sorted((n for n, part in left.items() if part > KEPT_OF_PRIOR), key=lambda n: -left[n])
+
+
+def _before(u: Unknown) -> tuple[float, float]:
+    """Return mean and standard deviation of a value before any reading; fitted form."""
+    if u.prior is not None:
+        return u.prior.mean, u.prior.sd
+    low, high = (float(x) for x in u.fitted_bounds())
+    return (0.5 * (low + high) if np.isfinite(low + high) else u.to_fitted(u.start)), reach(u)
+
+
+def reachable(
+    model: Model, scenario: Scenario, unknowns: Sequence[Unknown], times: Array, nodes: Sequence[str]
+) -> dict[str, tuple[Array, Array]]:
+    """Return node -> temperatures (times,) below and above which 1 % of all values lead that some unknowns could have before. [K]"""
+    rng, draws = np.random.default_rng(0), {}
+    for u in unknowns:
+        mean, sd = _before(u)
+        low, high = u.fitted_bounds()
+        drawn = np.clip(mean + sd * rng.standard_normal(VALUES_DRAWN), low, high)
+        draws |= {n: np.array([u.to_value(float(x)) for x in drawn]) for n in (u.name, *u.also)}
+    ready = prepare(model, scenario, tuple(draws), times=times)
+    many = ready.ensemble(ready.with_units(draws), nodes=list(nodes))
+    ends = {n: np.nanquantile(many.temperatures(n), [REACHED, 1.0 - REACHED], axis=1) for n in nodes}
+    return {n: (low, high) for n, (low, high) in ends.items()}

@@ -91,10 +91,10 @@ FAR_SIZE: Final = 2.5
 """Drift of a room in scales of its prior, from which nothing is predicted either: a power or a column then hides in it. [-]"""
 COUNTED: Final = 1e-3
 """Weight of a member beside the heaviest, below which it is left out. [-]"""
-LEAST_NOISE, UNSAID = 1e-3, 0.1
+LEAST_NOISE, USUAL_NOISE = 1e-3, 0.1
 """Scatter of neighbouring readings below which they show no noise, and what is then taken where nobody states any. [K]"""
-LARGEST: Final = 16
+NODES_FOLLOWED: Final = 16
 """Nodes up to which a fit has a model of error: the unknowns grow with the elements, and the cost with their cube."""
-OPEN, REACHED, DRAWN = 0.5, 0.01, 64
+KEPT_OF_PRIOR, REACHED, VALUES_DRAWN = 0.5, 0.01, 64
 """Part of what was known before that a value keeps where no reading determines it; share of all possible values that lead beyond what a
 network is said to reach, each side, and how many are drawn. [-]"""
