@@ -468,8 +468,8 @@ def carrier_words(errors: ErrorModel, bands: Mapping[str, Band]) -> list[str]:
     share = max((b.final.shares.get(AVERAGED, 0.0) for b in bands.values()), default=0.0)
     if len(carriers) < 2 or min(carriers.values()) < TELLING or share < TELLING:
         return []
-    told = ", ".join(f"{name} {100 * p:.0f} %" for name, p in carriers.items())
-    return [f"no deck states what carries the heat of its surfaces; the readings say {told}. State carried_by: the bands narrow"]
+    found = ", ".join(f"{name} {100 * p:.0f} %" for name, p in carriers.items())
+    return [f"no deck states what carries the heat of its surfaces; the readings say {found}. State carried_by: the bands narrow"]
 
 
 def averaged(plain: Prediction, others: Sequence[ExplainedFit], told: Sequence[Prediction], fit: Calibration) -> Prediction:
