@@ -309,7 +309,8 @@ def reachable(
     model: Model, scenario: Scenario, unknowns: Sequence[Unknown], times: Array, nodes: Sequence[str]
 ) -> dict[str, tuple[Array, Array]]:
     """Return node -> temperatures (times,) below and above which 1 % of all values lead that some unknowns could have before. [K]"""
-    rng, draws = np.random.default_rng(0), {}
+    rng = np.random.default_rng(0)
+    draws: dict[str, Array] = {}
     for u in unknowns:
         mean, sd = _before(u)
         low, high = u.fitted_bounds()
