@@ -21,7 +21,6 @@ from sizing.population import Scale, rounded, scales
 from sizing.sets import LEFT_OUT, TestSet, present
 
 import thermid as td
-from thermid.inference._error_model.sizes import ROOM_STATED
 from thermid.inference.error_model import SIZES
 
 ROOT = Path(__file__).parent.parent
@@ -48,7 +47,7 @@ def kept(of: TestSet) -> dict[str, list[float]]:
         path.parent.mkdir(parents=True, exist_ok=True)
         path.write_text(json.dumps(likelihoods(of)), encoding="utf-8")
     found: dict[str, list[float]] = json.loads(path.read_text(encoding="utf-8"))
-    return found if of.logged else {"room stated" if g == "room" else g: row for g, row in found.items()}
+    return found if of.logged else {"unlogged" if g == "room" else g: row for g, row in found.items()}
 
 
 def judged_rows(of: TestSet, found: Mapping[str, Mapping[str, Sequence[float]]]) -> list[crossed.s.Row]:
@@ -65,7 +64,7 @@ def table(found: Mapping[str, Scale]) -> str:
     """Return the sizes, as Markdown."""
     lines = ["| size | unit | scale | 5 .. 95 % | sets | first prior |", "|---|---|---|---|---|---|"]
     for g, of in found.items():
-        size = SIZES.get(g, ROOM_STATED)
+        size = SIZES[g]
         lines.append(f"| {size.effect} | {size.unit} | {rounded(of.value):g} | {of.low:.2g} .. {of.high:.2g} | {of.sets} | {FIRST[g]:g} |")
     return "\n".join(lines)
 

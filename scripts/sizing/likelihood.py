@@ -24,7 +24,7 @@ from thermid.inference._error_model.sizes import LEFT_TIMES, SIZES
 from .sets import Array, TestSet
 
 FIRST = {"surface": 0.05, "joint": 0.03, "law": 0.05, "trend": 0.005, "hidden": 0.1, "run": 0.01, "room": 0.2, "left": 0.1}
-FIRST |= {"room stated": FIRST["room"]}
+FIRST |= {"unlogged": FIRST["room"]}
 """First priors of the sizes, before any set was looked at: where the grids are laid, and the centres of the population's prior."""
 GRID = np.geomspace(0.03, 30.0, 11)
 """Sizes that are tried, in parts of the first prior; the least stands for none."""

@@ -22,11 +22,13 @@ from thermid.base.results import PlottedTrace, Result, Row
 from thermid.fit.calibration import Calibration
 from thermid.fit.discrepancy import OperatingPoint
 from thermid.inference.criticism import ExplainedFit, explained, summary
+from thermid.inference.error_model import AVERAGED, FOLLOWED, STRUCTURE, ErrorModel
 from thermid.measure.amounts import duration_text, short
 from thermid.model.parameters import UNJUDGED, Standing, worst
 from thermid.model.tree import Model
 from thermid.physics.constants import ICE_POINT
 from thermid.prediction._budget import CONSTANT, KINDS, MISFIT, UNSOUGHT, Budget, Spread, assumed_left_out, budget_of, first_line, in_order
+from thermid.prediction._errors import CountedBeside, error_model_of, meaning, with_beside
 from thermid.prediction._known import Known, Rows
 from thermid.prediction._setting import Drawn, Linear, Setting
 from thermid.simulation.runs import Solution, simulate
@@ -343,8 +345,13 @@ def predict(
     draws: int = 0,
     seed: int = 0,
     options: Options | None = None,
+    error_model: bool = False,
+    as_logged: bool = False,
 ) -> Prediction:
     """Prediction of a scenario: temperatures with standard errors, and the sources of these.
+
+    With `error_model` the band is that of the model of error of a fit of this session (docs/statistics.md), with what is stated and what
+    stages below found beside it. What follows says how it is made otherwise.
 
     Errors are carried by the derivatives of every temperature with respect to every source (Joint Committee for Guides in Metrology,
     GUM 2008, 5.2.2). Where members that are drawn from the same sources would give another band (its mean off by a tenth of the half-width,
@@ -370,28 +377,99 @@ def predict(
     draws : int                 Members drawn from the sources; bands are then quantiles. 0 for derivatives, as long as they do.
     seed : int                  Of the draws.
     options : Options           The integrator's.
+    error_model : bool          Whether the band is that of the model of error; without `model`, `without` and `draws`.
+    as_logged : bool            With it, whether rooms and powers of the scenario are what the instruments of the fit would read, constant
+                                errors and all; else they are what acts.
 
     Raises
     ------
-    IdentificationError     When a value is spread twice, or has no finite error; when a coefficient that must be separated cannot be.
+    IdentificationError     When a value is spread twice, or has no finite error; when a coefficient that must be separated cannot be; when
+                            the model of error does not follow a fit, or nothing explains its readings.
     """
     known = fit if isinstance(fit, Known) else Known.of(fit)
     if draws < 0:
         raise IdentificationError(f"{draws} members are too few. Give 0 for derivatives alone, or some hundred.", known.model.title)
     off = (*without, *(() if discrepancy else ("structural", "misfit")))
-    budget = budget_of(known.on(model) if model is not None else known, scenario, spread, without=off)
-    plain = predicted(budget, nodes, every=every, times=times, draws=draws, seed=seed, options=options)
+    asked = Asked(scenario, spread, off, every, times, draws, seed, options, error_model, as_logged)
+    plain = asked.of(known.on(model) if model is not None else known, nodes)
     if known.fit is None or model is not None or draws or DEFECTS in without:
         return plain
     others = explained(known.fit)
-    told = [
-        predicted(
-            budget_of(Known.of(e.fit), scenario, spread, without=off), list(plain.bands), every=every, times=plain.times, options=options
-        )
-        for e in others
-    ]
+    told = [replace(asked, times=plain.times).of(Known.of(e.fit), list(plain.bands)) for e in others]
     looked = replace(plain, warnings=tuple(w for w in plain.warnings if w != UNSOUGHT))
     return averaged(plain, others, told, known.fit) if told else looked
+
+
+@dataclass(frozen=True, eq=False)
+class Asked:
+    """What is asked of `predict`: arguments as there, `without` what `discrepancy` leaves out too."""
+
+    scenario: Scenario
+    spread: Given | Sequence[Given]
+    without: Sequence[str]
+    every: str | float | None
+    times: Any
+    draws: int
+    seed: int
+    options: Options | None
+    error_model: bool
+    as_logged: bool
+
+    def of(self, known: Known, nodes: Sequence[str] | None) -> Prediction:
+        """Return the prediction by what is known."""
+        budget = budget_of(known, self.scenario, self.spread, without=self.without)
+        if self.error_model:
+            return self._by_errors(known, budget, nodes)
+        return predicted(budget, nodes, every=self.every, times=self.times, draws=self.draws, seed=self.seed, options=self.options)
+
+    def _by_errors(self, known: Known, budget: Budget, nodes: Sequence[str] | None) -> Prediction:
+        """Return the prediction by the model of error of a fit; its whole budget states what is left out."""
+        if self.without or self.draws:
+            raise IdentificationError("the model of error takes no draws and leaves nothing out.", known.model.title)
+        if known.fit is None or known.at or known.model is not known.fit.fitted_model:
+            text = "values of a file or on another model have no model of error. Ask the fit itself."
+            raise IdentificationError(text, known.model.title, code=FOLLOWED)
+        errors = error_model_of(known.fit)
+        stated = [self.spread] if isinstance(self.spread, Mapping | Spread) else list(self.spread)
+        beside = CountedBeside.of(known, budget, stated)
+        found = errors.run(
+            self.scenario, list(nodes or ()), every=self.every, times=self.times, as_logged=self.as_logged, beside=beside.rows
+        )
+        best = simulate(known.model, self.scenario, every=self.every, times=self.times, options=self.options)
+        bands, rest = {}, {}
+        for n, band in found.bands.items():
+            parts, shifts, centre = with_beside(band, beside)
+            simulated = best[n].kelvin
+            own = {STRUCTURE: band.kelvin - simulated, **shifts}
+            bands[n] = Band(n, band.times, simulated, centre - simulated, parts, shifts=own)
+            if n in found.settled:
+                parts, _, centre = with_beside(found.settled[n], beside)
+                rest[n] = Band(n, band.times[-1:], centre, np.zeros(1), parts).final
+        find = {n: best[n].path for n in (nodes if nodes is not None else best.nodes)}
+        find |= {alias: path for alias, path in known.model.every_alias().items() if path in bands}
+        widest = max((b.final for b in bands.values()), key=lambda e: e.error)
+        unsought = [r for r in budget.remarks if r == UNSOUGHT]
+        warnings = (*best.warnings, *unsought, *([beside.remark] if beside.remark else []), *carrier_words(errors, bands))
+        left, least = _left_out(budget, bands)
+        title, standing = known.model.title, budget.standing
+        course, times = self.scenario.title, next(iter(bands.values())).times
+        return Prediction(title, course, times, bands, rest, meaning(widest.shares, CAUSE_SHARE), warnings, find, standing, left, least)
+
+
+CAUSE_SHARE = 0.005
+"""Share of a variance from which a table names its cause. [-]"""
+TELLING = 0.1
+"""Probability from which the other answer to what carries the heat is told. [-]"""
+
+
+def carrier_words(errors: ErrorModel, bands: Mapping[str, Band]) -> list[str]:
+    """Return what nobody stated of the surfaces, what readings say of it, and what a statement would change; empty where it matters not."""
+    carriers = errors.carriers
+    share = max((b.final.shares.get(AVERAGED, 0.0) for b in bands.values()), default=0.0)
+    if len(carriers) < 2 or min(carriers.values()) < TELLING or share < TELLING:
+        return []
+    found = ", ".join(f"{name} {100 * p:.0f} %" for name, p in carriers.items())
+    return [f"no deck states what carries the heat of its surfaces; the readings say {found}. State carried_by: the bands narrow"]
 
 
 def averaged(plain: Prediction, others: Sequence[ExplainedFit], told: Sequence[Prediction], fit: Calibration) -> Prediction:

@@ -36,11 +36,13 @@ from thermid.fit.problem import (
     wired,
 )
 from thermid.fit.uncertainty import stretch_means
+from thermid.inference.error_model import ErrorModel
 from thermid.measure.records import Record
 from thermid.model.laws import Constant, TableSignal, literal
 from thermid.model.parameters import UNJUDGED, Standing
-from thermid.prediction._budget import MISFIT, Budget, Target, budget_of, first_line, in_order
-from thermid.prediction._known import Known, instruments_of
+from thermid.prediction._budget import MISFIT, UNSOUGHT, Budget, Target, budget_of, first_line, in_order
+from thermid.prediction._errors import beside_rows, error_model_of, rows_below
+from thermid.prediction._known import Known, instruments_of, rows_of
 from thermid.prediction._setting import Setting
 from thermid.simulation.scenarios import Scenario
 from thermid.values.store import LeftOut, Normal, Source
@@ -292,6 +294,7 @@ def predict_record(
     readings: Mapping[str, Any] | None = None,
     window: float = 0.0,
     without: Sequence[str] = (),
+    error_model: bool = False,
 ) -> RecordPrediction:
     """Prediction of a logged run, with its readings beside the bands.
 
@@ -304,12 +307,13 @@ def predict_record(
     readings : dict             Boundary or ``initial.<node>`` -> channel whose first reading stands there, or ``{channel, offset}``.
     window : float              First readings are medians over this time. [s]
     without : sequence          Sources that are not counted, as in `predict`.
+    error_model : bool          Whether the bands are those of the model of error of the fit; nothing is left out then.
     """
     shown = fitted_to(record_request(calibration, record, scenario, local, readings, window))
-    return record_bands(calibration, shown, without)
+    return record_bands(calibration, shown, without, error_model)
 
 
-def record_bands(calibration: Calibration, shown: Calibration, without: Sequence[str] = ()) -> RecordPrediction:
+def record_bands(calibration: Calibration, shown: Calibration, without: Sequence[str] = (), error_model: bool = False) -> RecordPrediction:
     """Return the bands of a record that was run at the values of a fit.
 
     Parameters
@@ -317,9 +321,12 @@ def record_bands(calibration: Calibration, shown: Calibration, without: Sequence
     calibration : Calibration   The fit.
     shown : Calibration         The run of the record at its values; what was fitted to it are values of its own.
     without : sequence          Sources that are not counted, as in `predict`.
+    error_model : bool          Whether the bands are those of the model of error of the fit; nothing is left out then.
     """
     problem = shown.problem
     assert problem is not None
+    if error_model:
+        return bands_by_errors(error_model_of(calibration), calibration, shown)
     end = np.array(list(shown.fitted.values()))
     bench = problem.bench(0, end)
     e, scenario = bench.experiment, as_run(problem, end, bench.experiment)
@@ -384,6 +391,19 @@ def as_run(problem: Problem, end: Array, e: Experiment) -> Scenario:
 
 def _with_own(budget: Budget, shown: Calibration, e: Experiment, seen: KindsSeen) -> tuple[Budget, list[str]]:
     """Return the budget with the random room and start of the run where nothing fitted or logged them, and what no fit says."""
+    own, open_ = own_values(shown, e, seen)
+    for name, (mean, sd, runs) in own.items():
+        cause = START if name.startswith("initial.") else ROOM
+        source = Source(f"{cause}: {name}", "structural", Normal(mean, sd), f"differences between runs, from {runs} runs")
+        budget = budget.with_one(source, cause, Target(name, "add"))
+    return budget, open_
+
+
+def own_values(shown: Calibration, e: Experiment, seen: KindsSeen) -> tuple[dict[str, tuple[float, float, int]], list[str]]:
+    """Return room or start of a run -> mean and sd of what it is off by [K], and from how many runs; and rooms of which no fit says it.
+
+    Those that were fitted or logged are left out.
+    """
     request = shown.request
     assert request is not None
     find = e.network.find
@@ -392,6 +412,7 @@ def _with_own(budget: Budget, shown: Calibration, e: Experiment, seen: KindsSeen
     given = request.scenario(e.record)
     texts = {f"initial.{find(n)}": str(t) for n, t in given.initial.items() if isinstance(t, str)}
     open_ = []
+    out: dict[str, tuple[float, float, int]] = {}
     rooms = [b for b in e.scenario.boundaries if b in e.network.boundaries and isinstance(e.scenario.boundaries[b], Constant)]
     hidden = {f"initial.{n}" for n in e.hidden}
     first = {o.sensor: first_reading(e.record, o.sensor, request.window) for o in e.observations}
@@ -406,11 +427,29 @@ def _with_own(budget: Budget, shown: Calibration, e: Experiment, seen: KindsSeen
             continue
         if rule is not None and rule.offset:  # how far the first reading stands from the room is known already
             found = OwnValue(name, start, 0.0, found.sd, found.runs)
-        cause = START if name.startswith("initial.") else ROOM
-        words = f"differences between runs, from {found.runs} runs"
-        law = Normal(*found.given(first))
-        budget = budget.with_one(Source(f"{cause}: {name}", "structural", law, words), cause, Target(name, "add"))
-    return budget, open_
+        out[name] = (*found.given(first), found.runs)
+    return out, open_
+
+
+def bands_by_errors(errors: ErrorModel, calibration: Calibration, shown: Calibration) -> RecordPrediction:
+    """Return the bands of a record that was run at the values of a fit, by its model of error."""
+    assert shown.problem is not None
+    assert shown.request is not None
+    e, known = shown.problem.experiments[0], Known.of(calibration)
+    own, open_ = own_values(shown, e, KindsSeen.of(known.provenances))
+    local = {u.name: float(shown.fitted[u.name]) for u in shown.problem.unknowns}
+    below = beside_rows(Budget.of_rows(rows_below(known, rows_of(known)), known.model, e.bare))
+    found = errors.readings(shown.request, local, {n: (mean, sd) for n, (mean, sd, _) in own.items()}, below)
+    run = {b.sensor: b.predicted for b in shown.blocks}
+    bands = {s: SensorBand(s, b.node, b.times, b.measured, b.predicted, b.parts, b.predicted - run[s]) for s, b in found.items()}
+    budget = budget_of(known, e.bare)
+    listed = (
+        [LeftOut(f"the temperature of {', '.join(open_)}, which is assumed: no fit shows how it differs between runs")] if open_ else []
+    )
+    left = in_order((*(x for x in budget.omitted if not x.listed), *listed))
+    locally = tuple(dict.fromkeys(i.name for i in shown.local))
+    told = (*(r for r in budget.remarks if r == UNSOUGHT), *_follow_commands(bands, e.scenario))
+    return RecordPrediction(calibration.stage, e.record.name, bands, locally, told, left, calibration.standing)
 
 
 def _assumed(seen: KindsSeen, name: str, scenario: Scenario) -> str:

@@ -131,7 +131,15 @@ def test_draws_have_the_covariance(model: ErrorModel) -> None:
 
 def test_the_error_of_a_meter_cancels_where_the_scenario_is_what_it_reads(model: ErrorModel) -> None:
     """1 % of the meter is 1 % of the coefficient, which is known no better from a log by itself."""
-    assert _band(model, 6.0, as_logged=True).half_width[-1] < 0.99 * _band(model, 6.0).half_width[-1]
+    logged, acting = _band(model, 6.0, as_logged=True), _band(model, 6.0)
+    assert logged.parts["values"][-1] < 0.9 * acting.parts["values"][-1]
+
+
+def test_what_acts_is_stated_and_what_is_logged_wanders(model: ErrorModel) -> None:
+    logged, acting = _band(model, 6.0, as_logged=True), _band(model, 6.0)
+    assert not acting.parts["room"].any()
+    assert (logged.parts["room"][1:] > 0.0).all()
+    assert (logged.parts["this run"][1:] > acting.parts["this run"][1:]).all()
 
 
 def test_a_constant_room_that_an_instrument_reads_is_still_a_temperature(model: ErrorModel) -> None:

@@ -11,7 +11,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from thermid.inference._error_model.sizes import ROOM_STATED, SIZE_SETS
+from thermid.inference._error_model.sizes import SIZE_SETS
 from thermid.inference.error_model import SIZES
 
 SCRIPTS = Path(__file__).parents[3] / "scripts"
@@ -33,8 +33,8 @@ def population() -> Iterator[Any]:
 def test_the_table_is_what_the_sets_say(population: Any) -> None:
     kept = json.loads(KEPT.read_text(encoding="utf-8"))
     told = population.scales(kept["likelihoods"])
-    shipped = SIZES | {"room stated": ROOM_STATED}
-    assert {g: (s.value, s.sets) for g, s in shipped.items()} == {g: (population.rounded(of.value), of.sets) for g, of in told.items()}
+
+    assert {g: (s.value, s.sets) for g, s in SIZES.items()} == {g: (population.rounded(of.value), of.sets) for g, of in told.items()}
     assert list(SIZE_SETS) == list(kept["likelihoods"]) == list(kept["files"])
     assert all(len(digest) == 64 for files in kept["files"].values() for digest in files.values())
 

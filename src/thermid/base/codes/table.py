@@ -363,8 +363,8 @@ CODES: Final[Mapping[str, CodeMeaning]] = {
     ),
     "prediction.error-not-followed": CodeMeaning(
         "error",
-        "The model of error cannot follow a fit: its logs have two clocks, its model is somebody else's program, or it comes from a file.",
-        "Fit again from logs with one clock, or use the bands of predict.",
+        "The model of error cannot follow a fit: it has too many nodes, joins levels, is somebody else's program, or comes from a file.",
+        "Ask a fit of this session of one level and fewer nodes, or take the bands of predict without error_model.",
     ),
     "prediction.gas-of-joint-unsaid": CodeMeaning(
         "error",
@@ -375,6 +375,11 @@ CODES: Final[Mapping[str, CodeMeaning]] = {
         "error",
         "No departure of a usual size explains the readings of a fit, so nothing is predicted from it.",
         "Check columns, units, powers and noise of the logs; criticise looks for a missing element.",
+    ),
+    "prediction.value-undetermined": CodeMeaning(
+        "error",
+        "No reading determines a value, and a band that counts it would be wider than what the network can reach at all.",
+        "State a prior of the value, or fit a run that determines it; next_test names one.",
     ),
     "record.damaged": CodeMeaning(
         "error",

@@ -26,7 +26,6 @@ from thermid.inference._error_model.sizes import (
     LEVELS,
     POINTS,
     ROOM_KNOTS,
-    SHARES_OF_RUN,
 )
 from thermid.model.elements import CARRIED_BY, Law
 from thermid.model.laws import Curve, TableSignal
@@ -238,6 +237,7 @@ class ElementCourse:
     stores : dict               Node -> heat that it takes up (times,), and its capacitance [J/K]. [W]
     powers : dict               Load -> the node, and its power as the scenario gives it.
     radiated : dict             Conductor -> what of its heat is radiation (times,). [W]
+    settled : bool              Whether the last of the times stands for where the run settles.
     """
 
     times: Array
@@ -247,31 +247,55 @@ class ElementCourse:
     stores: Mapping[str, tuple[Array, float]]
     powers: Mapping[str, tuple[str, Any]]
     radiated: Mapping[str, Array]
+    settled: bool = False
 
 
-def course_of(wiring: Wiring, engine: Engine, x: Array | None, options: Options) -> ElementCourse:
-    """Return the course of a run at some values of its free names."""
+def course_of(wiring: Wiring, engine: Engine, x: Array | None, options: Options, rest: Mapping[str, float] | None = None) -> ElementCourse:
+    """Return the course of a run at some values of its free names.
+
+    Parameters
+    ----------
+    rest : dict     Node and boundary -> temperature where it settles with the inputs of the end; the course then ends there. [K]
+    """
     end = wiring.scenario.seconds
     times = np.linspace(0.0, end, POINTS)
     a = engine.started(wiring.assemble(x, False))
     answer = engine.integrate(a, times, a.reduced.nodes, end, options)
     traces = Traces(wiring, a, times, a.reduced.nodes, answer.temperatures, answer.sensitivities)
-    known = {n: traces.temperature(n) for n in (*wiring.network.nodes, *wiring.network.boundaries)}
-    modes = dict(zip(engine.control_names, answer.states(times).T, strict=True))
-    every = {**known, **{n: traces.temperature(n) for n in a.reduced.controllers}}
-    shares = wiring.shares(a.numbers, every.__getitem__, times, modes.__getitem__)
-    flows = wiring.conductor_flows(a.numbers, known, times, shares)
+    run = {n: traces.temperature(n) for n in (*wiring.network.nodes, *wiring.network.boundaries)}
+    known = run if rest is None else {n: np.append(t, rest[n]) for n, t in run.items()}
+    more = np.minimum(np.arange(times.size + (rest is not None)), times.size - 1)  # the last sample once more
+    modes = dict(zip(engine.control_names, answer.states(times)[more].T, strict=True))
+    every = {**known, **{n: traces.temperature(n)[more] for n in a.reduced.controllers}}
+    held = times[more]
+    shares = wiring.shares(a.numbers, every.__getitem__, held, modes.__getitem__)
+    flows = wiring.conductor_flows(a.numbers, known, held, shares)
     follows = {}
     for b in wiring.network.boundaries:
-        beside = wiring.conductor_flows(a.numbers, {**known, b: known[b] + 1e-3}, times, shares)
+        beside = wiring.conductor_flows(a.numbers, {**known, b: known[b] + 1e-3}, held, shares)
         follows[b] = {p: (beside[p] - flows[p]) / 1e-3 for p in flows if (beside[p] != flows[p]).any()}
     sizes = {n: float(value_of(c)) for n, c in a.numbers.capacitances.items() if c is not None and n in known}
-    stores = {n: (c * np.gradient(known[n], times), c) for n, c in sizes.items()}
-    powers = {
-        load.path: (load.node, wiring.scenario.loads[load.path]) for load in wiring.network.flat.loads if load.path in wiring.scenario.loads
-    }
+    stored = {n: c * np.gradient(run[n], times) for n, c in sizes.items()}
+    stores = {n: (stored[n] if rest is None else np.append(stored[n], 0.0), c) for n, c in sizes.items()}
+    powers = {load.path: (load.node, given) for load in wiring.network.flat.loads if (given := _power_of(load, wiring)) is not None}
     shining = replace(a.numbers, conductors=tuple(row for row in a.numbers.conductors if row.form == "radiation"))
-    return ElementCourse(times, known, flows, follows, stores, powers, wiring.conductor_flows(shining, known, times, shares))
+    radiated = wiring.conductor_flows(shining, known, held, shares)
+    whole = times if rest is None else np.append(times, end + AFTER)
+    return ElementCourse(whole, known, flows, follows, stores, powers, radiated, rest is not None)
+
+
+AFTER = 1e-3
+"""When a course that ends where it settles is there, after the end of the run. [s]"""
+
+
+def _power_of(load: FlatLoad, wiring: Wiring) -> Any:
+    """Return the power of a load as its inputs give it; None where a temperature has a say in it, or nothing is heated."""
+    given, command = wiring.scenario.loads.get(load.path), wiring.scenario.commands.get(load.path)
+    if given is not None:
+        return given
+    if command is None or load.follows_temperature or "power" not in load.fields:
+        return None
+    return command.scaled(float(value_of(wiring.network.numbers().values[load.fields["power"]])))
 
 
 @dataclass(frozen=True, eq=False)
@@ -359,7 +383,9 @@ def hidden_mass(name: str, course: ElementCourse, node: str, time: float) -> Dep
     behind[0] = kelvin[0]
     for k, kept in enumerate(steps.tolist()):
         behind[k + 1] = kept * behind[k] + (1.0 - kept) * 0.5 * (kelvin[k] + kelvin[k + 1])
-    return DepartureHeat(name, ((node, TableSignal(t, -capacitance * (kelvin - behind) / time, False)),))
+    watts = -capacitance * (kelvin - behind) / time
+    watts[-1] *= not course.settled
+    return DepartureHeat(name, ((node, TableSignal(t, watts, False)),))
 
 
 def knots_of(course: ElementCourse, time: float) -> Array:
@@ -383,14 +409,8 @@ def room_heats(network: Network, course: ElementCourse, boundary: str, time: flo
         if first not in network.boundaries and not one_way:
             gains[first] = gains.get(first, 0.0) - slope
     name = f"{boundary} wanders"
-    name = f"{boundary} wanders"
 
     def heat(k: int, shape: Array) -> DepartureHeat:
         return DepartureHeat(f"{name} {k}", tuple((n, TableSignal(course.times, g * shape, False)) for n, g in gains.items()))
 
     return [heat(k, shape) for k, shape in enumerate(shapes)]
-
-
-def hidden_times(course: ElementCourse) -> tuple[float, ...]:
-    """Return the time constants of hidden masses that are tried. [s]"""
-    return tuple(part * float(course.times[-1]) for part in SHARES_OF_RUN)

@@ -10,7 +10,7 @@ import numpy as np
 
 from thermid.base.linear_algebra import Array
 from thermid.fit.discrepancy import OperatingPoint
-from thermid.fit.problem import Problem, Unknown, prior_rows
+from thermid.fit.problem import Experiment, Observation, Problem, Unknown, prior_rows
 from thermid.inference._error_model.elements import (
     DepartureHeat,
     ElementCourse,
@@ -25,18 +25,28 @@ from thermid.inference._error_model.elements import (
 from thermid.inference._error_model.gaussian import Members, RunRows, Wander, members_of, weights_of
 from thermid.inference._error_model.runs import Departures, SensorRows, UnknownColumn, departures_of, white_rows, widened
 from thermid.inference._error_model.sizes import (
+    ARRIVED,
     FIRST_SETS,
+    KEPT_OF_PRIOR,
+    LEAST_NOISE,
     LEFT_SIZES,
     LEFT_TIMES,
     LIKELY,
     NEWTON_STEPS,
+    REACHED,
     SETS,
     SHARES_OF_RUN,
     SIZES,
     UNBOUNDED,
     USUAL_LEFT,
+    USUAL_NOISE,
+    VALUES_DRAWN,
 )
+from thermid.measure.records import noise_seen
+from thermid.model.tree import Model
 from thermid.simulation.network import Network
+from thermid.simulation.runs import prepare
+from thermid.simulation.scenarios import Scenario
 
 GROUPS = tuple(name for name in SIZES if name != "left")
 """Sizes that are drawn, in order."""
@@ -50,22 +60,27 @@ class FittedWay:
     ----------
     way : Way
     laws : dict                 Conductor -> its law where the derivatives were taken.
-    fitted : array (values,)    Values of the fit there, in the fitted form.
+    values : dict               Value of the fit that runs share -> where the derivatives were taken, in the fitted form.
     departures : Departures
     columns : tuple of UnknownColumn   Unknowns beside the values.
-    members : Members           Of values, less `fitted`, and of columns.
+    members : Members           Of values, less where the derivatives were taken, and of columns.
     sizes : array (members, groups)     Of each member, in the order of `GROUPS`.
-    left : array (members,)     Size of what no element explains. [K]
+    left : array (members, 2)   Size of what no element explains [K], and its time constant in parts of a run.
     """
 
     way: Way
     laws: Mapping[str, ElementLaw]
-    fitted: Array
+    values: Mapping[str, float]
     departures: Departures
     columns: tuple[UnknownColumn, ...]
     members: Members
     sizes: Array
     left: Array
+
+    @property
+    def places(self) -> dict[str, int]:
+        """Value or column -> its place among the unknowns."""
+        return {name: k for k, name in enumerate((*self.values, *(c.name for c in self.columns)))}
 
 
 def drawn_sizes(count: int) -> Array:
@@ -101,7 +116,8 @@ class RunsOfFit:
     Parameters
     ----------
     problem : Problem           The fit's.
-    fitted : array (values,)    Where.
+    fitted : array (unknowns,)  Where.
+    values : list               Which of its unknowns several runs share.
     departures : Departures
     columns : tuple of UnknownColumn   What all runs share beside the values.
     own : tuple                 What each run has for itself, per run.
@@ -111,6 +127,7 @@ class RunsOfFit:
 
     problem: Problem
     fitted: Array
+    values: list[int]
     departures: Departures
     columns: tuple[UnknownColumn, ...]
     own: tuple[tuple[UnknownColumn, ...], ...]
@@ -134,21 +151,27 @@ class RunsOfFit:
         known = departures or departures_of(networks[0], courses, points, tuple(part * max(spans) for part in SHARES_OF_RUN))
         parts = [(known.shared(n, c, way, laws), known.own(n, c)) for n, c in zip(networks, courses, strict=True)]
         columns = {c.name: c for shared, _ in parts for c, _ in shared}
-        own = tuple(tuple(c for c, _ in alone) for _, alone in parts)
+        alone = [alone_in(problem, i) for i in range(len(courses))]
+        values = [k for k in range(len(problem.unknowns)) if not any(k in own for own in alone)]
         traces = []
-        for i, (network, (shared, alone)) in enumerate(zip(networks, parts, strict=True)):
+        for i, (network, (shared, single)) in enumerate(zip(networks, parts, strict=True)):
             by_name = {c.name: h for c, h in shared}
-            heats = [*(by_name.get(n, DepartureHeat(n, ())) for n in columns), *(h for _, h in alone)]
-            traces.append(_traces(problem, i, network, heats, fitted))
-        return cls(problem, fitted, known, tuple(columns.values()), own, tuple(traces), spans)
+            heats = [*(by_name.get(n, DepartureHeat(n, ())) for n in columns), *(h for _, h in single)]
+            fitted_rows = traces_of(problem, i, network, heats, fitted)
+            size = len(problem.unknowns)
+            order = [*values, *range(size, size + len(columns)), *alone[i], *range(size + len(columns), size + len(heats))]
+            far = np.array([prior_mean(problem.unknowns[k], fitted[k]) - fitted[k] for k in alone[i]])
+            traces.append(tuple(t.averaged().about(alone[i], far).taken(order) for t in fitted_rows))
+        own = tuple((*own_columns(problem, i), *(c for c, _ in run)) for i, (_, run) in enumerate(parts))
+        return cls(problem, fitted, values, known, tuple(columns.values()), own, tuple(traces), spans)
 
     def posterior(self, centre: Array, sizes: Array, left: tuple[float, float]) -> Members:
         """Return values and columns given the readings, at sizes (members, groups) and a size and time of what no element explains."""
-        values = self.fitted.size
+        values = len(self.values)
         shared = values + len(self.columns)
         size, part = SIZES["left"].value * left[0], left[1]
         rows = [RunRows.of(white_rows(t, Wander(size, part * span)), shared) for t, span in zip(self.traces, self.spans, strict=True)]
-        wide = np.array([reach(u) for u in self.problem.unknowns])
+        wide = np.array([reach(self.problem.unknowns[k]) for k in self.values])
         every = np.column_stack([np.broadcast_to(wide, (len(sizes), values)), deviations(self.columns, sizes)])
         own = [deviations(c, sizes) for c in self.own]
         return members_of([self._priors(), *rows], centre, every, [np.zeros((len(sizes), 0)), *own])
@@ -156,48 +179,74 @@ class RunsOfFit:
     def _priors(self) -> RunRows:
         """Return the priors of the fit as rows about its values."""
         left, rows = prior_rows(self.problem.unknowns, self.problem.coupled, self.fitted)
-        joined = np.column_stack([rows, np.zeros((len(left), len(self.columns))), -left])
-        return RunRows(joined.T @ joined, rows.shape[1] + len(self.columns), 0.0, 0)
+        kept = rows[:, self.values].any(axis=1)
+        joined = np.column_stack([rows[kept][:, self.values], np.zeros((int(kept.sum()), len(self.columns))), -left[kept]])
+        return RunRows(joined.T @ joined, len(self.values) + len(self.columns), 0.0, 0)
+
+
+def alone_in(problem: Problem, i: int) -> list[int]:
+    """Return the unknowns that act in one run of a fit alone: its room, its start, an error of the mean of an input."""
+    return [k for k, u in enumerate(problem.unknowns) if u.kind == "local" and {t.experiment for t in u.targets} == {i}]
+
+
+def own_columns(problem: Problem, i: int) -> list[UnknownColumn]:
+    """Return the same as columns about the means of their priors."""
+    several = [problem.unknowns[k] for k in alone_in(problem, i)]
+    return [UnknownColumn(u.name, "", u.prior.sd if u.prior is not None else reach(u), u.name) for u in several]
+
+
+def prior_mean(u: Unknown, fitted: float) -> float:
+    """Return the mean of the prior of an unknown; where it was fitted if it has none."""
+    return u.prior.mean if u.prior is not None else float(fitted)
 
 
 def course_in_fit(problem: Problem, i: int, network: Network, fitted: Array) -> ElementCourse:
     """Return the course of a run of a fit with another network."""
     bare = widened(problem, i, network, problem.experiments[i].scenario, ())
-    bench = bare.benches()[0]
+    bench = bare.bench(0, fitted)
     return course_of(bench.wiring, bench.engine, bare.inputs(0, fitted)[0], problem.options)
 
 
-def _traces(problem: Problem, i: int, network: Network, heats: Sequence[DepartureHeat], fitted: Array) -> tuple[SensorRows, ...]:
-    """Return the sensors of a run, with derivatives by every value and heat."""
+def traces_of(problem: Problem, i: int, network: Network, heats: Sequence[DepartureHeat], fitted: Array) -> tuple[SensorRows, ...]:
+    """Return the sensors of a run, with derivatives by every unknown and heat."""
     wide = widened(problem, i, *with_heats(network, problem.experiments[i].scenario, heats), heats)
     at = np.concatenate([fitted, np.zeros(len(heats))])
     slopes = wide.slopes(0, at)
     out = []
     for k, (o, block) in enumerate(zip(wide.experiments[0].observations, wide.blocks_of(0, at), strict=True)):
-        noise = np.full(block.times.size, block.noise)
-        out.append(SensorRows(block.times, block.residuals, noise, -slopes[o.index, k, :] * block.noise).averaged())
+        noise = np.full(block.times.size, noise_of(wide.experiments[0], o))
+        out.append(SensorRows(block.times, block.residuals, noise, -slopes[o.index, k, :] * block.noise))
     return tuple(out)
+
+
+def noise_of(e: Experiment, o: Observation) -> float:
+    """Return the noise of a reading: as stated, else as neighbouring readings scatter; whatever weight the fit gave them. [K]"""
+    seen = o.noise or noise_seen(e.record.channels[o.sensor])
+    return (seen if seen > LEAST_NOISE else USUAL_NOISE) / float(np.sqrt(o.effective_share))
 
 
 def fitted_way(problem: Problem, fitted: Array, way: Way, points: Mapping[str, OperatingPoint]) -> FittedWay:
     """Return the posterior where the heat is carried in one way: Newton steps in values and laws at usual sizes, then at all sizes."""
-    values, usual = fitted.size, np.array([[SIZES[g].value for g in GROUPS]])
-    bounds = np.array([u.fitted_bounds() for u in problem.unknowns]).reshape(values, 2)
+    usual = np.array([[SIZES[g].value for g in GROUPS]])
+    bounds = np.array([u.fitted_bounds() for u in problem.unknowns]).reshape(fitted.size, 2)
     at, laws, departures = fitted.copy(), dict(way.laws), None
     for step in range(NEWTON_STEPS + 1):
         runs = RunsOfFit.of(problem, at, way, laws, points, departures)
-        departures = runs.departures
-        place = {c.name: values + k for k, c in enumerate(runs.columns)}
+        departures, values = runs.departures, runs.values
+        place = {c.name: len(values) + k for k, c in enumerate(runs.columns)}
         # the prior's means, as seen from where the derivatives were taken
-        centre = np.concatenate([fitted - at, np.zeros(len(runs.columns))])
+        centre = np.concatenate([(fitted - at)[values], np.zeros(len(runs.columns))])
         for path, law in way.laws.items():
             for what, mean in law.shape.items():
                 if (name := f"{what} of {path}") in place:
                     centre[place[name]] = mean - laws[path].shape[what]
-        if step == NEWTON_STEPS:
+        posterior = runs.posterior(centre, usual, USUAL_LEFT)
+        found = posterior.mean[0]
+        bent = [*range(len(values)), *(place[n] for p, law in way.laws.items() for w in law.shape if (n := f"{w} of {p}") in place)]
+        if step == NEWTON_STEPS or (np.abs(found[bent]) < ARRIVED * np.linalg.norm(posterior.root[0][bent], axis=1)).all():
             break
-        found = runs.posterior(centre, usual, USUAL_LEFT).mean[0]
-        at = np.clip(at + found[:values], bounds[:, 0], bounds[:, 1])
+        at[values] += found[: len(values)]
+        at = np.clip(at, bounds[:, 0], bounds[:, 1])
         for path, law in laws.items():
             steps = {what: float(found[place[n]]) for what in law.shape if (n := f"{what} of {path}") in place}
             laws = laws | {path: law.moved(steps)}
@@ -213,8 +262,9 @@ def _averaged(runs: RunsOfFit, way: Way, laws: Mapping[str, ElementLaw], centre:
     parts = [runs.posterior(centre, sizes, left) for left in likely]
     parts = [replace(p, log_evidence=p.log_evidence + prior[left]) for p, left in zip(parts, likely, strict=True)]
     members = Members(*(np.concatenate([getattr(p, name) for p in parts]) for name in ("log_evidence", "mean", "root", "square")))
-    sizes_left = np.repeat([SIZES["left"].value * size for size, _ in likely], SETS)
-    return FittedWay(way, laws, runs.fitted, runs.departures, runs.columns, members, np.tile(sizes, (len(parts), 1)), sizes_left)
+    sizes_left = np.repeat([(SIZES["left"].value * size, time) for size, time in likely], SETS, axis=0)
+    values = {runs.problem.unknowns[k].name: float(runs.fitted[k]) for k in runs.values}
+    return FittedWay(way, laws, values, runs.departures, runs.columns, members, np.tile(sizes, (len(parts), 1)), sizes_left)
 
 
 def left_prior() -> dict[tuple[float, float], float]:
@@ -234,3 +284,39 @@ def points_of(problem: Problem, fitted: Array) -> dict[str, OperatingPoint]:
     for e, course in zip(problem.experiments, courses, strict=True):
         every |= conductors_of(e.network, course)
     return {p: at for p, c in every.items() if (at := point_of(courses, c)) is not None}
+
+
+def open_values(unknowns: Sequence[Unknown], deviations: Mapping[str, float]) -> list[str]:
+    """Return the values of a fit whose posterior is nearly as wide as what was known before, the widest first.
+
+    Parameters
+    ----------
+    deviations : dict   Value -> standard deviation that the readings leave it; fitted form.
+    """
+    left = {u.name: deviations[u.name] / _before(u)[1] for u in unknowns if u.kind == "parameter" and u.name in deviations}
+    return sorted((n for n, part in left.items() if part > KEPT_OF_PRIOR), key=lambda n: -left[n])
+
+
+def _before(u: Unknown) -> tuple[float, float]:
+    """Return mean and standard deviation of a value before any reading; fitted form."""
+    if u.prior is not None:
+        return u.prior.mean, u.prior.sd
+    low, high = (float(x) for x in u.fitted_bounds())
+    return (0.5 * (low + high) if np.isfinite(low + high) else u.to_fitted(u.start)), reach(u)
+
+
+def reachable(
+    model: Model, scenario: Scenario, unknowns: Sequence[Unknown], times: Array, nodes: Sequence[str]
+) -> dict[str, tuple[Array, Array]]:
+    """Return node -> temperatures (times,) below and above which 1 % of all values lead that some unknowns could have before. [K]"""
+    rng = np.random.default_rng(0)
+    draws: dict[str, Array] = {}
+    for u in unknowns:
+        mean, sd = _before(u)
+        low, high = u.fitted_bounds()
+        drawn = np.clip(mean + sd * rng.standard_normal(VALUES_DRAWN), low, high)
+        draws |= {n: np.array([u.to_value(float(x)) for x in drawn]) for n in (u.name, *u.also)}
+    ready = prepare(model, scenario, tuple(draws), times=times)
+    many = ready.ensemble(ready.with_units(draws), nodes=list(nodes))
+    ends = {n: np.nanquantile(many.temperatures(n), [REACHED, 1.0 - REACHED], axis=1) for n in nodes}
+    return {n: (low, high) for n, (low, high) in ends.items()}

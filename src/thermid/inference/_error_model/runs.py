@@ -146,8 +146,9 @@ class Departures:
             out.append((UnknownColumn(name, "run", 0.5, load), DepartureHeat(name, ((node, power),))))
         for boundary in course.follows:
             if course.follows[boundary]:
+                group = "room" if np.ptp(course.kelvin[boundary]) > 0.0 else "unlogged"
                 heats = room_heats(network, course, boundary, ROOM_TIME)
-                out += [(UnknownColumn(h.name, "room", 1.0, boundary), h) for h in heats]
+                out += [(UnknownColumn(h.name, group, 1.0, boundary), h) for h in heats]
         return out
 
     def beyond(self, network: Network, course: ElementCourse) -> dict[str, tuple[str, float]]:
@@ -208,6 +209,14 @@ class SensorRows:
             return np.asarray(np.add.reduceat(x, edges[:-1], axis=0) / (count if x.ndim == 1 else count[:, None]))
 
         return SensorRows(mean(self.times), mean(self.residuals), np.sqrt(mean(self.noise**2) / count), mean(self.rows))
+
+    def about(self, columns: Sequence[int], far: Array) -> SensorRows:
+        """Return the residuals that are left where some unknowns are so far from where the derivatives were taken."""
+        return replace(self, residuals=self.residuals - self.rows[:, list(columns)] @ far)
+
+    def taken(self, columns: Sequence[int]) -> SensorRows:
+        """Return some of the unknowns, in an order."""
+        return replace(self, rows=self.rows[:, list(columns)])
 
     def white(self, wander: Wander) -> tuple[Array, Array, float]:
         """Return white rows and residuals, and ln det of what they were divided by."""

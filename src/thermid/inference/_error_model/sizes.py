@@ -49,11 +49,10 @@ SIZES: Final = SizeTable(
     hidden=SizePrior(0.83, "1", LEARNED, "mass behind a node that no deck has, in parts of the node's own", 9),
     run=SizePrior(0.027, "1", LEARNED, "departure of a coefficient, conductance, mass or power from run to run", 9),
     room=SizePrior(0.17, "K", LEARNED, "drift of a room about its logged or stated temperature", 2),
+    unlogged=SizePrior(0.72, "K", LEARNED, "drift of a room that no log follows, about its first reading or the one temperature that stands for it", 7),
     left=SizePrior(0.13, "K", LEARNED, "what no element explains, at a sensor", 9),
 )
 """Scales of the half-normal priors of sizes."""
-ROOM_STATED: Final = SizePrior(0.72, "K", LEARNED, "drift of a room without an instrument about its first reading or an assumed value", 7)
-"""The same for such rooms; the model has no use for it yet and takes that of logged rooms."""
 _BOARD = "two heaters with a sensor each, a coefficient each to the room, a joint between"
 SIZE_SETS: Final = {
     "tclabsp": f"TiagoPrata/TCLabSP, e8dfcb0; MIT; {_BOARD}",
@@ -94,7 +93,7 @@ SHARES_OF_RUN: Final = (1.0 / 30.0, 1.0 / 10.0)
 """Time constants of hidden masses, in parts of the longest run. [-]"""
 LEFT_TIMES: Final = (1.0 / 30.0, 1.0 / 10.0, 1.0 / 3.0)
 """Time constants of what no element explains, in parts of the run; as likely each. [-]"""
-LEFT_SIZES: Final = (0.0, 0.3, 1.0, 2.0)
+LEFT_SIZES: Final = (0.0, 0.3, 1.0, 2.0, 4.0, 8.0)
 """Sizes of the same that are tried, in parts of the scale of their half-normal prior; each stands for all sizes nearer to it. [-]"""
 HEATED, EVERY = 0.1, 10
 """Part of the largest heat of an element from which its conditions count where features are laid [-]; of those every tenth is taken."""
@@ -110,14 +109,21 @@ LIKELY: Final = 0.01
 """Probability from which a size and time of what no element explains counts. [-]"""
 READINGS: Final = 200
 """Readings of a sensor in a run; more are averaged over equal stretches."""
-NEWTON_STEPS: Final = 3
-"""Newton steps in values, exponents and shares."""
+NEWTON_STEPS, ARRIVED = 3, 0.2
+"""Newton steps in values, exponents and shares at most; they end where the next is below so many standard errors."""
 UNBOUNDED: Final = 3.0
 """Standard deviation of a logarithm without a prior or bounds. [-]"""
 OUTSIDE: Final = 2.0
 """Root mean square of readings over what the model of error allows, from which nothing is predicted: then a log, its noise or a column is
 wrong. One is expected, with a standard deviation of a few per cent. [-]"""
-FAR_SIZE: Final = 3.0
-"""Size of a departure in scales of its prior, from which nothing is predicted either: it then stands for something else. [-]"""
+FAR_SIZE: Final = 2.5
+"""Drift of a room in scales of its prior, from which nothing is predicted either: a power or a column then hides in it. [-]"""
 COUNTED: Final = 1e-3
 """Weight of a member beside the heaviest, below which it is left out. [-]"""
+LEAST_NOISE, USUAL_NOISE = 1e-3, 0.1
+"""Scatter of neighbouring readings below which they show no noise, and what is then taken where nobody states any. [K]"""
+NODES_FOLLOWED: Final = 16
+"""Nodes up to which a fit has a model of error: the unknowns grow with the elements, and the cost with their cube."""
+KEPT_OF_PRIOR, REACHED, VALUES_DRAWN = 0.5, 0.01, 64
+"""Part of what was known before that a value keeps where no reading determines it; share of all possible values that lead beyond what a
+network is said to reach, each side, and how many are drawn. [-]"""

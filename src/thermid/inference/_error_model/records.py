@@ -1,0 +1,252 @@
+"""A logged run as a fit of other runs predicts it: a straight line in everything unknown, and what its own fitted values follow of that."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Collection, Mapping, Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from thermid.base.dual import value_of
+from thermid.base.linear_algebra import Array, Indices, quadratic_forms, symmetric_inverse
+from thermid.fit.calibration import Calibration
+from thermid.fit.problem import SCALE, Experiment, Influence, Prior, Problem, Request, Unknown, build_problem
+from thermid.inference._error_model.elements import DepartureHeat, with_laws
+from thermid.inference._error_model.gaussian import Wander
+from thermid.inference._error_model.model import FittedWay, course_in_fit, noise_of, prior_mean, reach, traces_of
+from thermid.inference._error_model.runs import SensorRows, UnknownColumn
+from thermid.model.laws import Constant
+from thermid.simulation.scenarios import Scenario
+from thermid.values.store import Store
+
+VALUES, START, INSTRUMENT, ROOM = "values", "start of the run", "instrument", "room"
+"""What of a run by itself a band comes from, beside its elements."""
+
+
+@dataclass(frozen=True, eq=False)
+class BesideRow:
+    """How a name that may change in a run follows sources that a fit does not know.
+
+    Parameters
+    ----------
+    gain : array (sources,)     What it differs by for a unit of each. [SI], or [-]
+    relative : bool             Whether that is in parts of its value.
+    """
+
+    gain: Array
+    relative: bool
+
+
+def problem_of_record(
+    fit: Calibration, request: Request, own: Mapping[str, tuple[float, float]], beside: Mapping[str, BesideRow]
+) -> Problem:
+    """Return a record with everything that is not known of its run as unknowns.
+
+    Parameters
+    ----------
+    fit : Calibration
+    request : Request   That runs the record at the values of the fit.
+    own : dict          Boundary or ``initial.<node>`` -> mean and standard deviation of what it is off by. [K]
+    beside : dict       Value -> how it follows sources of unit variance that the fit does not know.
+    """
+    assert fit.problem is not None
+    named = tuple(u.name for u in fit.problem.unknowns if u.kind == "parameter")
+    untie = fit.request.untie if fit.request is not None else False
+    bare = replace(request, free=named, priors={}, prior=(), store=Store(), held_bias={}, held_errors=None, untie=untie)
+    made = build_problem(bare)
+    e = made.experiments[0]
+    starts: dict[str, list[str]] = {}
+    for node, sensor in [*e.readings.items(), *((o.seat, o.sensor) for o in e.observations if o.seat in e.loose)]:
+        starts.setdefault(sensor, []).append(f"initial.{node}")
+    sensors = {o.sensor: o for o in e.observations}
+    taken = {*own, *(f"{t.name}" for u in made.unknowns if u.kind == "local" for t in u.targets)}
+    more = [_shifted(made, name, [name], *law) for name, law in own.items()]
+    for sensor, names in starts.items():
+        left = [n for n in names if n.startswith("initial.") and n not in taken]
+        if left and sensor in sensors:
+            more.append(_shifted(made, f"first reading of {sensor}", left, 0.0, noise_of(e, sensors[sensor])))
+    return replace(made, unknowns=(*made.unknowns, *more, *_beside(made, beside)))
+
+
+def _beside(problem: Problem, beside: Mapping[str, BesideRow]) -> list[Unknown]:
+    """Return one unknown for each source that the fit does not know, acting on every value that follows it."""
+    acting = {t.name for u in problem.unknowns for t in u.targets}
+    numbers = problem.experiments[0].network.numbers().values
+    out: list[Unknown] = []
+    for k in range(max((row.gain.size for row in beside.values()), default=0)):
+        targets = []
+        for name, row in beside.items():
+            if row.gain[k] and name in numbers:
+                value = float(value_of(numbers[name]))
+                factor = float(row.gain[k]) * (value if row.relative else 1.0)
+                targets.append(Influence(0, name, 0.0 if name in acting else value, factor))
+                acting.add(name)
+        out.append(Unknown(f"{VALUES} {k}", "beside", tuple(targets), 0.0, prior=Prior(0.0, 1.0)))
+    return out
+
+
+def shared_with(fit: Calibration, problem: Problem) -> set[str]:
+    """Return the unknowns of a record that a fit knows: values, and instruments of the same accuracy; that of a power is relative."""
+    assert fit.problem is not None
+    known = {u.name: u for u in fit.problem.unknowns if u.kind != "local"}
+
+    def alike(u: Unknown, of: Unknown) -> bool:
+        if u.prior is None or of.prior is None or u.kind == "parameter" or any(t.name.startswith(SCALE) for t in u.targets):
+            return True
+        return math.isclose(u.prior.sd, of.prior.sd)
+
+    return {u.name for u in problem.unknowns if u.name in known and alike(u, known[u.name])}
+
+
+def _shifted(problem: Problem, name: str, names: Sequence[str], mean: float, sd: float) -> Unknown:
+    """Return what is added to a boundary, or to starts, beside what else acts on them. [K]"""
+    e = problem.experiments[0]
+    acting = {t.name for u in problem.unknowns for t in u.targets}
+    several = [n for n in names for n in (n, *(f"initial.{tip}" for tip, seat in e.tips.items() if n == f"initial.{seat}"))]
+    targets = tuple(Influence(0, n, 0.0 if n in acting else _nominal(e.scenario, n), 1.0) for n in dict.fromkeys(several))
+    return Unknown(f"{name} in this run", "local", targets, 0.0, prior=Prior(mean, sd), unit="K")
+
+
+def _nominal(scenario: Scenario, name: str) -> float:
+    """Return the temperature of a boundary, or of a start, in a scenario; what is added where it changes with time. [K]"""
+    if name.startswith("initial."):
+        return float(scenario.initial[name.removeprefix("initial.")])
+    given = scenario.boundaries[name]
+    return given.value if isinstance(given, Constant) else 0.0
+
+
+@dataclass(frozen=True, eq=False)
+class RecordRun:
+    """A logged run at the values of a fit, as a straight line in everything unknown; its own fitted values have answered.
+
+    Parameters
+    ----------
+    traces : tuple of SensorRows    Every reading; unknowns are those of the way, those of the run, and what was fitted to it.
+    means : tuple of SensorRows     The same in at most some hundred stretches.
+    columns : tuple                 Those of the run.
+    far : array (unknowns,)         Where the prior's mean of each stands, as seen from where the derivatives were taken.
+    known : array (fitted, fitted)  Information of the priors of what was fitted to it.
+    shared : int                    How many unknowns are those of the way.
+    beyond : dict                   Conductor -> its class, and what of its variance lies further off than its features reach. [-]
+    span : float                    Duration. [s]
+    """
+
+    traces: tuple[SensorRows, ...]
+    means: tuple[SensorRows, ...]
+    columns: tuple[UnknownColumn, ...]
+    far: Array
+    known: Array
+    shared: int
+    beyond: Mapping[str, tuple[str, float]]
+    span: float
+
+    @classmethod
+    def of(cls, way: FittedWay, problem: Problem, known: Collection[str], local: Mapping[str, float]) -> RecordRun:
+        """Return the run of a record where the heat is carried in one way.
+
+        Parameters
+        ----------
+        problem : Problem   As `problem_of_record` returns it.
+        known : collection  Those of its unknowns that the fit knows, see `shared_with`.
+        local : dict        What was fitted to the record -> its value.
+        """
+        size = len(way.places)
+        start = {u.name: way.values[u.name] if u.name in known else local.get(u.name, u.to_fitted(u.start)) for u in problem.unknowns}
+        fitted = np.array(list(start.values()))
+        network = with_laws(problem.experiments[0].network, way.laws)
+        course = course_in_fit(problem, 0, network, fitted)
+        shared, alone = way.departures.shared(network, course, way.way, way.laws), way.departures.own(network, course)
+        seen = {c.name: h for c, h in shared}
+        heats = [*(seen.get(c.name, DepartureHeat(c.name, ())) for c in way.columns), *(h for _, h in alone)]
+        rows = traces_of(problem, 0, network, heats, fitted)
+        count = len(problem.unknowns)
+        place = {u.name: k for k, u in enumerate(problem.unknowns)}
+        answers = [place[n] for n in local]
+        mine = [k for n, k in place.items() if n not in known and n not in local]
+        zero = count + len(heats)  # a value of the fit that does not act in this run
+        order = [*(place[n] if n in known else zero for n in way.values), *range(count, count + len(way.columns)), *mine]
+        order += [*range(count + len(way.columns), zero), *answers]
+        wide = [replace(t, rows=np.column_stack([t.rows, np.zeros(t.times.size)])).taken(order) for t in rows]
+        own = tuple(_column(problem.experiments[0], problem.unknowns[k]) for k in mine)
+        ends = np.array([prior_mean(problem.unknowns[k], fitted[k]) - fitted[k] for k in [*mine, *answers]])
+        far = np.zeros(len(order))
+        far[[*range(size, size + len(mine)), *range(len(order) - len(answers), len(order))]] = ends
+        sizes = [u.prior.sd if u.prior is not None else np.inf for u in (problem.unknowns[k] for k in answers)]
+        inverse = np.diag([1.0 / sd**2 for sd in sizes]).reshape(len(sizes), len(sizes))
+        means = tuple(t.averaged() for t in wide)
+        return cls(
+            tuple(wide),
+            means,
+            (*own, *(c for c, _ in alone)),
+            far,
+            inverse,
+            size,
+            way.departures.beyond(network, course),
+            float(course.times[-1]),
+        )
+
+    @property
+    def _answer(self) -> Array:
+        """What the run's fitted values answer to its residuals (fitted, rows)."""
+        first = self.shared + len(self.columns)
+        slopes = np.concatenate([t.rows[:, first:] for t in self.means])
+        weighed = slopes.T / np.concatenate([t.noise for t in self.means]) ** 2
+        return np.asarray(symmetric_inverse(weighed @ slopes + self.known) @ weighed) if slopes.shape[1] else weighed
+
+    def left(self, moved: Array) -> Array:
+        """Return what is left of changes (rows, columns) of the readings once the run's fitted values have answered. [K]"""
+        first = self.shared + len(self.columns)
+        return np.asarray(moved - np.concatenate([t.rows[:, first:] for t in self.means]) @ (self._answer @ moved))
+
+    def _at(self, mean: Array) -> Array:
+        """Return where every unknown is expected, at means of those of the way: those that were fitted to the run have answered."""
+        at = self.far + np.concatenate([mean, np.zeros(self.far.size - mean.size)])
+        off = np.concatenate([t.residuals - t.rows @ at for t in self.means])
+        at[self.shared + len(self.columns) :] += self._answer @ off
+        return np.asarray(at)
+
+    def centres(self, mean: Array) -> list[Array]:
+        """Return sensor by sensor what is expected of every reading less what it is (readings,), at means of the way's unknowns. [K]"""
+        at = self._at(mean)
+        return [t.rows @ at - t.residuals for t in self.traces]
+
+    @property
+    def reference(self) -> Array:
+        """What is expected less what is read (rows,) where the unknowns of the way are zero. [K]"""
+        at = self._at(np.zeros(self.shared))
+        return np.concatenate([t.rows @ at - t.residuals for t in self.means])
+
+    def responses(self) -> tuple[Array, Array]:
+        """Return what is left of units of the way's unknowns (rows, unknowns) and of the run's (rows, columns). [K]"""
+        first = self.shared + len(self.columns)
+        left = self.left(np.concatenate([t.rows[:, :first] for t in self.means]))
+        return left[:, : self.shared], left[:, self.shared :]
+
+    def wandering(self, size: float, part: float) -> Array:
+        """Return the variance (rows,) of what no element explains, and the run's fitted values do not follow. [K^2]"""
+        rows = sum(t.times.size for t in self.means)
+        if size == 0.0:
+            return np.zeros(rows)
+        if not self.known.size:
+            return np.full(rows, size**2)
+        whole, begin = np.zeros((rows, rows)), 0
+        for t in self.means:
+            own = slice(begin, begin + t.times.size)
+            whole[own, own] = Wander(size, part * self.span).covariance(t.times)
+            begin += t.times.size
+        return np.asarray(quadratic_forms(self.left(np.eye(rows)), whole))
+
+
+def _column(e: Experiment, u: Unknown) -> UnknownColumn:
+    """Return an unknown of a run as a column about the mean of its prior."""
+    boundaries = {*e.scenario.boundaries}
+    at = {t.name for t in u.targets}
+    source = VALUES if u.kind == "beside" else INSTRUMENT if u.kind != "local" else ROOM if at & boundaries else START
+    return UnknownColumn(u.name, "", u.prior.sd if u.prior is not None else reach(u), source)
+
+
+def split(several: Array, traces: Sequence[SensorRows]) -> list[Array]:
+    """Return the rows of every sensor, the last axis being rows."""
+    ends: Indices = np.cumsum([t.times.size for t in traces])[:-1]
+    return np.split(several, ends, axis=-1)
