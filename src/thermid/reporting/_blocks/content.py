@@ -25,6 +25,22 @@ class Cell:
     look: str = ""
 
 
+SAME = Cell("", "", "same")
+"""What the row above says too: blank on a page, said again in a sheet."""
+
+
+def group_cell(name: str, row: int) -> Cell:
+    """Return what names a group of rows: in its first row the name, below it a blank."""
+    return Cell(name, "", "main") if row == 0 else SAME
+
+
+def verdict_cell(passed: bool | None, why: str = "") -> Cell:
+    """Return a verdict as a cell, why it is not decided behind it."""
+    if passed is None:
+        return Cell("not decided", why, "warn")
+    return Cell("✓ met", "", "good") if passed else Cell("✗ not met", "", "bad")
+
+
 Line = list["Cell | str"]
 """One line of a table while it is made; a text stands for a plain cell."""
 
@@ -159,6 +175,11 @@ def signed(value: float, decimals: int) -> str:
     """
     text = f"{value:+.{decimals}f}"
     return text if float(text) else text[1:]
+
+
+def capitalised(text: str) -> str:
+    """Return a text that begins with a capital."""
+    return text[:1].upper() + text[1:]
 
 
 def duration(seconds: float) -> str:

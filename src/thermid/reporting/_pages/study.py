@@ -38,8 +38,8 @@ from thermid.reporting._blocks.content import (
     signed,
     significant,
 )
-from thermid.reporting._blocks.extras import check_page, tables_folder, write_page
-from thermid.reporting._blocks.numbering import Sheets, check_audience
+from thermid.reporting._blocks.extras import check_page, write_page
+from thermid.reporting._blocks.numbering import Sheets
 from thermid.reporting._pages import tables
 from thermid.reporting._pages.front import VERDICTS_TABLE, front
 from thermid.reporting._pages.tables import glance
@@ -57,7 +57,6 @@ def study_report(
     outcome: Sequence[PageBlock] = (),
     watermark: str = "",
     audience: str = "all",
-    tables_to: str | os.PathLike[str] | None = None,
 ) -> Path:
     """Write a study as one HTML page, or as a PDF where its name ends in .pdf, and return its path.
 
@@ -74,7 +73,6 @@ def study_report(
     outcome : sequence      What stands below the verdicts' summary.
     watermark : str         Words at the foot of every sheet, and on a banner; for what must not be taken for a result.
     audience : str          ``summary``: at most two sheets; ``agency``: what a reviewer reads; ``all``: everything.
-    tables_to : path        Folder of the long tables; that of the page's name with ``.tables`` by default.
 
     Raises
     ------
@@ -84,7 +82,7 @@ def study_report(
     ScenarioError       When there is no such audience.
     """
     check_page(to)
-    sheets = Sheets(Path(tables_to) if tables_to is not None else tables_folder(to), check_audience(audience))
+    sheets = Sheets.beside(to, audience=audience)
     records, of = tables.made_records(campaign)
     text = f"{len(records)} of {of} records are synthetic, so results from them are not evidence about real hardware." if records else ""
     banners = [(watermark.upper() or "SYNTHETIC DATA", " ".join(t for t in (study.note, text) if t))] if watermark or records else []

@@ -20,7 +20,22 @@ from thermid.fit.uncertainty import MOVED
 from thermid.measure.records import Record
 from thermid.model.tree import Model, ParameterSet, flatten, ledger, parameter_table
 from thermid.physics.constants import ICE_POINT
-from thermid.reporting._blocks.content import DASH, Cell, Head, Line, Table, duration, number, plain, pretty, signed, significant
+from thermid.reporting._blocks.content import (
+    DASH,
+    SAME,
+    Cell,
+    Head,
+    Line,
+    Table,
+    capitalised,
+    duration,
+    number,
+    plain,
+    pretty,
+    signed,
+    significant,
+    verdict_cell,
+)
 from thermid.reporting._pages.views import ShownValue, view
 from thermid.values.fitted import FittedValue
 
@@ -194,8 +209,8 @@ def sensors(calibration: Calibration) -> Table:
                 Cell("yes") if s.white else Cell(f"no ({s.lag_one:+.2f})", "", "warn"),
             ]
         )
-    said = "".join(f" {str(share)[0].upper()}{str(share)[1:]}." for share in (*sensor_shares(calibration), *instrument_shares(calibration)))
-    return Table.of(columns, rows, f"Residuals are measured minus simulated, without the sensor's constant error.{said}")
+    shares = "".join(f" {capitalised(str(share))}." for share in (*sensor_shares(calibration), *instrument_shares(calibration)))
+    return Table.of(columns, rows, f"Residuals are measured minus simulated, without the sensor's constant error.{shares}")
 
 
 def instruments(calibration: Calibration) -> Table:
@@ -290,14 +305,13 @@ def verdicts(campaign: Campaign, ranked: bool = False) -> Table:
             sizes.append(math.inf)
         for k, c in enumerate(v.checks):
             named = k == 0 or ranked
-            first = [Cell(v.model, v.title, "main"), Cell(v.record, v.title)] if named else [Cell("", "", "same"), Cell("", "", "same")]
+            first = [Cell(v.model, v.title, "main"), Cell(v.record, v.title)] if named else [SAME, SAME]
             sizes.append(c.used)
-            result = Cell("✓ met", "", "good") if c.passed else Cell("✗ not met", "", "bad")
             condition = Cell(", ".join(v.fitted_locally), "fitted to this record", "warn") if v.conditional else Cell("nothing")
             if not v.unseen:
                 condition = Cell("no longer independent", "the model failed a verdict on it before it was refitted", "bad")
             cells = [number(c.found, 3), plain(c.limit, 4), _outside(v, c)]
-            rows.append([*first, c.sensor, c.title, *cells, result, condition])
+            rows.append([*first, c.sensor, c.title, *cells, verdict_cell(bool(c.passed)), condition])
     order = sorted(range(len(rows)), key=lambda k: -sizes[k]) if ranked else range(len(rows))
     return Table.of(columns, [rows[k] for k in order], "What takes most of its limit first." if ranked else "")
 
