@@ -254,8 +254,8 @@ class Graphic:
     @property
     def narrow(self) -> bool:
         """Whether three of it fit beside one another on a sheet, with letters of 6.5 pt."""
-        found = re.search(r'viewBox="0 0 ([\d.]+)', self.markup)
-        return found is not None and float(found[1]) <= NARROW
+        width = re.search(r'viewBox="0 0 ([\d.]+)', self.markup)
+        return width is not None and float(width[1]) <= NARROW
 
 
 @dataclass(frozen=True)
@@ -284,8 +284,8 @@ SHEET = (820.0, 1250.0)
 
 def oversized(svg: str) -> bool:
     """Return whether a diagram is too large for a sheet with letters that can be read."""
-    found = re.search(r'viewBox="0 0 ([\d.]+) ([\d.]+)"', svg)
-    return found is not None and any(float(size) > most for size, most in zip(found.groups(), SHEET, strict=True))
+    sizes = re.search(r'viewBox="0 0 ([\d.]+) ([\d.]+)"', svg)
+    return sizes is not None and any(float(size) > most for size, most in zip(sizes.groups(), SHEET, strict=True))
 
 
 @dataclass(frozen=True)

@@ -88,15 +88,15 @@ def _size(block: SensorTrace) -> float:
 
 def front(campaign: Campaign) -> list[PageBlock]:
     """Return the top of a page, below its answer; nothing where nothing was fitted or judged."""
-    found = decisive(campaign)
-    if found is None:
+    trace = decisive(campaign)
+    if trace is None:
         return []
-    plots = [_decides(found)]
-    network = _network(found)
+    plots = [_decides(trace)]
+    network = _network(trace)
     plots += [network] if network is not None else []
     charts = list(_charts(campaign))
     blocks: list[PageBlock] = [
-        Words(found.sentence(), (DECIDES, NETWORK, MATRIX, VERDICTS_TABLE)),
+        Words(trace.sentence(), (DECIDES, NETWORK, MATRIX, VERDICTS_TABLE)),
         Figures(tuple(plots), lead=True),
     ]
     wide = [p for p in charts if p.key == MATRIX and not p.drawn.narrow]

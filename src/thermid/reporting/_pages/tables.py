@@ -238,8 +238,8 @@ def records(calibration: Calibration) -> Table:
             *(record, sensor, str(s.samples), number(s.rmse, 3)),
             *(signed(s.mean, 3), signed(s.largest, 3), signed(s.lag_one, 2), "yes" if s.white else "no"),
         ]
-        for record, found in calibration.statistics.items()
-        for sensor, s in found.items()
+        for record, sensors in calibration.statistics.items()
+        for sensor, s in sensors.items()
     ]
     return Table.of(columns, rows)
 
@@ -330,9 +330,9 @@ def _uses(campaign: Campaign) -> Iterator[tuple[str, str, str, bool, Record | No
     fits = [("fit", c) for c in campaign.stages.values()]
     judged = [("hold-out record, verdict on", v.prediction) for v in campaign.verdicts if v.prediction is not None]
     for kind, calibration in [*fits, *judged]:
-        kept = {e.record.name: e.record for e in calibration.experiments}
+        logs = {e.record.name: e.record for e in calibration.experiments}
         for name, sha in calibration.records.items():
-            record = kept.get(name)
+            record = logs.get(name)
             yield name, sha, f"{kind} {calibration.stage}", record.origin.synthetic if record else calibration.synthetic, record
 
 
@@ -346,10 +346,10 @@ def data(campaign: Campaign) -> Table:
     """Return every record: what it was used for, file, checksum, whether it was measured, and what was done to its samples."""
     merged: dict[tuple[str, str], tuple[list[str], bool, Record | None]] = {}
     for name, sha, use, synthetic, record in _uses(campaign):
-        uses, _, known = merged.setdefault((name, sha), ([], synthetic, record))
+        uses, _, log = merged.setdefault((name, sha), ([], synthetic, record))
         if use not in uses:
             uses.append(use)
-        merged[name, sha] = (uses, synthetic, known or record)
+        merged[name, sha] = (uses, synthetic, log or record)
     columns = [
         Head("record"),
         Head("used for", wrapped=True),
@@ -586,8 +586,8 @@ def _unknown(campaign: Campaign) -> Iterator[tuple[str, str]]:
                 yield f"{value.path}: the logs do not determine it.", c.stage
             elif at_bound(value):
                 yield f"{value.path} ended at its {at_bound(value)} bound, so its standard error is not meaningful.", c.stage
-        known = [(_half(value), value.path) for value in c.values.parameters.values()]
-        vague = sorted((pair for pair in known if VAGUE < pair[0] < math.inf), reverse=True)
+        widths = [(_half(value), value.path) for value in c.values.parameters.values()]
+        vague = sorted((pair for pair in widths if VAGUE < pair[0] < math.inf), reverse=True)
         if vague:
             yield f"Poorly determined (95 %): {_some([f'{path} ± {number(100 * half, 2)} %' for half, path in vague])}.", c.stage
         twins = [f"{a} with {b}" for a, b, _ in _twins(c)]
