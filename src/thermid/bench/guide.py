@@ -20,7 +20,10 @@ _RISE = 2.0
 _BATH = 0.02
 """Standard deviation of the temperature of stirred ice and water that the procedure of docs/bench.md gives. [K]"""
 
-_SHORT, _FAR = 60, 2.0
+_LEAST_READINGS, _READINGS = 60, 120
+"""Readings of a sensor in ice water that a certificate needs, and that are taken."""
+_MAX_OFFSET = 2.0
+"""Largest offset in ice water of a sensor that is in it. [K]"""
 
 
 def tell_apart(
@@ -109,25 +112,24 @@ def certificate_of(values: np.ndarray, resolution: float, when: str) -> SensorCe
     ------
     RecordError   When there are too few, they drift, or they are not near 0 degC.
     """
-    if values.size < _SHORT:
-        raise RecordError(f"{values.size} readings; {_SHORT} are needed.", "ice point")
+    if values.size < _LEAST_READINGS:
+        raise RecordError(f"{values.size} readings; {_LEAST_READINGS} are needed.", "ice point")
     half = values.size // 2
     drift = float(values[half:].mean() - values[:half].mean())
     if abs(drift) > resolution:
         raise RecordError(f"it still drifts, by {drift:+.3f} K between both halves. Wait until it is steady, and stir.", "ice point")
     mean = float(values.mean())
-    if abs(mean) > _FAR:
+    if abs(mean) > _MAX_OFFSET:
         raise RecordError(
-            f"it shows {mean:.2f} degC. A good sensor reads within {_FAR:g} K of zero. Check that it is in the ice water.", "ice point"
+            f"it shows {mean:.2f} degC. A good sensor reads within {_MAX_OFFSET:g} K of zero. Check that it is in the ice water.",
+            "ice point",
         )
     # a quantised reading that does not move is uncertain by its step over sqrt(12), however long it is read
     error = sqrt(_BATH**2 + resolution**2 / 12.0 + (values.std() ** 2) / values.size)
     return SensorCertificate(mean, error, ICE, when)
 
 
-def ice_point(
-    log: Logger, path: Path, say: Callable[[str], object], confirm: Callable[[str], bool], readings: int = 120
-) -> list[MappedSensor]:
+def ice_point(log: Logger, path: Path, say: Callable[[str], object], confirm: Callable[[str], bool]) -> list[MappedSensor]:
     """Read all sensors in ice water and write their certificates to the map.
 
     Parameters
@@ -135,7 +137,6 @@ def ice_point(
     log : Logger              A running log.
     path : Path               The map that is written.
     say, confirm : callable   Tell the user something; ask whether all is ready.
-    readings : int            Readings of each sensor.
 
     Raises
     ------
@@ -150,7 +151,7 @@ def ice_point(
         return []
     taken: dict[str, list[float]] = {rom: [] for rom in roms}
     tried = 0
-    while min(map(len, taken.values())) < readings and tried < 50 * readings * len(roms):
+    while min(map(len, taken.values())) < _READINGS and tried < 50 * _READINGS * len(roms):
         line = log.step()
         tried += 1
         if (
@@ -165,7 +166,7 @@ def ice_point(
     for rom, values in taken.items():
         step = 2.0 ** (8 - log.state.bits.get(rom, 12))
         try:
-            certificate = certificate_of(np.array(values[-readings:]), step, date.today().isoformat())
+            certificate = certificate_of(np.array(values[-_READINGS:]), step, date.today().isoformat())
         except RecordError as error:
             say(f"{log.name_of(rom)}: no certificate: {error.message}")
             continue

@@ -24,7 +24,7 @@ from thermid.simulation.runs import Solution, network_for, simulate
 from thermid.simulation.scenarios import Scenario, load_scenario
 from thermid.values.fitted import FittedValues
 
-SAME = 1e-6
+MAX_DIFFERENCE = 1e-6
 """Difference up to which a repeated run is the same. [K]"""
 CHECK_TIMES = 5
 """Times at which temperatures are written down, equally spaced, the end among them."""
@@ -39,7 +39,6 @@ def deliver(
     values: Sequence[FittedValues] = (),
     nodes: int | None = None,
     within: str | float | None = None,
-    keep: Sequence[str] = (),
     at: str = "",
 ) -> Path:
     """Write a delivery folder and return its `checks.json`: version, hashes, run record, temperatures to be met, deviations when reduced.
@@ -53,7 +52,7 @@ def deliver(
     scenarios : sequence of path    Scenario files.
     to : path                       The folder, new or empty.
     values : sequence               What fits found, for the record.
-    nodes, within, keep, at         As in `reduce`.
+    nodes, within, at               As in `reduce`.
 
     Raises
     ------
@@ -70,7 +69,7 @@ def deliver(
     loaded = dict(zip(names, map(load_scenario, scenarios), strict=True))
     if not loaded:
         raise DeckError("a delivery needs a scenario, to state the expected result.", model.title)
-    small = reduce(model, list(loaded.values()), nodes=nodes, within=within, keep=keep, at=at) if nodes or within is not None else None
+    small = reduce(model, list(loaded.values()), nodes=nodes, within=within, at=at) if nodes or within is not None else None
     record = _record(model, loaded, small, at)
     with folder_replacing(target) as folder:
         for name in ("full", "scenarios", *(["values"] if values else []), *(["reduced"] if small is not None else [])):
@@ -101,8 +100,8 @@ def check_delivery(folder: str | os.PathLike[str]) -> dict[str, float]:
         raise DeckError(f"'{base.name}' is not a delivery: it has no checks.json with files and runs.")
     record = read_json(base / "checks.json", "thermid.qualify._plan_schema.ChecksFile")
     files, runs, watched = record.files, record.runs, record.reference_points
-    for name, kept in files.items():
-        if not (base / name).is_file() or _hash(base / name) != kept:
+    for name, sha256 in files.items():
+        if not (base / name).is_file() or _hash(base / name) != sha256:
             raise DeckError(f"'{name}' is not the file that was delivered.", base.name)
     model = load_model(base / "full" / "model.toml")
     out = {}
@@ -110,7 +109,7 @@ def check_delivery(folder: str | os.PathLike[str]) -> dict[str, float]:
         run = simulate(model, load_scenario(base / "scenarios" / name))
         off = {p: np.abs(run[p].at(np.array(want.times)) - np.array(want.temperatures[p])).max() for p in watched}
         worst = max(off, key=lambda p: off[p])
-        if not off[worst] <= SAME:
+        if not off[worst] <= MAX_DIFFERENCE:
             raise DeckError(f"'{worst}' is {off[worst]:.3g} K from its expected value in {name}.", base.name)
         out[name] = float(off[worst])
     return out

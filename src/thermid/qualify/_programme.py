@@ -205,7 +205,6 @@ def _margin(m: Margin) -> dict[str, Any]:
 def run_plan(
     plan: Plan | str | os.PathLike[str],
     *,
-    data: str | os.PathLike[str] | None = None,
     notice: Callable[[str], None] | None = None,
     accept: Sequence[str] = (),
 ) -> Qualification:
@@ -213,8 +212,7 @@ def run_plan(
 
     Parameters
     ----------
-    plan : Plan or path     The plan.
-    data : path             A folder of logs outside the project.
+    plan : Plan or path     The plan; `load_plan` takes a folder of logs outside the project.
     notice : callable       Called with the name of each test before it is run.
     accept : sequence       Stages that are accepted as they are: their standing stays and is told.
 
@@ -222,7 +220,7 @@ def run_plan(
     ------
     ThermidError   When the plan does not hold together, or a log does not fit its test.
     """
-    loaded = plan if isinstance(plan, Plan) else load_plan(plan, data)
+    loaded = plan if isinstance(plan, Plan) else load_plan(plan)
     trials = []
     for test in loaded.tests:
         if notice is not None:
@@ -232,8 +230,8 @@ def run_plan(
         if trial.log_sha256:
             other = note_look(loaded, test.name, trial.log_sha256)
             why = "see its deviations" if test.deviations else "state in its deviations what was changed, and why"
-            said = f"its log differs from the one that was first read, on {other}: {why}"
-            trial = replace(trial, remarks=(*trial.remarks, said)) if other else trial
+            remark = f"its log differs from the one that was first read, on {other}: {why}"
+            trial = replace(trial, remarks=(*trial.remarks, remark)) if other else trial
         trials.append(trial)
     trials = _alike(_informed(trials))
     effects_by_test = {t.test.name: effects(t.known, t.test.name, t.foresight, {x.node: x.point for x in t.limits}) for t in trials}

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from itertools import pairwise
 from typing import TYPE_CHECKING, Any
@@ -215,10 +215,10 @@ class Trial:
         return "\n".join(lines)
 
 
-def run_test(plan: Plan, test: TestTable, progress: Callable[[int, int, float], None] | None = None) -> Trial:
-    """Return a test of a plan: predicted, held against limits, and judged where its log is there; `told` as in `run_profile`."""
+def run_test(plan: Plan, test: TestTable) -> Trial:
+    """Return a test of a plan: predicted, held against limits, and judged where its log is there."""
     known, limits = plan.hosted(test.host), plan.limits_on(test.host)
-    scenario, course = _course(plan, test, known, progress)
+    scenario, course = _course(plan, test, known)
     sensors = sensors_of(plan, test)
     _known_nodes(plan, known, limits, sensors)
     points = list(dict.fromkeys([x.node for x in limits] + [n for n, _ in sensors.values()]))
@@ -247,14 +247,12 @@ def _known_nodes(plan: Plan, known: Known, limits: Sequence[Limits], sensors: Ma
     NameNotFoundError   Which, and the nearest.
     """
     nodes = [n.path for n in flatten(known.model).nodes]
-    asked = [(f"limits.{x.point}.node", x.node) for x in limits] + [(f"sensors.{s}.node", n) for s, (n, _) in sensors.items()]
-    for key, node in asked:
+    places = [(f"limits.{x.point}.node", x.node) for x in limits] + [(f"sensors.{s}.node", n) for s, (n, _) in sensors.items()]
+    for key, node in places:
         refuse_unknown([known.model.canonical(node)], nodes, f"{plan.path.name}, {key}", f"no node '{node}'.", NameNotFoundError)
 
 
-def _course(
-    plan: Plan, test: TestTable, known: Known, progress: Callable[[int, int, float], None] | None
-) -> tuple[Scenario, ProfileRun | None]:
+def _course(plan: Plan, test: TestTable, known: Known) -> tuple[Scenario, ProfileRun | None]:
     """Return what is done to the model, and its phases where it follows a profile."""
     scenario: Scenario | None = None
     if isinstance(test.scenario, str):
@@ -271,7 +269,6 @@ def _course(
             equipment=test.equipment,
             scenario=_beside(scenario, test, known),
             every=literal(test.every, "s", f"{test.name}, every"),
-            told=progress,
         )
         return replace(run.scenario, title=test.name), replace(run, cycles_beside=_cycles_beside(plan, test, run.profile))
     assert scenario is not None
@@ -562,10 +559,10 @@ def _time_above(times: Array, values: Array, level: float) -> float:
     return float(width[values >= level].sum())
 
 
-def exchanged(seen: Sequence[Overlay]) -> Iterator[str]:
+def exchanged(overlays_: Sequence[Overlay]) -> Iterator[str]:
     """Yield pairs of sensors whose readings fit far better when they change places."""
-    for k, a in enumerate(seen):
-        for b in seen[k + 1 :]:
+    for k, a in enumerate(overlays_):
+        for b in overlays_[k + 1 :]:
             if a.times.size != b.times.size or not np.array_equal(a.times, b.times):
                 continue
             as_wired = float(np.sqrt(np.mean((a.measured - a.simulated) ** 2 + (b.measured - b.simulated) ** 2)))

@@ -138,5 +138,5 @@ def upper_atmosphere(altitude: Any) -> Air:
     low = standard_atmosphere(np.minimum(z, HIGHEST_ALTITUDE))
     high = [np.interp(z, 1e3 * UPPER[:, 0], column) for column in (UPPER[:, 1], np.log(UPPER[:, 2]), np.log(UPPER[:, 3]))]
     above = z > HIGHEST_ALTITUDE
-    made = (high[0], np.exp(high[1]), np.exp(high[2]))
-    return Air(*(np.where(above, h, own) for h, own in zip(made, low, strict=True)))
+    tabled = (high[0], np.exp(high[1]), np.exp(high[2]))
+    return Air(*(np.where(above, h, mixed) for h, mixed in zip(tabled, low, strict=True)))

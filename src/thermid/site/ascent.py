@@ -19,6 +19,7 @@ from thermid.measure.readers import read_plain
 from thermid.model.laws import Constant, Signal, TableSignal, joined, literal, signal
 from thermid.simulation.network import HOTTEST, Environment, Irradiation
 from thermid.simulation.scenarios import Scenario
+from thermid.site._amounts import si_number
 from thermid.site._atmosphere import HIGHEST_ALTITUDE, UPPER, Air, standard_atmosphere, upper_atmosphere
 from thermid.site.exposure import molecular_heating
 
@@ -249,9 +250,9 @@ def _streams(
     return out
 
 
-def _duration(given: Any, trajectory: Trajectory | None, pressure: Any, title: str) -> float:
-    if given is not None:
-        return literal(given, "s", f"{title}, duration") if isinstance(given, str) else float(given)
+def _duration(duration: Any, trajectory: Trajectory | None, pressure: Any, title: str) -> float:
+    if duration is not None:
+        return si_number(duration, "s", f"{title}, duration")
     if trajectory is None:
         raise ScenarioError("the duration is missing. Give one, such as duration = '10 [min]'.", title)
     return float(trajectory.times[-1])

@@ -9,8 +9,9 @@ import numpy as np
 from thermid.base.errors import ScenarioError
 from thermid.base.linear_algebra import Array
 from thermid.model.elements import degrees
-from thermid.model.laws import Constant, Signal, TableSignal, joined, literal, signal
+from thermid.model.laws import Constant, Signal, TableSignal, joined, signal
 from thermid.simulation.network import Irradiation
+from thermid.site._amounts import si_number
 
 SOLAR_CONSTANT = 1361.0
 """Total irradiance at one astronomical unit: Kopp and Lean, Geophys. Res. Lett. 38 (2011) L01706, 1360.8 +- 0.5. [W/m^2]"""
@@ -159,9 +160,9 @@ def eclipse(altitude: float, beta: float, radius: float = 6.371e6, attraction: f
     """
     if not (altitude > 0.0 and -90.0 <= beta <= 90.0):
         raise ScenarioError(f"no orbit has an altitude of {altitude:g} m and the sun {beta:g} degrees beside it.", "orbit")
-    far = radius + altitude
-    period = float(2.0 * np.pi * np.sqrt(far**3 / attraction))
-    share = np.sqrt(altitude**2 + 2.0 * radius * altitude) / (far * max(float(np.cos(np.radians(beta))), 1e-12))
+    orbit = radius + altitude
+    period = float(2.0 * np.pi * np.sqrt(orbit**3 / attraction))
+    share = np.sqrt(altitude**2 + 2.0 * radius * altitude) / (orbit * max(float(np.cos(np.radians(beta))), 1e-12))
     return period, period * float(np.arccos(min(share, 1.0)) / np.pi)
 
 
@@ -241,7 +242,7 @@ def orbit_irradiation(
     ----------
     Gilmore, Spacecraft Thermal Control Handbook, 2nd ed., chapter 2; `planet_share` for the view.
     """
-    height = literal(altitude, "m", "orbit, altitude") if isinstance(altitude, str) else float(altitude)
+    height = si_number(altitude, "m", "orbit, altitude")
     view = planet_share(height, degrees(tilt, "orbit, tilt"), radius)
     angles = {"sun": degrees(sun, "orbit, sun"), "subsolar": degrees(subsolar, "orbit, subsolar")}
     for name, value in angles.items():
@@ -250,8 +251,8 @@ def orbit_irradiation(
     if not 0.0 <= albedo <= 1.0:
         raise ScenarioError(f"the albedo is {albedo:g}. Give 0 to 1.", "orbit")
     light = _lit(lit)
-    strength = literal(solar, "W/m^2", "orbit, solar") if isinstance(solar, str) else float(solar)
-    glow = literal(infrared, "W/m^2", "orbit, infrared") if isinstance(infrared, str) else float(infrared)
+    strength = si_number(solar, "W/m^2", "orbit, solar")
+    glow = si_number(infrared, "W/m^2", "orbit, infrared")
     facing, above = (max(float(np.cos(np.radians(angles[k]))), 0.0) for k in ("sun", "subsolar"))
     return Irradiation(
         direct=light.scaled(strength * facing),
@@ -281,7 +282,7 @@ def eclipse_signal(altitude: str | float, beta: float | str, duration: str | flo
     [1.0, 0.0, 1.0]
     """
     height, _, first = (
-        literal(v, slot, f"orbit, {name}") if isinstance(v, str) else float(v)
+        si_number(v, slot, f"orbit, {name}")
         for v, slot, name in ((altitude, "m", "altitude"), (duration, "s", "duration"), (begin, "s", "begin"))
     )
     period, dark = eclipse(height, degrees(beta, "orbit, beta"))

@@ -12,8 +12,9 @@ import numpy as np
 from thermid.base.errors import ScenarioError, nearest
 from thermid.base.linear_algebra import Array
 from thermid.model.elements import degrees
-from thermid.model.laws import Constant, Signal, TableSignal, literal, multiplied
+from thermid.model.laws import Constant, Signal, TableSignal, multiplied
 from thermid.simulation.network import Irradiation
+from thermid.site._amounts import si_number
 from thermid.site.exposure import planet_share
 
 SAMPLES: Final = 720
@@ -240,14 +241,14 @@ def orbit_fluxes(
     sun = np.array([np.cos(np.radians(tilt)), 0.0, np.sin(np.radians(tilt))])
     turned, first = (np.radians(degrees(v, f"orbit, {n}")) for v, n in ((argument, "argument"), (begin, "begin")))
     path = _Path(body.radius + low, body.radius + high, body.attraction, float(turned), float(first))
-    strength = body.solar if solar is None else _number(solar, "W/m^2", "solar")
+    strength = body.solar if solar is None else si_number(solar, "W/m^2", "orbit, solar")
     shadow = _shadow(path, sun, body.radius)
     edges = np.array(sorted({t for span in shadow for t in span if 0.0 < t < path.period}))
     times = np.union1d(np.linspace(0.0, path.period, SAMPLES + 1), edges)
     out, far = path.at(times)
     day = np.maximum(out @ sun, 0.0)
     normals = {face: frame(out, sun) for face, frame in ATTITUDES[attitude].items()}
-    glow = _number(infrared, "W/m^2", "infrared")
+    glow = si_number(infrared, "W/m^2", "orbit, infrared")
     views = {face: _views(normal, out, far - body.radius, body.radius) for face, normal in normals.items()}
     return OrbitFluxes(
         path.period,
@@ -273,8 +274,8 @@ def _checked(
         raise ScenarioError(
             f"unknown attitude '{attitude}'.{nearest(attitude, ATTITUDES)} There are {', '.join(ATTITUDES)}.", "orbit", code="name.unknown"
         )
-    low = _number(perigee, "m", "perigee")
-    high = low if apogee is None else _number(apogee, "m", "apogee")
+    low = si_number(perigee, "m", "orbit, perigee")
+    high = low if apogee is None else si_number(apogee, "m", "orbit, apogee")
     if not 0.0 < low <= high < float("inf"):
         raise ScenarioError(f"no orbit has a perigee of {low:g} m and an apogee of {high:g} m above the ground.", "orbit")
     if not 0.0 <= albedo <= 1.0:
@@ -283,10 +284,6 @@ def _checked(
     if not -90.0 <= tilt <= 90.0:
         raise ScenarioError(f"the angle of the sun to a plane is at most 90 degrees, not {tilt:g}.", "orbit, beta")
     return body, low, high, tilt
-
-
-def _number(value: str | float, slot: str, name: str) -> float:
-    return literal(value, slot, f"orbit, {name}") if isinstance(value, str) else float(value)
 
 
 @dataclass(frozen=True)

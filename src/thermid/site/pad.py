@@ -21,6 +21,7 @@ from thermid.physics.constants import STEFAN_BOLTZMANN
 from thermid.physics.correlations import forced_plate_nusselt
 from thermid.simulation.network import Environment
 from thermid.simulation.scenarios import Scenario
+from thermid.site._amounts import si_number
 from thermid.site._moist import dew_point, vapour_pressure
 from thermid.site.exposure import cloudless_sky, driving_rain, sky_share
 from thermid.site.site import Site
@@ -219,16 +220,16 @@ class Swept:
 
 def _place(weather: Weather | None, title: str) -> Site:
     """Return the site that a weather file names."""
-    known = weather.place if weather is not None else {}
-    if not {"latitude", "longitude"} <= set(known):
+    place = weather.place if weather is not None else {}
+    if not {"latitude", "longitude"} <= set(place):
         raise ScenarioError("the place is missing. Give a Site with latitude and longitude; only EPW and TMY3 files contain them.", title)
     name = weather.name if weather is not None else title
-    return Site(known["latitude"], known["longitude"], known.get("altitude", 0.0), known.get("timezone"), name)
+    return Site(place["latitude"], place["longitude"], place.get("altitude", 0.0), place.get("timezone"), name)
 
 
-def _temperature(weather: Weather | None, given: Any, title: str, air: str) -> Signal:
-    if given is not None:
-        return signal(given, TEMPERATURE, f"{title}, air_temperature")
+def _temperature(weather: Weather | None, temperature: Any, title: str, air: str) -> Signal:
+    if temperature is not None:
+        return signal(temperature, TEMPERATURE, f"{title}, air_temperature")
     if weather is None or "dry_bulb" not in weather:
         raise ScenarioError(f"the temperature of the air '{air}' is missing. Give weather with dry_bulb, or air_temperature.", title)
     return TableSignal(*weather["dry_bulb"])
@@ -244,7 +245,7 @@ def _environment(site: Site, weather: Weather | None, seconds: float) -> Environ
     return Environment(means.get("pressure", Constant(site.pressure)), humidity, wind=wind)
 
 
-def _duration(given: Any, title: str) -> float:
-    if given is None:
+def _duration(duration: Any, title: str) -> float:
+    if duration is None:
         raise ScenarioError("the duration is missing. Give one, such as duration = '12 [h]'.", title)
-    return literal(given, "s", f"{title}, duration") if isinstance(given, str) else float(given)
+    return si_number(duration, "s", f"{title}, duration")

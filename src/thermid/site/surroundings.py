@@ -90,18 +90,18 @@ def _orbit(table: Mapping[str, Any], rest: dict[str, Any], duration: float | Non
     return Scenario(**rest, irradiation=falls, environment=environment, duration=length)
 
 
-def _planet(given: Any, where: str) -> str | Planet:
+def _planet(planet: Any, where: str) -> str | Planet:
     """Return a planet by name, or of its figures."""
-    if not isinstance(given, Mapping):
-        return str(given)
+    if not isinstance(planet, Mapping):
+        return str(planet)
     slots = {"radius": "m", "attraction": "m^3/s^2", "solar": "W/m^2"}
-    return Planet(**{k: literal(v, slots[k], f"{where}.planet.{k}") for k, v in given.items()})
+    return Planet(**{k: literal(v, slots[k], f"{where}.planet.{k}") for k, v in planet.items()})
 
 
-def _faces(given: Mapping[str, Any], where: str) -> dict[str, str]:
+def _faces(faces: Mapping[str, Any], where: str) -> dict[str, str]:
     """Return surface -> face, from face -> surface or several."""
     out: dict[str, str] = {}
-    for face, surfaces in given.items():
+    for face, surfaces in faces.items():
         for surface in [surfaces] if isinstance(surfaces, str) else surfaces:
             if surface in out:
                 raise ScenarioError(f"'{surface}' looks one way: it is on the faces {out[surface]} and {face}.", f"{where}.faces")

@@ -19,11 +19,12 @@ from thermid.base.dual import value_of
 from thermid.base.errors import ScenarioError
 from thermid.base.linear_algebra import Array, Bools
 from thermid.model.elements import exposed_area
-from thermid.model.laws import Signal, literal
+from thermid.model.laws import Signal
 from thermid.model.tree import FlatConductor
 from thermid.physics.constants import ATMOSPHERE, STEFAN_BOLTZMANN
 from thermid.simulation.network import VACUUM_LIMIT
 from thermid.simulation.runs import Solution
+from thermid.site._amounts import si_number
 from thermid.site._moist import (
     VAPOUR_CONSTANT,
     dew_point,
@@ -82,8 +83,7 @@ class Volume:
     def __post_init__(self) -> None:
         """Turn texts into numbers."""
         for name, slot in (("volume", "m^3"), ("exchange", "m^3/s")):
-            given = getattr(self, name)
-            object.__setattr__(self, name, literal(given, slot, name) if isinstance(given, str) else float(given))
+            object.__setattr__(self, name, si_number(getattr(self, name), slot, name))
         if not float(self.volume) > 0.0 or float(self.exchange) < 0.0:
             raise ScenarioError("a volume of gas must be above zero, and its exchange zero or more.")
         if (float(self.exchange) > 0.0) != bool(self.to):
@@ -569,9 +569,9 @@ def _check_air(solution: Solution, gases: Iterable[str]) -> None:
             )
 
 
-def _pressure(solution: Solution, gas: str, given: Signal) -> Array:
+def _pressure(solution: Solution, gas: str, humidity: Signal) -> Array:
     """Return the pressure (times,) of the vapour of a gas; never above that of the gas. [Pa]"""
-    share = given.at(solution.times)
+    share = humidity.at(solution.times)
     _check_humidity(share, f"'{gas}'")
     return np.asarray(np.minimum(vapour_pressure(solution[gas].kelvin, share), _whole(solution, gas)))
 

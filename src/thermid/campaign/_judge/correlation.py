@@ -78,9 +78,9 @@ def paired(measured: Record, simulated: Record, case: str = "") -> tuple[Overlay
     """
     common = [n for n in measured.channels if n in simulated.channels]
     if not common:
-        known = ", ".join(simulated.channels)
+        names = ", ".join(simulated.channels)
         raise RecordError(
-            f"'{measured.name}' and '{simulated.name}' have no column name in common; the second has {known}. Name the columns of the "
+            f"'{measured.name}' and '{simulated.name}' have no column name in common; the second has {names}. Name the columns of the "
             "simulation like the sensors.",
             "two logs",
         )
@@ -188,8 +188,8 @@ class Correlation(Result):
         """
         outcomes = [g.passed for g in self.gates if g.criteria == criteria]
         if not outcomes:
-            known = dict.fromkeys(g.criteria for g in self.gates)
-            raise NameNotFoundError(f"no result for the criteria '{criteria}'.{nearest(criteria, known)}", self.title)
+            judged = dict.fromkeys(g.criteria for g in self.gates)
+            raise NameNotFoundError(f"no result for the criteria '{criteria}'.{nearest(criteria, judged)}", self.title)
         return weigh(outcomes)
 
     @property
@@ -306,13 +306,13 @@ def _inside(o: Overlay, window: Window) -> Bools:
     return np.asarray((o.times >= window[0] - 1e-9) & (o.times <= window[1] + 1e-9))
 
 
-def _refuse_partly_read(o: Overlay, window: Window, seen: Array) -> None:
+def _refuse_partly_read(o: Overlay, window: Window, times: Array) -> None:
     """Refuse a settled stretch for whose first or last part a sensor has no readings: what is not read does not agree."""
     slack = ENDS * (usual_step(o.times) if o.times.size > 1 else 0.0) + 1e-9
-    if seen[0] > window[0] + slack or seen[-1] < window[1] - slack:
+    if times[0] > window[0] + slack or times[-1] < window[1] - slack:
         raise IdentificationError(
-            f"the steady period from {window[0]:g} s to {window[1]:g} s has readings of '{o.sensor}' in '{o.case}' from {seen[0]:g} s to "
-            f"{seen[-1]:g} s only. Name a period that it covers, or exclude the sensor and state why.",
+            f"the steady period from {window[0]:g} s to {window[1]:g} s has readings of '{o.sensor}' in '{o.case}' from {times[0]:g} s to "
+            f"{times[-1]:g} s only. Name a period that it covers, or exclude the sensor and state why.",
             o.case,
         )
 

@@ -96,8 +96,8 @@ class Criteria:
     @takes_objects
     def read(cls, table: Mapping[str, Any], where: str, name: str = "") -> Criteria:
         """Criteria from a table of a plan, which gives them a name, or of a verdict of a campaign, which has `sensors`."""
-        known = (*known_criteria(), *(PLAIN if name else ("sensors",)))
-        refuse_unknown(table, known, where, "unknown criterion '{}'.", ScenarioError)
+        keys = (*known_criteria(), *(PLAIN if name else ("sensors",)))
+        refuse_unknown(table, keys, where, "unknown criterion '{}'.", ScenarioError)
         table = by_grammar("thermid.campaign._judge.schema.CriteriaTable", table, Places(where)).written
         fields = {k: table[k] for k in PLAIN if k in table}
         limits = _parsed({k: v for k, v in table.items() if k not in (*PLAIN, "sensors")}, where)

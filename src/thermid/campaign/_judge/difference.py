@@ -77,10 +77,10 @@ def difference(old: Model, new: Model, scenario: Scenario, *, nodes: Sequence[st
     before = simulate(old, scenario)
     after = simulate(new, scenario, times=before.times)
     both = [n for n in before.nodes if n in after.nodes]
-    asked = [old.canonical(n) for n in nodes] or both
-    refuse_unknown(asked, both, new.title, "no node '{}' in both versions.", NameNotFoundError)
+    names = [old.canonical(n) for n in nodes] or both
+    refuse_unknown(names, both, new.title, "no node '{}' in both versions.", NameNotFoundError)
     apart_by_node = {}
-    for n in asked:
+    for n in names:
         apart = after[n].kelvin - before[n].kelvin
         k = int(np.abs(apart).argmax())
         apart_by_node[n] = Apart(float(apart[k]), float(before.times[k]), rmse(Residuals.of(before.times, apart)), float(apart[-1]))

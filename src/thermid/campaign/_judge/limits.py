@@ -60,9 +60,9 @@ class Limits:
         where = f"limits of '{self.point}'"
         check_mark(self.mark, where)
         for state, field in STATES.items():
-            if (given := getattr(self, field)) is not None:
+            if (ends := getattr(self, field)) is not None:
                 with errors_at(f"{where}, {state}"):
-                    object.__setattr__(self, field, tuple(end_of_range(end) for end in given))
+                    object.__setattr__(self, field, tuple(end_of_range(end) for end in ends))
         if not np.isfinite(self.operating).any():
             raise ScenarioError("operating: both ends are empty, so no limit would be checked. Give the lower, the upper, or both.", where)
         for state, field in STATES.items():
@@ -202,12 +202,12 @@ class LimitCheck:
         if not self.crossings:
             return f"{head}, {self.room:.1f} K left"
         words = {"high": "upper", "low": "lower"}
-        said = "; ".join(
+        crossings = "; ".join(
             f"exceeds the {words[c.side]} limit at {c.time:.0f} s, furthest {text_of(c.worst)} at {c.worst_time:.0f} s, "
             f"{c.outside:.0f} s beyond"
             for c in self.crossings
         )
-        return f"{head}: {said}" + (f" (not decided: {self.undecided})" if self.undecided else "")
+        return f"{head}: {crossings}" + (f" (not decided: {self.undecided})" if self.undecided else "")
 
 
 @dataclass(frozen=True)
@@ -366,9 +366,9 @@ def _crossing(side: str, limit: float, times: Array, kelvin: Array, inside: Bool
     sign = 1.0 if side == "high" else -1.0
     beyond = (kelvin - limit) * sign
     if dense is not None:
-        known, states = times, inside
+        stored, states = times, inside
         times, beyond = resolved(times, beyond, lambda t: sign * (dense.kelvin(t) - limit))
-        inside = states[np.searchsorted(known, times, side="right") - 1]  # it changes at known times only
+        inside = states[np.searchsorted(stored, times, side="right") - 1]  # it changes at stored times only
     past = inside & (beyond > 0)
     if not past.any():
         return None

@@ -75,12 +75,12 @@ def look(folder: Path | None, record: str, sha256: str, stage: str, key: str, pa
     """
     if folder is None:
         return ()
-    known = _read(folder)
-    earlier = tuple(one for one in known if one.sha256 == sha256 and not one.passed and one.key != key)
+    looks = _read(folder)
+    earlier = tuple(one for one in looks if one.sha256 == sha256 and not one.passed and one.key != key)
     now = RecordedLook(record, sha256, stage, key, passed, datetime.now(UTC).date().isoformat())
-    if all((one.sha256, one.key, one.passed) != (sha256, key, passed) for one in known):
+    if all((one.sha256, one.key, one.passed) != (sha256, key, passed) for one in looks):
         folder.mkdir(parents=True, exist_ok=True)
-        write_text(folder / FILE, json.dumps([asdict(one) for one in (*known, now)], indent=1), OWN)
+        write_text(folder / FILE, json.dumps([asdict(one) for one in (*looks, now)], indent=1), OWN)
     return earlier
 
 
@@ -272,7 +272,7 @@ def _deviation(block: SensorTrace) -> Deviation:
 
 
 @takes_objects
-def compare(model: Model, record: Record, *, scenario: Scenario | None = None, window: float = 0.0) -> Calibration:
+def compare(model: Model, record: Record, *, scenario: Scenario | None = None) -> Calibration:
     """Return measured and predicted readings of a record, with statistics per sensor; no value is changed.
 
     Parameters
@@ -280,11 +280,10 @@ def compare(model: Model, record: Record, *, scenario: Scenario | None = None, w
     model : Model           What the hardware is.
     record : Record         The log.
     scenario : Scenario     What the log does not say.
-    window : float          First readings, at which observed nodes start, are medians over this time. [s]
 
     Raises
     ------
     ThermidError   When the record does not fit the model.
     """
-    request = Request(model, (record,), scenarios={"*": scenario} if scenario else {}, held_errors={}, window=window, fit_start=False)
+    request = Request(model, (record,), scenarios={"*": scenario} if scenario else {}, held_errors={}, fit_start=False)
     return fit(request)

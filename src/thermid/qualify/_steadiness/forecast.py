@@ -53,8 +53,22 @@ class IntervalEstimate:
         return f"{self.value - ICE_POINT:.2f} degC ({self.low - ICE_POINT:.2f} to {self.high - ICE_POINT:.2f})"
 
 
+@dataclass(frozen=True, eq=False, kw_only=True)
 class EndForecast:
-    """What every forecast of a channel's end says; `Forecast` has the fields."""
+    """What every forecast of a channel's end says.
+
+    Parameters
+    ----------
+    channel : str               Where the readings came from.
+    start, now : float          Begin and end of the readings that were used. [s]
+    latest : float              Where it stands now. [K]
+    final : IntervalEstimate    Where it ends, with its interval, whether declined or not.
+    declined : str              Why the final temperature is not forecast; empty where it is.
+    within : float              Half of the interval that was asked for, at most. [K]
+    level : float               Probability of the interval.
+    rule : StabilityRule        Rule of stability.
+    holds : float or None       Time at which that rule will hold, as likely earlier as later; None where it is not to be seen. [s]
+    """
 
     channel: str
     start: float
@@ -62,6 +76,7 @@ class EndForecast:
     latest: float
     final: IntervalEstimate
     declined: str
+    within: float
     level: float
     rule: StabilityRule
     holds: float | None
@@ -92,39 +107,21 @@ class EndForecast:
         }
 
 
-@dataclass(frozen=True, eq=False)
+@dataclass(frozen=True, eq=False, kw_only=True)
 class Forecast(EndForecast, Result):
-    """What a channel will do under conditions that stay as they are.
+    """What a channel will do under conditions that stay as they are; what is not named here is as in `EndForecast`.
 
     Parameters
     ----------
-    record, channel : str       Where the readings came from.
-    start, now : float          Begin and end of the readings that were used. [s]
-    latest : float              Where it stands now. [K]
-    final : IntervalEstimate            Where it ends, with its interval, whether declined or not.
-    declined : str              Why the final temperature is not forecast; empty where it is.
-    within : float              Half of the interval that was asked for, at most. [K]
-    level : float               Probability of the interval.
+    record : str                Where the readings came from.
     slow : float                Time constant that the readings cannot exclude. [s]
-    rule : StabilityRule        Rule of stability.
-    holds : float or None       Time at which that rule will hold, as likely earlier as later; None where it is not to be seen. [s]
-    holds_late : float or None  The same with a probability of 95 %. [s]
+    holds_late : float or None  Time at which the rule will hold with a probability of 95 %. [s]
     by_model : bool             Whether time constants came from a model.
     reference : float or None   Level of the reference at which all this holds. [K]
     """
 
     record: str
-    channel: str
-    start: float
-    now: float
-    latest: float
-    final: IntervalEstimate
-    declined: str
-    within: float
-    level: float
     slow: float
-    rule: StabilityRule
-    holds: float | None
     holds_late: float | None
     by_model: bool
     reference: float | None
@@ -268,37 +265,37 @@ def forecast(
     times, kelvin = _readings(record, name, inside, level)
     span = float(times[-1] - times[0])
     limit = _limit(slowest, span, f"{record.name}, {name}, slowest")
-    known = _of_model(model, scenario)
+    constants = _of_model(model, scenario)
     room = None
     if reference:
         air = record.channel(reference)
         room = (record.times[inside & air.valid], air.values[inside & air.valid])
-    curve = approach(times, kelvin, limit, known, room)
-    trusted = bool(known) or slowest is not None
-    guard = curve if trusted else approach(times, kelvin, limit, known, room, GUARD)
-    asked, wanted = amount(within, "K", "within"), rule_of(rule)
-    if not asked > 0.0:
-        raise RecordError(f"half of an interval is above zero, not {asked:g} K.", f"{record.name}, within")
+    curve = approach(times, kelvin, limit, constants, room)
+    trusted = bool(constants) or slowest is not None
+    guard = curve if trusted else approach(times, kelvin, limit, constants, room, GUARD)
+    half, wanted = amount(within, "K", "within"), rule_of(rule)
+    if not half > 0.0:
+        raise RecordError(f"half of an interval is above zero, not {half:g} K.", f"{record.name}, within")
     step = step_of(record.channel(name))
     final, slow = estimate(with_step(guard.at(float("inf")), step), level), guard.slowest(SLOW_SHARE)
     return Forecast(
-        record.name,
-        name,
-        float(times[0]),
-        curve.now,
-        curve.at(curve.now).mean,
-        final,
-        "" if final.error <= asked else _reason(final, asked, slow, span, bool(known), slowest is not None, level),
-        asked,
-        level,
-        slow,
-        wanted,
-        None if wanted.stored else _holds(curve, wanted, 0.5, span),
-        None if wanted.stored else _holds(curve, wanted, 0.95, span),
-        bool(known),
-        None if curve.room is None else curve.room.last,
-        curve,
-        step,
+        record=record.name,
+        channel=name,
+        start=float(times[0]),
+        now=curve.now,
+        latest=curve.at(curve.now).mean,
+        final=final,
+        declined="" if final.error <= half else _reason(final, half, slow, span, bool(constants), slowest is not None, level),
+        within=half,
+        level=level,
+        slow=slow,
+        rule=wanted,
+        holds=None if wanted.stored else _holds(curve, wanted, 0.5, span),
+        holds_late=None if wanted.stored else _holds(curve, wanted, 0.95, span),
+        by_model=bool(constants),
+        reference=None if curve.room is None else curve.room.last,
+        _approach=curve,
+        _step=step,
     )
 
 
@@ -339,7 +336,7 @@ def _of_model(model: Model | None, scenario: Scenario | None) -> Sequence[float]
     return tuple(float(t) for t in constants if np.isfinite(t))
 
 
-def _reason(final: IntervalEstimate, within: float, slow: float, span: float, by_model: bool, known: bool, level: float) -> str:
+def _reason(final: IntervalEstimate, within: float, slow: float, span: float, by_model: bool, limited: bool, level: float) -> str:
     """Return why a final temperature is declined."""
     text = (
         f"The final temperature could be from {final.low - ICE_POINT:.1f} to {final.high - ICE_POINT:.1f} degC ({100 * level:g} %), "
@@ -352,7 +349,7 @@ def _reason(final: IntervalEstimate, within: float, slow: float, span: float, by
         return (
             f"{text}: the readings of {duration_text(span)} cannot exclude a slow part with a time constant of {duration_text(slow)}, "
             "such as a heavy mass behind a weak link, that has only begun to change. Wait longer, or give a model"
-            f"{'' if known else ', or the longest time constant that the unit can have (slowest)'}."
+            f"{'' if limited else ', or the longest time constant that the unit can have (slowest)'}."
         )
     return f"{text}: the readings are too few or too noisy for {duration_text(span)} of readings. Wait longer."
 
@@ -361,23 +358,20 @@ def _holds(curve: Approach, rule: StabilityRule, share: float, span: float) -> f
     """Return the time at which the rule will hold with a probability, or None when it is further than a hundred stretches away. [s]"""
     window = rule.window or 60.0
 
-    def sure(at: float) -> bool:
+    def holds(at: float) -> bool:
         begin = max(at - window, curve.start)
         moved = np.einsum("pt,pt->p", curve._terms(at) - curve._terms(begin), curve.means)
         return float(curve.weights @ (np.abs(moved) <= rule.rate * window)) >= share
 
-    if rule.window > curve.now - curve.start:
-        low = curve.start + rule.window
-    else:
-        low = curve.now
-    if sure(low):
+    low = max(curve.now, curve.start + rule.window)
+    if holds(low):
         return low
     high = low + span
-    while not sure(high):
+    while not holds(high):
         high = low + 2.0 * (high - low)
         if high - low > 100.0 * span:
             return None
     for _ in range(40):
         middle = 0.5 * (low + high)
-        low, high = (low, middle) if sure(middle) else (middle, high)
+        low, high = (low, middle) if holds(middle) else (middle, high)
     return high

@@ -54,32 +54,9 @@ class Settled(NamedTuple):
     holds: float | None
 
 
-@dataclass(frozen=True, eq=False)
+@dataclass(frozen=True, eq=False, kw_only=True)
 class ModelForecast(EndForecast):
-    """Where a channel ends by a model fitted to its readings; reads as a `Forecast` does.
-
-    Parameters
-    ----------
-    channel : str               Name.
-    start, now : float          Begin and end of the readings. [s]
-    latest : float              Where the channel stands at their end. [K]
-    final : IntervalEstimate    Where it ends.
-    declined : str              Why that is not forecast; empty where it is.
-    within, level : float       Half of the interval asked for [K], and its probability. [-]
-    rule : StabilityRule        The plan's rule.
-    holds : float or None       When it will hold by the fitted model. [s]
-    """
-
-    channel: str
-    start: float
-    now: float
-    latest: float
-    final: IntervalEstimate
-    declined: str
-    within: float
-    level: float
-    rule: StabilityRule
-    holds: float | None
+    """Where a channel ends by a model fitted to its readings; reads as a `Forecast` does."""
 
     def as_object(self) -> dict[str, Any]:
         """Return it as JSON holds it, with the keys of a `Forecast`; what a fit does not say is null."""
@@ -149,8 +126,18 @@ def _forecast(name: str, record: Record, end: Settled, rule: StabilityRule, with
             f"The final temperature could be from {final.low - ICE_POINT:.1f} to {final.high - ICE_POINT:.1f} degC ({100 * level:g} %), "
             f"wider than the +- {within:.3g} K requested: the readings do not determine the model's values well enough yet. Wait longer."
         )
-    start, now = float(record.times[0]), float(record.times[-1])
-    return ModelForecast(name, start, now, end.latest, final, why, within, level, rule, end.holds)
+    return ModelForecast(
+        channel=name,
+        start=float(record.times[0]),
+        now=float(record.times[-1]),
+        latest=end.latest,
+        final=final,
+        declined=why,
+        within=within,
+        level=level,
+        rule=rule,
+        holds=end.holds,
+    )
 
 
 class _Fit:

@@ -25,6 +25,22 @@ class Cell:
     look: str = ""
 
 
+SAME = Cell("", "", "same")
+"""What the row above says too: blank on a page, said again in a sheet."""
+
+
+def group_cell(name: str, row: int) -> Cell:
+    """Return what names a group of rows: in its first row the name, below it a blank."""
+    return Cell(name, "", "main") if row == 0 else SAME
+
+
+def verdict_cell(passed: bool | None, why: str = "") -> Cell:
+    """Return a verdict as a cell, why it is not decided behind it."""
+    if passed is None:
+        return Cell("not decided", why, "warn")
+    return Cell("✓ met", "", "good") if passed else Cell("✗ not met", "", "bad")
+
+
 Line = list["Cell | str"]
 """One line of a table while it is made; a text stands for a plain cell."""
 
@@ -161,6 +177,11 @@ def signed(value: float, decimals: int) -> str:
     return text if float(text) else text[1:]
 
 
+def capitalised(text: str) -> str:
+    """Return a text that begins with a capital."""
+    return text[:1].upper() + text[1:]
+
+
 def duration(seconds: float) -> str:
     """Return a time as a person says it.
 
@@ -233,8 +254,8 @@ class Graphic:
     @property
     def narrow(self) -> bool:
         """Whether three of it fit beside one another on a sheet, with letters of 6.5 pt."""
-        found = re.search(r'viewBox="0 0 ([\d.]+)', self.markup)
-        return found is not None and float(found[1]) <= NARROW
+        width = re.search(r'viewBox="0 0 ([\d.]+)', self.markup)
+        return width is not None and float(width[1]) <= NARROW
 
 
 @dataclass(frozen=True)
@@ -263,8 +284,8 @@ SHEET = (820.0, 1250.0)
 
 def oversized(svg: str) -> bool:
     """Return whether a diagram is too large for a sheet with letters that can be read."""
-    found = re.search(r'viewBox="0 0 ([\d.]+) ([\d.]+)"', svg)
-    return found is not None and any(float(size) > most for size, most in zip(found.groups(), SHEET, strict=True))
+    sizes = re.search(r'viewBox="0 0 ([\d.]+) ([\d.]+)"', svg)
+    return sizes is not None and any(float(size) > most for size, most in zip(sizes.groups(), SHEET, strict=True))
 
 
 @dataclass(frozen=True)

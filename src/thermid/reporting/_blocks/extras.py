@@ -94,11 +94,6 @@ def check_page(to: str | os.PathLike[str]) -> Path:
     return check_ending(target, kind) if not target.parent.is_dir() else may_write(target, kind) and target
 
 
-def tables_folder(page: str | os.PathLike[str]) -> Path:
-    """Return the folder beside a page that holds its long tables."""
-    return Path(page).with_suffix(".tables")
-
-
 def write_page(name: str, to: str | os.PathLike[str], *, sheets: Sheets | None = None, **values: object) -> Path:
     """Fill a template of this folder, write the page and its long tables, and return its path; its folder is made where it is missing.
 
@@ -116,8 +111,8 @@ def write_page(name: str, to: str | os.PathLike[str], *, sheets: Sheets | None =
     OutputError         When the file may not be written, or has the ending of another format.
     """
     target = check_page(to)
-    kept = sheets if sheets is not None else Sheets(tables_folder(target))
-    content = numbered(page_template(name, kept).render(audience=kept.audience, **values))
+    files = sheets if sheets is not None else Sheets.beside(target)
+    content = numbered(page_template(name, files).render(audience=files.audience, **values))
     content = content.replace(FORMULAS, formula_face() if "<math" in content else "", 1)
     target.parent.mkdir(parents=True, exist_ok=True)
     if target.suffix.lower() == ".pdf":
@@ -125,7 +120,7 @@ def write_page(name: str, to: str | os.PathLike[str], *, sheets: Sheets | None =
             page_to_pdf(write_text(folder / "page.html", content, PAGE), target)
     else:
         write_text(target, content, PAGE)
-    kept.write()
+    files.write()
     return target
 
 
@@ -156,7 +151,7 @@ def _asset(name: str) -> str:
 
 NAMES = ("chromium", "chromium-browser", "google-chrome", "google-chrome-stable", "chrome", "microsoft-edge", "msedge")
 PLACES = ("/Applications/Google Chrome.app/Contents/MacOS/Google Chrome", "/Applications/Chromium.app/Contents/MacOS/Chromium")
-QUIET = (
+BROWSER_OPTIONS = (
     "--headless",
     "--disable-gpu",
     "--disable-quic",
@@ -212,18 +207,18 @@ def page_to_pdf(page: str | os.PathLike[str], to: str | os.PathLike[str], *, sec
     target.parent.mkdir(parents=True, exist_ok=True)
     may_write(target, PAPER)
     with scratch() as folder:
-        made = folder / "page.pdf"
+        pdf = folder / "page.pdf"
         # the browser's sandbox does not run for root; the page's policy permits no script but its own
         root = ("--no-sandbox",) if getattr(os, "geteuid", lambda: 1)() == 0 else ()
-        command = [program, *QUIET, *root, f"--user-data-dir={folder}/profile", f"--print-to-pdf={made}", source.as_uri()]
+        command = [program, *BROWSER_OPTIONS, *root, f"--user-data-dir={folder}/profile", f"--print-to-pdf={pdf}", source.as_uri()]
         home = {name: f"{folder}/{name}" for name in ("XDG_CONFIG_HOME", "XDG_CACHE_HOME")}
         try:
             run = subprocess.run(command, capture_output=True, timeout=seconds, env={**os.environ, **home}, check=False)
         except subprocess.TimeoutExpired:
             raise NoBrowserError(f"'{Path(program).name}' did not print '{source.name}' within {seconds:g} s.") from None
-        printed = made.read_bytes() if made.exists() else b""
+        printed = pdf.read_bytes() if pdf.exists() else b""
         if not printed.startswith(b"%PDF-"):
-            said = run.stderr.decode(errors="replace").strip().splitlines()
-            why = f" It said: {said[-1][:200]}" if said else ""
+            complaints = run.stderr.decode(errors="replace").strip().splitlines()
+            why = f" It said: {complaints[-1][:200]}" if complaints else ""
             raise NoBrowserError(f"'{Path(program).name}' made no PDF of '{source.name}'.{why}")
     return write_bytes(target, printed, PAPER)

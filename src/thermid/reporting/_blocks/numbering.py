@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import csv
 import io
+import os
 import re
 from dataclasses import dataclass, field, replace
 from pathlib import Path
@@ -34,11 +35,11 @@ def numbered(page: str) -> str:
     places: dict[str, str] = {}
     kind, place = "", ""
 
-    def count(found: re.Match[str]) -> str:
+    def count(element: re.Match[str]) -> str:
         nonlocal kind, place
-        if found[3] is None:
-            kind, place = ("Table", found[2] or "") if found[0].startswith("<table") else ("Fig.", found[1] or "")
-            return found[0]
+        if element[3] is None:
+            kind, place = ("Table", element[2] or "") if element[0].startswith("<table") else ("Fig.", element[1] or "")
+            return element[0]
         counts[kind] += 1
         text = f"{kind}\u00a0{counts[kind]}"
         if place:
@@ -61,6 +62,11 @@ def check_audience(audience: str) -> str:
     return audience
 
 
+def tables_folder(page: str | os.PathLike[str]) -> Path:
+    """Return the folder beside a page that holds its long tables."""
+    return Path(page).with_suffix(".tables")
+
+
 @dataclass
 class Sheets:
     """Long tables of a page, each a file of comma-separated values in one folder.
@@ -74,6 +80,16 @@ class Sheets:
     folder: Path
     audience: str = "all"
     files: dict[str, str] = field(default_factory=dict)
+
+    @classmethod
+    def beside(cls, page: str | os.PathLike[str], folder: str | os.PathLike[str] | None = None, audience: str = "all") -> Sheets:
+        """Return the tables of a page for an audience, in a folder beside the page where no other is named.
+
+        Raises
+        ------
+        ScenarioError   When there is no such audience.
+        """
+        return cls(Path(folder) if folder is not None else tables_folder(page), check_audience(audience))
 
     def of(self, table: Table, title: str) -> tuple[int, str]:
         """Return how many rows of a table stand on the page, and the file that holds all of them; empty for a short one."""

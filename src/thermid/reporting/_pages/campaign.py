@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 import os
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import replace
 from pathlib import Path
 
@@ -25,20 +25,22 @@ from thermid.inference.intervals import identifiability
 from thermid.model.tree import Model, Names
 from thermid.reporting._blocks.content import (
     DASH,
+    SAME,
     Cell,
     Graphic,
     Head,
     Line,
     Table,
     duration,
+    group_cell,
     number,
     oversized,
     plain,
     pretty,
     significant,
 )
-from thermid.reporting._blocks.extras import check_page, tables_folder, write_page
-from thermid.reporting._blocks.numbering import Sheets, check_audience
+from thermid.reporting._blocks.extras import check_page, write_page
+from thermid.reporting._blocks.numbering import Sheets
 from thermid.reporting._diagrams.heat import heat_map
 from thermid.reporting._diagrams.map import network_map
 from thermid.reporting._pages import tables
@@ -90,7 +92,7 @@ def report(
     ScenarioError       When there is no such audience.
     """
     check_page(to)
-    sheets = Sheets(Path(tables_to) if tables_to is not None else tables_folder(to), check_audience(audience))
+    sheets = Sheets.beside(to, tables_to, audience)
     records, of = tables.made_records(campaign)
     coefficients, others = tables.levels(campaign)
     paragraphs = [p for text in ([notes] if isinstance(notes, str) else notes) for p in text.split("\n\n") if p.strip()]
@@ -264,7 +266,7 @@ def _bands(campaign: Campaign) -> tuple[Table | None, list[str]]:
     rows: list[Line] = []
     for (model, record), run in judged.items():
         for k, (sensor, b) in enumerate(run.bands.items()):
-            first = [Cell(model, "", "main"), Cell(record)] if k == 0 else [Cell("", "", "same"), Cell("", "", "same")]
+            first = [group_cell(model, k), Cell(record) if k == 0 else SAME]
             w = b.worst
             worst = f"{w.begin / 60:.3g} to {w.end / 60:.3g} min: {100 * w.inside:.0f} % inside, centre off by {w.rmse:.2g} K"
             rows.append([*first, sensor, f"{100 * b.inside():.0f}", number(float(b.half_width().mean()), 2), worst])
@@ -386,7 +388,7 @@ def trust(campaign: Campaign, c: Calibration) -> tuple[tuple[str, str], ...]:
     """Return titles with texts: what the logs told of the stage's values, what its residuals say, who looked, where measured heat goes."""
     parts = []
     if c.values.parameters and not isinstance(c, JointFit):
-        parts.append(("Information in the logs", _said(lambda: str(identifiability(c)))))
+        parts.append(("Information in the logs", _finding(lambda: identifiability(c))))
     known = {e.record.name for e in c.experiments}
     if len(known) > MOST:
         parts.append(
@@ -396,7 +398,7 @@ def trust(campaign: Campaign, c: Calibration) -> tuple[tuple[str, str], ...]:
             )
         )
     elif c.request is not None and not isinstance(c, JointFit) and all(b.record in known for b in c.blocks):
-        parts.append(("Analysis of its residuals", _said(lambda: str(criticise(c, elements=False)))))
+        parts.append(("Analysis of its residuals", _finding(lambda: criticise(c, elements=False))))
     looks = _looks(campaign, c)
     if looks:
         parts.append(("Uses of its hold-out records", looks))
@@ -406,11 +408,10 @@ def trust(campaign: Campaign, c: Calibration) -> tuple[tuple[str, str], ...]:
     return tuple(parts)
 
 
-def _said(make: object) -> str:
-    """Return a finding, or why there is none."""
-    assert callable(make)
+def _finding(analysis: Callable[[], object]) -> str:
+    """Return what an analysis finds, in words, or why it finds nothing."""
     try:
-        return str(make())
+        return str(analysis())
     except ThermidError as error:
         return f"not available: {error.message}"
 
@@ -442,5 +443,5 @@ def _balances(campaign: Campaign, c: Calibration) -> str:
     for name, table in stage.steady.items():
         (one,) = source.pick([table.record], name)[:1]
         log = source.bound(one, stage)
-        out.append(f"{name}: " + _said(lambda: energy_balance(c, log, table.start, table.end, limit=table.limit)))  # noqa: B023
+        out.append(f"{name}: " + _finding(lambda: energy_balance(c, log, table.start, table.end, limit=table.limit)))  # noqa: B023
     return "\n\n".join(out)

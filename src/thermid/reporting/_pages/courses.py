@@ -38,10 +38,10 @@ def course_of(c: Calibration, record: str, times: Array | None = None) -> Soluti
     times : array (times,)      Where it is wanted; `SAMPLES` times over the record by default. [s]
     """
     try:
-        made = run_of(c, record)
-        if made is None:
+        inputs = run_of(c, record)
+        if inputs is None:
             return None
-        model, scenario = made
+        model, scenario = inputs
         return simulate(model, scenario, times=np.linspace(0.0, scenario.seconds, SAMPLES) if times is None else times)
     except ThermidError:
         return None

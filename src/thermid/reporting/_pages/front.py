@@ -7,13 +7,14 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from thermid.base.linear_algebra import Array
 from thermid.base.sourced import VERDICTS
 from thermid.campaign.stages import Campaign
 from thermid.campaign.verdicts import Check, Verdict, largest, metric
 from thermid.fit.calibration import Calibration
 from thermid.fit.problem import SensorTrace
 from thermid.physics.constants import ICE_POINT
-from thermid.reporting._blocks.content import Figures, Graphic, PageBlock, Plot, Words, duration, number, plain
+from thermid.reporting._blocks.content import Figures, Graphic, PageBlock, Plot, Words, capitalised, duration, number, plain
 from thermid.reporting._diagrams.heat import heat_map
 from thermid.reporting._pages.courses import course_of, drives
 from thermid.reporting._pictures import correlation, figures
@@ -55,14 +56,14 @@ class Decisive:
         b, k = self.block, self.moment
         at = duration(float(b.times[k] - b.times[0]))
         read = f"measured {b.measured[k] - ICE_POINT:.2f} °C, simulated {b.predicted[k] - ICE_POINT:.2f} °C"
-        said = f"{b.sensor} in {b.record}. After {at}: {read}, residual {b.residuals[k]:+.2f} K"
+        trace = f"{b.sensor} in {b.record}. After {at}: {read}, residual {b.residuals[k]:+.2f} K"
         if self.check is None:
             rmse = float(np.sqrt(np.mean(b.residuals**2)))
-            return f"Worst fitted sensor: {said}. RMSE {number(rmse, 2)} K. No limit applies: there is no hold-out record."
+            return f"Worst fitted sensor: {trace}. RMSE {number(rmse, 2)} K. No limit applies: there is no hold-out record."
         c = self.check
         word = VERDICTS[c.passed]
         return (
-            f"Worst held-out sensor: {said}. {c.title[0].upper()}{c.title[1:]} {number(c.found, 3)} K, "
+            f"Worst held-out sensor: {trace}. {capitalised(c.title)} {number(c.found, 3)} K, "
             f"limit {plain(c.limit, 4)} K ({100 * c.used:.0f} %): {word}."
         )
 
@@ -72,9 +73,9 @@ def decisive(campaign: Campaign) -> Decisive | None:
     judged = [(v, c) for v in campaign.verdicts for c in v.checks if v.blocks]
     if judged:
         verdict, check = max(judged, key=lambda pair: pair[1].used)
-        own = [b for b in verdict.blocks if b.sensor == check.sensor] or list(verdict.blocks)
+        traces = [b for b in verdict.blocks if b.sensor == check.sensor] or list(verdict.blocks)
         assert verdict.prediction is not None
-        return Decisive(verdict.prediction, max(own, key=_size), verdict, check)
+        return Decisive(verdict.prediction, max(traces, key=_size), verdict, check)
     for c in reversed(campaign.fits):
         if len(c.blocks):
             return Decisive(c, max(c.blocks, key=lambda b: float(np.mean(b.weighted**2))))
@@ -87,15 +88,15 @@ def _size(block: SensorTrace) -> float:
 
 def front(campaign: Campaign) -> list[PageBlock]:
     """Return the top of a page, below its answer; nothing where nothing was fitted or judged."""
-    found = decisive(campaign)
-    if found is None:
+    trace = decisive(campaign)
+    if trace is None:
         return []
-    plots = [_decides(found)]
-    network = _network(found)
+    plots = [_decides(trace)]
+    network = _network(trace)
     plots += [network] if network is not None else []
     charts = list(_charts(campaign))
     blocks: list[PageBlock] = [
-        Words(found.sentence(), (DECIDES, NETWORK, MATRIX, VERDICTS_TABLE)),
+        Words(trace.sentence(), (DECIDES, NETWORK, MATRIX, VERDICTS_TABLE)),
         Figures(tuple(plots), lead=True),
     ]
     wide = [p for p in charts if p.key == MATRIX and not p.drawn.narrow]
@@ -161,7 +162,21 @@ def _charts(campaign: Campaign) -> Iterator[Plot]:
         last = next((c for c in reversed(campaign.fits) if len(c.blocks)), None)
         blocks, words = (list(last.blocks), f"fitted records of {last.stage}") if last is not None else ([], "")
     if blocks:
-        drawn = correlation.scatter([b.measured for b in blocks], [b.measured - b.residuals for b in blocks])
-        yield Plot(drawn, f"Predicted against measured, {words}; lines at ± 2 K, ± 3 K (dashed) and ± 5 K (dotted).", "", "fig-scatter")
-        residuals = [b.residuals for b in blocks]
-        yield Plot(correlation.histogram(residuals), f"Residuals, {words}: {correlation.spread_words(residuals)}.", "", "fig-histogram")
+        yield from against_measured([b.measured for b in blocks], [b.measured - b.residuals for b in blocks], "Predicted", f", {words}")
+
+
+def against_measured(measured: Sequence[Array], predicted: Sequence[Array], word: str, of: str = "") -> tuple[Plot, Plot]:
+    """Return predicted against measured temperatures, and the residuals counted.
+
+    Parameters
+    ----------
+    measured, predicted : sequences of arrays (samples,)    One of each for every trace. [K]
+    word : str                                              What the captions call the predicted ones.
+    of : str                                                What the captions say of which records they are.
+    """
+    residuals = [m - p for m, p in zip(measured, predicted, strict=True)]
+    caption = f"{word} against measured{of}; lines at ± 2 K, ± 3 K (dashed) and ± 5 K (dotted)."
+    return (
+        Plot(correlation.scatter(measured, predicted), caption, "", "fig-scatter"),
+        Plot(correlation.histogram(residuals), f"Residuals{of}: {correlation.spread_words(residuals)}.", "", "fig-histogram"),
+    )

@@ -38,8 +38,8 @@ from thermid.reporting._blocks.content import (
     signed,
     significant,
 )
-from thermid.reporting._blocks.extras import check_page, tables_folder, write_page
-from thermid.reporting._blocks.numbering import Sheets, check_audience
+from thermid.reporting._blocks.extras import check_page, write_page
+from thermid.reporting._blocks.numbering import Sheets
 from thermid.reporting._pages import tables
 from thermid.reporting._pages.front import VERDICTS_TABLE, front
 from thermid.reporting._pages.tables import glance
@@ -57,7 +57,6 @@ def study_report(
     outcome: Sequence[PageBlock] = (),
     watermark: str = "",
     audience: str = "all",
-    tables_to: str | os.PathLike[str] | None = None,
 ) -> Path:
     """Write a study as one HTML page, or as a PDF where its name ends in .pdf, and return its path.
 
@@ -74,7 +73,6 @@ def study_report(
     outcome : sequence      What stands below the verdicts' summary.
     watermark : str         Words at the foot of every sheet, and on a banner; for what must not be taken for a result.
     audience : str          ``summary``: at most two sheets; ``agency``: what a reviewer reads; ``all``: everything.
-    tables_to : path        Folder of the long tables; that of the page's name with ``.tables`` by default.
 
     Raises
     ------
@@ -84,7 +82,7 @@ def study_report(
     ScenarioError       When there is no such audience.
     """
     check_page(to)
-    sheets = Sheets(Path(tables_to) if tables_to is not None else tables_folder(to), check_audience(audience))
+    sheets = Sheets.beside(to, audience=audience)
     records, of = tables.made_records(campaign)
     text = f"{len(records)} of {of} records are synthetic, so results from them are not evidence about real hardware." if records else ""
     banners = [(watermark.upper() or "SYNTHETIC DATA", " ".join(t for t in (study.note, text) if t))] if watermark or records else []
@@ -253,13 +251,13 @@ def provenance(study: Study) -> Table:
 
 def step_log(study: Study, campaign: Campaign) -> Table:
     """Return what every step found: RMSE, largest and final error of each sensor."""
-    asked = {key: metric(key) for key in study.metrics}
+    metrics = {key: metric(key) for key in study.metrics}
     rows: list[Line] = []
     for s in study.log(campaign):
         kind = Cell("held out", "no stage uses it", "good") if s.held_out else Cell("fit", s.action)
-        sizes = [(signed if row.signed else number)(s[key], row.digits) for key, row in asked.items()]
+        sizes = [(signed if row.signed else number)(s[key], row.digits) for key, row in metrics.items()]
         rows.append([Cell(s.stage, s.action, "main"), s.record, kind, s.sensor, *sizes])
-    headings = [Head(f"{row.short}, K", True) for row in asked.values()]
+    headings = [Head(f"{row.short}, K", True) for row in metrics.values()]
     columns = [Head("stage"), Head("record"), Head("kind"), Head("sensor"), *headings]
     return Table.of(columns, rows, "Final: mean over the last twentieth of the record.")
 
@@ -375,7 +373,7 @@ def structures_report(
         failed=0 if taken and taken.physical else 1,
         judged=1,
         summary=taken.what if taken else "every structure was refused, or has implausible values",
-        outcome=[Notes((*_said(structures, taken), *reasons), "Result of the comparison")],
+        outcome=[Notes((*_findings(structures, taken), *reasons), "Result of the comparison")],
         sections=[
             Section.of("side-by-side", "Side by side", [_overview(structures, taken), *_dots(structures)]),
             Section.of("values", "Values and objections", _values(structures)),
@@ -395,12 +393,12 @@ def _taken(structures: Sequence[Structure], chosen: str) -> Structure | None:
     return min((s for s in good if s.error <= CLOSE * best), key=lambda s: s.free, default=None)
 
 
-def _said(structures: Sequence[Structure], taken: Structure | None) -> list[str]:
+def _findings(structures: Sequence[Structure], taken: Structure | None) -> list[str]:
     """Return what likelihood, unseen runs and physics say, and where they disagree."""
-    known = [s for s in structures if not s.refused]
+    candidates = [s for s in structures if not s.refused]
     out = []
-    if known:
-        likeliest, nearest = min(known, key=lambda s: s.corrected), min(known, key=lambda s: s.error)
+    if candidates:
+        likeliest, nearest = min(candidates, key=lambda s: s.corrected), min(candidates, key=lambda s: s.error)
         wrong = "" if likeliest.physical else f", but implausible: {'; '.join((*likeliest.at_bounds, *likeliest.doubts))}"
         out.append(f"Likeliest on the fitted runs: {likeliest.name}{wrong}.")
         out.append(f"Nearest to the hold-out runs: {nearest.name}, {number(nearest.error, 2)} K.")
@@ -459,10 +457,10 @@ def _overview(structures: Sequence[Structure], taken: Structure | None) -> Table
 
 
 def _dots(structures: Sequence[Structure]) -> list[PageBlock]:
-    known = [Dots(s.name, {sensor: list(runs.values()) for sensor, runs in s.unseen.items()}, True) for s in structures if s.unseen]
-    if not known:
+    lines = [Dots(s.name, {sensor: list(runs.values()) for sensor, runs in s.unseen.items()}, True) for s in structures if s.unseen]
+    if not lines:
         return []
-    drawn = figures.overview(known)
+    drawn = figures.overview(lines)
     return [Figures((Plot(drawn, "RMSE on each hold-out run [K], one line per structure."),), drawn.legend, True)]
 
 

@@ -19,7 +19,22 @@ from thermid.fit.uncertainty import MOVED
 from thermid.measure.records import Record
 from thermid.model.tree import Model, ParameterSet, flatten, ledger, parameter_table
 from thermid.physics.constants import ICE_POINT
-from thermid.reporting._blocks.content import DASH, Cell, Head, Line, Table, duration, number, plain, pretty, signed, significant
+from thermid.reporting._blocks.content import (
+    DASH,
+    SAME,
+    Cell,
+    Head,
+    Line,
+    Table,
+    capitalised,
+    duration,
+    number,
+    plain,
+    pretty,
+    signed,
+    significant,
+    verdict_cell,
+)
 from thermid.reporting._pages.views import ShownValue, view
 from thermid.values.fitted import FittedValue
 
@@ -193,8 +208,8 @@ def sensors(calibration: Calibration) -> Table:
                 Cell("yes") if s.white else Cell(f"no ({s.lag_one:+.2f})", "", "warn"),
             ]
         )
-    said = "".join(f" {str(share)[0].upper()}{str(share)[1:]}." for share in (*sensor_shares(calibration), *instrument_shares(calibration)))
-    return Table.of(columns, rows, f"Residuals are measured minus simulated, without the sensor's constant error.{said}")
+    shares = "".join(f" {capitalised(str(share))}." for share in (*sensor_shares(calibration), *instrument_shares(calibration)))
+    return Table.of(columns, rows, f"Residuals are measured minus simulated, without the sensor's constant error.{shares}")
 
 
 def instruments(calibration: Calibration) -> Table:
@@ -222,8 +237,8 @@ def records(calibration: Calibration) -> Table:
             *(record, sensor, str(s.samples), number(s.rmse, 3)),
             *(signed(s.mean, 3), signed(s.largest, 3), signed(s.lag_one, 2), "yes" if s.white else "no"),
         ]
-        for record, found in calibration.statistics.items()
-        for sensor, s in found.items()
+        for record, sensors in calibration.statistics.items()
+        for sensor, s in sensors.items()
     ]
     return Table.of(columns, rows)
 
@@ -289,14 +304,13 @@ def verdicts(campaign: Campaign, ranked: bool = False) -> Table:
             sizes.append(math.inf)
         for k, c in enumerate(v.checks):
             named = k == 0 or ranked
-            first = [Cell(v.model, v.title, "main"), Cell(v.record, v.title)] if named else [Cell("", "", "same"), Cell("", "", "same")]
+            first = [Cell(v.model, v.title, "main"), Cell(v.record, v.title)] if named else [SAME, SAME]
             sizes.append(c.used)
-            result = Cell("✓ met", "", "good") if c.passed else Cell("✗ not met", "", "bad")
             condition = Cell(", ".join(v.fitted_locally), "fitted to this record", "warn") if v.conditional else Cell("nothing")
             if not v.unseen:
                 condition = Cell("no longer independent", "the model failed a verdict on it before it was refitted", "bad")
             cells = [number(c.found, 3), plain(c.limit, 4), _outside(v, c)]
-            rows.append([*first, c.sensor, c.title, *cells, result, condition])
+            rows.append([*first, c.sensor, c.title, *cells, verdict_cell(bool(c.passed)), condition])
     order = sorted(range(len(rows)), key=lambda k: -sizes[k]) if ranked else range(len(rows))
     return Table.of(columns, [rows[k] for k in order], "What takes most of its limit first." if ranked else "")
 
@@ -315,9 +329,9 @@ def _uses(campaign: Campaign) -> Iterator[tuple[str, str, str, bool, Record | No
     fits = [("fit", c) for c in campaign.stages.values()]
     judged = [("hold-out record, verdict on", v.prediction) for v in campaign.verdicts if v.prediction is not None]
     for kind, calibration in [*fits, *judged]:
-        kept = {e.record.name: e.record for e in calibration.experiments}
+        logs = {e.record.name: e.record for e in calibration.experiments}
         for name, sha in calibration.records.items():
-            record = kept.get(name)
+            record = logs.get(name)
             yield name, sha, f"{kind} {calibration.stage}", record.origin.synthetic if record else calibration.synthetic, record
 
 
@@ -331,10 +345,10 @@ def data(campaign: Campaign) -> Table:
     """Return every record: what it was used for, file, checksum, whether it was measured, and what was done to its samples."""
     merged: dict[tuple[str, str], tuple[list[str], bool, Record | None]] = {}
     for name, sha, use, synthetic, record in _uses(campaign):
-        uses, _, known = merged.setdefault((name, sha), ([], synthetic, record))
+        uses, _, log = merged.setdefault((name, sha), ([], synthetic, record))
         if use not in uses:
             uses.append(use)
-        merged[name, sha] = (uses, synthetic, known or record)
+        merged[name, sha] = (uses, synthetic, log or record)
     columns = [
         Head("record"),
         Head("used for", wrapped=True),
@@ -563,8 +577,8 @@ def _unknown(campaign: Campaign) -> Iterator[tuple[str, str]]:
                 yield f"{value.path}: the logs do not determine it.", c.stage
             elif at_bound(value):
                 yield f"{value.path} ended at its {at_bound(value)} bound, so its standard error is not meaningful.", c.stage
-        known = [(_half(value), value.path) for value in c.values.parameters.values()]
-        vague = sorted((pair for pair in known if VAGUE < pair[0] < math.inf), reverse=True)
+        widths = [(_half(value), value.path) for value in c.values.parameters.values()]
+        vague = sorted((pair for pair in widths if VAGUE < pair[0] < math.inf), reverse=True)
         if vague:
             yield f"Poorly determined (95 %): {_some([f'{path} ± {number(100 * half, 2)} %' for half, path in vague])}.", c.stage
         twins = [f"{a} with {b}" for a, b, _ in _twins(c)]

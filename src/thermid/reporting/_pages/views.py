@@ -235,8 +235,8 @@ def campaign_object(campaign: Campaign, values: list[str]) -> dict[str, Any]:
 
 def _advice(campaign: Campaign, stage: str) -> dict[str, Any]:
     """Return the mistakes that would explain a stage's misfit, and the next command to try; empty where there is none."""
-    found = campaign.mistakes[stage]
-    return {"mistakes": found.to_dict(), "next": next_command(campaign.file, campaign.stages[stage], found)}
+    mistakes = campaign.mistakes[stage]
+    return {"mistakes": mistakes.to_dict(), "next": next_command(campaign.file, campaign.stages[stage], mistakes)}
 
 
 def retune_object(plan: RetunePlan) -> dict[str, Any]:

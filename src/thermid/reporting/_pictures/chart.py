@@ -139,21 +139,21 @@ def chart(panels: Sequence[Panel], *, key: str, label: str, x_name: tuple[str, s
     size : (width, height)      [px]
     """
     width, height = size
-    left, right, bottom, gap = 54.0, 8.0, 38.0, 12.0
+    left, right, top, bottom, gap = 54.0, 8.0, 8.0, 38.0, 12.0
     every = [line.x for p in panels for line in p.lines]
-    x_low, x_high = _widened(min(float(x.min()) for x in every), max(float(x.max()) for x in every), 0.01)
+    ends = min(float(x.min()) for x in every), max(float(x.max()) for x in every)
     limit = min(POINTS, MOST // max(len(every), 1))
-    kept = _together(panels, limit)
-    whole = height - 8.0 - bottom - gap * (len(panels) - 1)
-    top, out = 8.0, []
+    samples = _together(panels, limit)
+    whole = height - top - bottom - gap * (len(panels) - 1)
+    out = []
     for k, panel in enumerate(panels):
         tall = whole * panel.share / sum(p.share for p in panels)
         box = (left, top, width - left - right, tall)
-        out.append(_panel(panel, box, (x_low, x_high), f"{key}-{k}", limit, k == len(panels) - 1, kept))
+        out.append(_panel(panel, box, _widened(*ends, 0.01), f"{key}-{k}", limit, k == len(panels) - 1, samples))
         top += tall + gap
-    said = escape(f"{label}. {seen(panels, x_name, (float(min(x.min() for x in every)), float(max(x.max() for x in every))))}")
+    words = escape(f"{label}. {in_words(panels, x_name, ends)}")
     end = f'<text x="{left + (width - left - right) / 2:.0f}" y="{height - 5:.0f}" text-anchor="middle">{escape(", ".join(x_name))}</text>'
-    head = f'<svg class="plot" role="img" aria-label="{said}" viewBox="0 0 {width:g} {height:g}" data-unit="{escape(x_name[1])}"'
+    head = f'<svg class="plot" role="img" aria-label="{words}" viewBox="0 0 {width:g} {height:g}" data-unit="{escape(x_name[1])}"'
     return f'{head} style="font-size:12px;fill:var(--f-soft,#556172)">{"".join(out)}{end}</svg>'
 
 
@@ -172,7 +172,7 @@ def _together(panels: Sequence[Panel], limit: int) -> dict[int, NDArray[np.int64
     return out
 
 
-def seen(panels: Sequence[Panel], x_name: tuple[str, str], ends: tuple[float, float]) -> str:
+def in_words(panels: Sequence[Panel], x_name: tuple[str, str], ends: tuple[float, float]) -> str:
     """Return in words what a chart shows: every line with its ends and its range."""
     readout = []
     for p in panels:
@@ -200,14 +200,12 @@ def _panel(
     key: str,
     limit: int,
     last: bool,
-    kept: Mapping[int, NDArray[np.int64]],
+    samples: Mapping[int, NDArray[np.int64]],
 ) -> str:
     left, top, width, height = box
-    shown = [v[np.isfinite(v)] for line in p.lines for v in (line.y,)] + [v for a in p.areas for v in (a.low, a.high)]
+    shown = [line.y[np.isfinite(line.y)] for line in p.lines] + [v for a in p.areas for v in (a.low, a.high)]
     low, high = min(float(v.min()) for v in shown if v.size), max(float(v.max()) for v in shown if v.size)
-    low, high = min([low, *p.levels]), max([high, *p.levels])
-    low = min(low, 0.0) if p.zero else low
-    low, high = _widened(low, high, 0.05)
+    low, high = _widened(min([low, *p.levels, *([0.0] if p.zero else [])]), max([high, *p.levels]), 0.05)
     high = p.top if p.top is not None and p.top < high else high
     x_ticks, y_ticks = nice_ticks(*x_ends, round(width / 62)), _at_least_two(low, high, max(3, round(height / 42)))
     place = [left + width * (t - x_ends[0]) / (x_ends[1] - x_ends[0]) for t in x_ticks]
@@ -218,7 +216,7 @@ def _panel(
     if last:
         texts += [_text(x, top + height + 15, "middle", number_text(t, steps[0])) for t, x in zip(x_ticks, place, strict=True)]
     scale = _Scale(x_ends, (low, high))
-    shapes = [_area(a, scale, limit) for a in p.areas] + [_line(line, scale, limit, kept.get(id(line))) for line in p.lines]
+    shapes = [_area(a, scale, limit) for a in p.areas] + [_line(line, scale, limit, samples.get(id(line))) for line in p.lines]
     middle = top + height / 2
     name = ", ".join(t for t in (p.name, p.unit) if t)
     ends = " ".join(f"{v:.9g}" for v in (*x_ends, low, high))
@@ -272,14 +270,14 @@ def _stretches(line: Stroke) -> Iterator[NDArray[np.int64]]:
     yield from (at for at in np.split(good, holes) if at.size)
 
 
-def _line(line: Stroke, scale: _Scale, limit: int, kept: NDArray[np.int64] | None) -> str:
+def _line(line: Stroke, scale: _Scale, limit: int, samples: NDArray[np.int64] | None) -> str:
     path = []
     whole = max(line.x.size, 1)
     for at in _stretches(line):
-        if kept is None:
+        if samples is None:
             keep = at[thinned(line.y[at], max(int(limit * at.size / whole), 8))]
         else:
-            keep = np.unique(np.concatenate([at[[0, -1]], at[np.isin(at, kept)]]))
+            keep = np.unique(np.concatenate([at[[0, -1]], at[np.isin(at, samples)]]))
         path.append(_moves(scale.across(line.x[keep]), scale.down(line.y[keep])))
     variable, colour = line.colour
     dash = f";stroke-dasharray:{line.dash}" if line.dash else ""

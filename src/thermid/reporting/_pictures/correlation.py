@@ -16,6 +16,8 @@ from thermid.reporting._pictures.figures import GRID, INK, RESIDUAL, SIMULATED, 
 
 WIDE, TALL = 300.0, 232.0
 """Size of a chart. [px]"""
+BOX: Final = (46.0, 8.0, WIDE - 56.0, TALL - 52.0)
+"""Left, top, width and height of its axes. [px]"""
 BANDS: Final = ((2.0, ""), (3.0, "6 2.5"), (5.0, "1.5 2.5"))
 """Distance from equality [K] and dashes of its lines."""
 POINTS: Final = 900
@@ -99,14 +101,13 @@ def scatter(measured: Sequence[Array], predicted: Sequence[Array]) -> Graphic:
     """
     x, y = (np.concatenate(v) - ICE_POINT for v in (measured, predicted))
     low, high = _ends(np.concatenate([x, y]), 6.0)
-    box = (46.0, 8.0, WIDE - 56.0, TALL - 52.0)
+    box = BOX
 
     def at(v: float, w: float) -> tuple[float, float]:
         return box[0] + box[2] * (v - low) / (high - low), box[1] + box[3] * (high - w) / (high - low)
 
     out = [_axes(box, (low, high), (low, high), ("measured, °C", "predicted, °C"))]
-    lines = [(0.0, "", SOFT)] + [(sign * k, dash, SOFT) for k, dash in BANDS for sign in (1.0, -1.0)]
-    for shift, dash, _ in lines:
+    for shift, dash in [(0.0, ""), *((sign * k, dash) for k, dash in BANDS for sign in (1.0, -1.0))]:
         a, b = max(low, low - shift), min(high, high - shift)
         (x1, y1), (x2, y2) = at(a, a + shift), at(b, b + shift)
         look = f"stroke-width:{1.3 if shift == 0 else 0.9};stroke-dasharray:{dash or 'none'}"
@@ -117,8 +118,7 @@ def scatter(measured: Sequence[Array], predicted: Sequence[Array]) -> Graphic:
     dots = "".join(f"M{at(v, w)[0]:.1f} {at(v, w)[1]:.1f}h.01" for v, w in zip(x[::step].tolist(), y[::step].tolist(), strict=True))
     look = f"fill:none;stroke:var(--f-simulated,{SIMULATED});stroke-width:3.4;stroke-linecap:round;stroke-opacity:.55"
     out.append(f'<path d="{dots}" style="{look}"/>')
-    shares = ", ".join(f"{100 * float(np.mean(np.abs(y - x) <= k)):.0f} % within {k:g} K" for k, _ in BANDS)
-    return _whole(out, f"Predicted against measured, {x.size} readings: {shares}", WIDE, TALL)
+    return _whole(out, f"Predicted against measured, {x.size} readings: {_shares_within(y - x)}", WIDE, TALL)
 
 
 def histogram(residuals: Sequence[Array]) -> Graphic:
@@ -133,9 +133,9 @@ def histogram(residuals: Sequence[Array]) -> Graphic:
     counts, _ = np.histogram(r, bins=31, range=(-far, far))
     share = 100.0 * counts / r.size
     top = float(share.max()) * 1.08
-    box = (46.0, 8.0, WIDE - 56.0, TALL - 52.0)
+    box = BOX
     out = [_axes(box, (-far, far), (0.0, top), ("measured less predicted, K", "readings, %"))]
-    foot, step = box[1] + box[3], box[2] / 31
+    foot, step = box[1] + box[3], box[2] / counts.size
     tall = [box[3] * s / top for s in share.tolist()]
     bars = "".join(f"M{box[0] + k * step:.1f} {foot:.1f}v{-h:.1f}h{step - 0.8:.1f}v{h:.1f}z" for k, h in enumerate(tall))
     out.append(f'<path d="{bars}" style="fill:var(--f-residual,{RESIDUAL});fill-opacity:.8"/>')
@@ -147,8 +147,12 @@ def histogram(residuals: Sequence[Array]) -> Graphic:
 def spread_words(residuals: Sequence[Array]) -> str:
     """Return mean, standard deviation and shares within 2, 3 and 5 K of all residuals."""
     r = np.concatenate(residuals)
-    shares = ", ".join(f"{100 * float(np.mean(np.abs(r) <= k)):.0f} % within {k:g} K" for k, _ in BANDS)
-    return f"mean {r.mean():+.2f} K, standard deviation {r.std():.2f} K; {shares}"
+    return f"mean {r.mean():+.2f} K, standard deviation {r.std():.2f} K; {_shares_within(r)}"
+
+
+def _shares_within(residuals: Array) -> str:
+    """Return which shares of residuals (samples,) lie within 2, 3 and 5 K."""
+    return ", ".join(f"{100 * float(np.mean(np.abs(residuals) <= k)):.0f} % within {k:g} K" for k, _ in BANDS)
 
 
 def _ends(values: Array, least: float) -> tuple[float, float]:

@@ -32,12 +32,13 @@ from thermid.reporting._blocks.content import (
     Section,
     Table,
     Words,
+    capitalised,
     folded,
     number,
 )
 from thermid.reporting._blocks.extras import check_page, write_page
+from thermid.reporting._pages.front import SYNTHETIC, against_measured
 from thermid.reporting._pages.tables import versions
-from thermid.reporting._pictures import correlation
 from thermid.reporting._pictures.chart import Area, Stroke
 from thermid.reporting._pictures.figures import compared, curve, curves
 from thermid.reporting._qualification import tables
@@ -85,7 +86,7 @@ def qualification_report(q: Qualification, *, to: str | os.PathLike[str]) -> Pat
         failed=failed,
         judged=len(outcomes),
         summary=summary,
-        outcome=[facts, Words(f"{str(q.lock)[0].upper()}{str(q.lock)[1:]}."), tables.tests(q), *_what_is_open(q), *_courses(q)],
+        outcome=[facts, Words(f"{capitalised(str(q.lock))}."), tables.tests(q), *_what_is_open(q), *_courses(q)],
         sections=sections(q),
     )
 
@@ -122,7 +123,6 @@ def correlation_report(c: Correlation, *, to: str | os.PathLike[str], synthetic:
     verdicts = list(c.verdicts.values())
     watermark = "SYNTHETIC DATA" if synthetic else ""
     banner = [(watermark, "The readings are synthetic.")] if synthetic else []
-    said = f"{counted(len(c.gates), 'gate')}, {len(c.failed)} not met"
     return _write(
         to,
         title=c.title,
@@ -132,7 +132,7 @@ def correlation_report(c: Correlation, *, to: str | os.PathLike[str], synthetic:
         passed=weigh(verdicts),
         failed=verdicts.count(False),
         judged=len(verdicts),
-        summary=said,
+        summary=f"{counted(len(c.gates), 'gate')}, {len(c.failed)} not met",
         outcome=_all_readings(c),
         sections=blocks,
     )
@@ -142,11 +142,8 @@ def _all_readings(c: Correlation) -> list[PageBlock]:
     """Return predicted against measured, and the residuals counted, of all overlays."""
     if not c.overlays:
         return []
-    shown = correlation.scatter([o.measured for o in c.overlays], [o.simulated for o in c.overlays])
-    residuals = [o.residuals for o in c.overlays]
-    against = Plot(shown, "Simulated against measured; lines at ± 2 K, ± 3 K (dashed) and ± 5 K (dotted).", "", "fig-scatter")
-    counted_ = Plot(correlation.histogram(residuals), f"Residuals: {correlation.spread_words(residuals)}.", "", "fig-histogram")
-    return [Figures((against, counted_))]
+    measured, simulated = [o.measured for o in c.overlays], [o.simulated for o in c.overlays]
+    return [Figures(against_measured(measured, simulated, "Simulated"))]
 
 
 def _write(
@@ -187,9 +184,6 @@ def _courses(q: Qualification) -> list[PageBlock]:
             plots.append(Plot(drawn, f"{t.test.name}: {worst.point}, {worst.state}, {worst.by}, {far}: {VERDICTS[met]}"))
             legend |= {e.label: e for e in drawn.legend if e.label not in legend}
     return [Figures(tuple(plots), tuple(legend.values()))] if plots else []
-
-
-SYNTHETIC = "synthetic"
 
 
 def sections(q: Qualification) -> list[Section]:
@@ -339,7 +333,7 @@ def _deviations(logged: Sequence[Trial]) -> list[PageBlock]:
         if c.failed:
             out.append(tables.gates(c, failed_only=True))
         if t.diagnosis is not None:
-            out += [Words(str(t.diagnosis).splitlines()[0][0].upper() + str(t.diagnosis).splitlines()[0][1:] + "."), tables.diagnoses(t)]
+            out += [Words(f"{capitalised(str(t.diagnosis).splitlines()[0])}."), tables.diagnoses(t)]
         out += [folded("Every sensor", [tables.deviations(c)]), folded("Every gate", [tables.gates(c)], f"{len(c.gates)}")]
     return out or [Words("There is no log yet.")]
 
@@ -419,8 +413,7 @@ def all_overlays(c: Correlation, key: str, synthetic: bool) -> Figures:
 
 def overlay(o: Overlay, key: str, label: str) -> Graphic:
     """Return readings with the band of their sensor's error (95 %), the simulation over them, and the difference below."""
-    wide = 1.96 * float(np.hypot(o.accuracy, o.noise))
-    return compared(o.times, o.measured, o.simulated, key, label, below="difference", wide=wide)
+    return compared(o.times, o.measured, o.simulated, key, label, below="difference", wide=tables.half_width(o))
 
 
 LOOKS = {"operating": "bound", "non-operating": "bound off", "start-up": "bound start"}

@@ -9,10 +9,28 @@ from collections.abc import Mapping
 import numpy as np
 
 from thermid.base.sourced import MARKS
-from thermid.campaign.verdicts import Correlation
+from thermid.campaign.verdicts import Correlation, Overlay
 from thermid.physics.constants import ICE_POINT
 from thermid.qualify.plans import Qualification, Trial, sensors_of
-from thermid.reporting._blocks.content import DASH, Cell, Head, Line, PageBlock, Table, folded, number, plain, pretty, signed, significant
+from thermid.reporting._blocks.content import (
+    DASH,
+    Cell,
+    Head,
+    Line,
+    PageBlock,
+    Table,
+    folded,
+    group_cell,
+    number,
+    plain,
+    pretty,
+    signed,
+    significant,
+    verdict_cell,
+)
+
+HALF_WIDTH_95 = 1.96
+"""Half of a 95 % interval in standard deviations of a normal distribution."""
 
 
 def tests(q: Qualification) -> Table:
@@ -39,12 +57,12 @@ def tests(q: Qualification) -> Table:
             hot = worst.limits[1] - worst.highest <= worst.lowest - worst.limits[0]
             where = [Cell(f"{worst.point}, {worst.state}"), Cell(hours(worst.highest_time if hot else worst.lowest_time))]
             where.append(Cell(f"{worst.room:.1f}", "", "bad" if worst.room < 0 else "main"))
-        judged = verdict(t.correlated, why) if t.correlation is not None else _no_log(t)
+        judged = verdict_cell(t.correlated, why) if t.correlation is not None else _no_log(t)
         length = hours(float(t.foresight.solution.times[-1]))
         rows.append(
             [
                 Cell(t.test.name, t.test.purpose, "main"),
-                verdict(t.within, why),
+                verdict_cell(t.within, why),
                 judged,
                 *where,
                 t.test.state,
@@ -100,14 +118,15 @@ def boundaries(q: Qualification) -> Table:
     rows: list[Line] = []
     for t in q.trials:
         run, driven = t.foresight.solution, {v: k for k, v in t.test.log.boundaries.items()} if t.test.log is not None else {}
-        known = t.as_logged
         for k, name in enumerate(t.foresight.scenario.boundaries):
             trace, column = run[name], driven.get(name, "")
-            logged = " .. ".join(f"{v:.1f}" for v in known[column]) if column in known else ("not logged" if t.test.log else DASH)
-            head = Cell(t.test.name, "", "main") if k == 0 else Cell("", "", "same")
+            logged = (
+                " .. ".join(f"{v:.1f}" for v in t.as_logged[column]) if column in t.as_logged else ("not logged" if t.test.log else DASH)
+            )
             planned = f"{trace.lowest:.1f} .. {trace.highest:.1f}"
             logged_cell = Cell(logged, "", "warn" if logged == "not logged" else "")
-            rows.append([head, name, planned, logged_cell, column or DASH, stated_text(t.test.spread.get(name, DASH))])
+            spread = stated_text(t.test.spread.get(name, DASH))
+            rows.append([group_cell(t.test.name, k), name, planned, logged_cell, column or DASH, spread])
     return Table.of(columns, rows, "Lowest to highest over the test.")
 
 
@@ -134,7 +153,7 @@ def duties(q: Qualification) -> list[PageBlock]:
             f"{100 * h.duty:.0f}",
             f"{100 * h.most:.0f}",
             mark(h.rule.mark),
-            verdict(h.passed),
+            verdict_cell(h.passed),
         ]
         for t in q.trials
         for h in t.heaters
@@ -146,9 +165,9 @@ def duties(q: Qualification) -> list[PageBlock]:
         lines: list[Line] = []
         for load, watts in t.foresight.solution.load_powers.items():
             w = np.broadcast_to(watts, times.shape)
-            said = stated_text(t.test.spread.get(f"scale.{load}", t.test.spread.get(f"{load}.power", DASH)))
+            spread = stated_text(t.test.spread.get(f"scale.{load}", t.test.spread.get(f"{load}.power", DASH)))
             if w.any():
-                lines.append([load, number(float(np.trapezoid(w, times) / times[-1]), 3), number(float(w.max()), 3), said])
+                lines.append([load, number(float(np.trapezoid(w, times) / times[-1]), 3), number(float(w.max()), 3), spread])
         if lines:
             heads = [Head("load"), Head("mean, W", True), Head("largest, W", True), Head("stated ±")]
             total = sum(float(np.max(w)) for w in t.foresight.solution.load_powers.values())
@@ -193,6 +212,11 @@ def phases(t: Trial) -> Table:
     return Table.of(columns, rows)
 
 
+def half_width(o: Overlay) -> float:
+    """Return half of the 95 % interval of a reading: the constant error of its sensor and its noise. [K]"""
+    return HALF_WIDTH_95 * math.hypot(o.accuracy, o.noise)
+
+
 def foreseen(q: Qualification, t: Trial) -> Table:
     """Return the pre-test predictions of a test per sensor, and what was measured where its log has come back."""
     columns = [
@@ -212,14 +236,13 @@ def foreseen(q: Qualification, t: Trial) -> Table:
         cells: list[Cell | str] = [Cell(sensor, node, "main")]
         beyond = []
         for word, k in (("lowest", int(band.kelvin.argmin())), ("highest", int(band.kelvin.argmax())), ("last", -1)):
-            error = 1.96 * float(band.error[k])
+            error = HALF_WIDTH_95 * float(band.error[k])
             cells.append(f"{celsius(float(band.kelvin[k]))} ± {error:.1f}" if error > 0 else f"{celsius(float(band.kelvin[k]))} ± ?")
             if o is None:
                 cells.append(DASH)
                 continue
             extreme = float({"lowest": o.measured.min(), "highest": o.measured.max(), "last": o.measured[-1]}[word])
-            wide = math.hypot(error, 1.96 * math.hypot(o.accuracy, o.noise))
-            off = abs(extreme - float(band.kelvin[k])) > wide
+            off = abs(extreme - float(band.kelvin[k])) > math.hypot(error, half_width(o))
             beyond += [word] if off else []
             cells.append(Cell(celsius(extreme), f"{extreme - float(band.kelvin[k]):+.2f} K", "warn" if off else ""))
         rows.append([*cells, Cell(", ".join(beyond), "", "warn") if beyond else ("none" if o is not None else DASH)])
@@ -303,7 +326,7 @@ def deviations(c: Correlation) -> Table:
                 f"{d['rmse']:.2f}",
             ),
             *(
-                number(1.96 * d.accuracy, 2) if d.accuracy else DASH,
+                number(HALF_WIDTH_95 * d.accuracy, 2) if d.accuracy else DASH,
                 plain(d.weight, 3),
                 Cell(d.excluded or DASH, "", "warn" if d.excluded else ""),
             ),
@@ -331,7 +354,7 @@ def gates(c: Correlation, failed_only: bool = False) -> Table:
         [
             Cell(g.criteria, "", "main"),
             *(g.case, g.kind, g.over_sensors, f"{g.found:.2f}", plain(g.limit, 3), mark(g.mark), g.sensor or DASH),
-            *(Cell(f"{len(g.outside)} of {g.counted}", ", ".join(g.outside)), verdict(g.passed)),
+            *(Cell(f"{len(g.outside)} of {g.counted}", ", ".join(g.outside)), verdict_cell(g.passed)),
         ]
         for g in c.gates
         if not failed_only or g.passed is False
@@ -381,15 +404,28 @@ def checks(q: Qualification) -> Table:
     rows: list[Line] = []
     for t in q.trials:
         for k, c in enumerate(t.checks):
-            head = Cell(t.test.name, "", "main") if k == 0 else Cell("", "", "same")
             first = min((x.time for x in c.crossings), default=math.nan)
             beyond = sum(x.outside for x in c.crossings)
-            ends = f"{given(c.limits[0])} .. {given(c.limits[1])}"
+            ends = f"{limit_celsius(c.limits[0])} .. {limit_celsius(c.limits[1])}"
             room = Cell(f"{c.room:.1f}" if math.isfinite(c.room) else DASH, "", "bad" if c.room < 0 else "")
             times = [hours(first), hours(beyond)] if c.crossings else [DASH, DASH]
             lowest, highest = (Cell(celsius(v), f"at {hours(at)}") for v, at in ((c.lowest, c.lowest_time), (c.highest, c.highest_time)))
             by = Cell(f"{c.by}, operating limits" if c.stand_in else c.by, c.undecided)
-            rows.append([head, c.point, c.state, by, lowest, highest, ends, room, *times, mark(c.mark), verdict(c.passed)])
+            rows.append(
+                [
+                    group_cell(t.test.name, k),
+                    c.point,
+                    c.state,
+                    by,
+                    lowest,
+                    highest,
+                    ends,
+                    room,
+                    *times,
+                    mark(c.mark),
+                    verdict_cell(c.passed),
+                ]
+            )
     stands_in = any(c.stand_in for t in q.trials for c in t.checks)
     less = " Without limits for a unit switched off, the operating limits apply." if stands_in else ""
     return Table.of(columns, rows, f"Hover over a temperature for its time.{less}")
@@ -414,7 +450,7 @@ def settled(t: Trial) -> Table:
         for k, c in enumerate(ranked):
             head = Cell(f"{c.start / 3600:.4g} .. {c.end / 3600:.4g}", "", "main" if k == 0 else "same")
             remaining = signed(s.remaining[c.name].value, 2) if c.name in s.remaining else DASH
-            found = words.get(c.verdict or s.verdict) if s.decides else None
+            steady = words.get(c.verdict or s.verdict) if s.decides else None
             rows.append(
                 [
                     head,
@@ -424,7 +460,7 @@ def settled(t: Trial) -> Table:
                     s.rule.name,
                     mark(s.rule.mark),
                     remaining,
-                    verdict(found),
+                    verdict_cell(steady),
                 ]
             )
     return Table.of(columns, rows, "Readings of the log; ±: two standard errors.")
@@ -454,8 +490,8 @@ def margin_table(q: Qualification) -> Table:
         added = [Cell(f"{f.value:g} [{f.mark}]", f.source, "warn" if not f.decides else "") for f in (a, b)]
         head: Line = [Cell(m.point, "", "main"), m.side, m.run, hours(m.time), celsius(m.predicted)]
         shares = "; ".join(f"{c} {100 * s:.0f} %" for c, s in m.shares.items())
-        line: Line = [*head, Cell(f"{m.printed:.1f}", shares), *added, Cell(f"{given(m.limit)} [{m.limit_mark}]")]
-        line += [Cell(signed(m.margin, 1), "", "bad" if m.margin < 0 else "main"), verdict(m.passed, m.undecided)]
+        line: Line = [*head, Cell(f"{m.printed:.1f}", shares), *added, Cell(f"{limit_celsius(m.limit)} [{m.limit_mark}]")]
+        line += [Cell(signed(m.margin, 1), "", "bad" if m.margin < 0 else "main"), verdict_cell(m.passed, m.undecided)]
         line += [Cell(f"{m.flat.value:g} [{m.flat.mark}]", m.flat.source), signed(m.flat_left, 1)]
         rows.append([*line, f"{m.bought:.1f}" if math.isfinite(m.bought) else DASH])
     policy = q.margins[0].policy.name if q.margins else DASH
@@ -529,27 +565,20 @@ def service(q: Qualification) -> Table:
             band = t.expected.prediction[one.node]
             cells = []
             for at in (int(band.kelvin.argmin()), int(band.kelvin.argmax()), -1):
-                shown = f"{celsius(float(band.kelvin[at]))} ± {1.96 * float(band.error[at]):.1f}"
+                shown = f"{celsius(float(band.kelvin[at]))} ± {HALF_WIDTH_95 * float(band.error[at]):.1f}"
                 cells.append(Cell(shown, f"at {hours(float(band.times[at]))}"))
-            rows.append([Cell(t.test.name, "", "main") if k == 0 else Cell("", "", "same"), one.point, *cells])
+            rows.append([group_cell(t.test.name, k), one.point, *cells])
     return Table.of(
         columns, rows, "The logs of this plan are included; contributions not included in the intervals are listed with the margins."
     )
 
 
-def verdict(passed: bool | None, why: str = "") -> Cell:
-    """Return a verdict as a cell, why it is not decided behind it."""
-    if passed is None:
-        return Cell("not decided", why, "warn")
-    return Cell("✓ met", "", "good") if passed else Cell("✗ not met", "", "bad")
-
-
-def celsius(kelvin: float, decimals: int = 1) -> str:
+def celsius(kelvin: float) -> str:
     """Return a temperature in degrees Celsius; a dash where there is none."""
-    return f"{kelvin - ICE_POINT:.{decimals}f}" if math.isfinite(kelvin) else DASH
+    return f"{kelvin - ICE_POINT:.1f}" if math.isfinite(kelvin) else DASH
 
 
-def given(kelvin: float) -> str:
+def limit_celsius(kelvin: float) -> str:
     """Return a limit in degrees Celsius with the digits that it was given in, so that what is left to it adds up; a dash for none."""
     return plain(kelvin - ICE_POINT) if math.isfinite(kelvin) else DASH
 
