@@ -148,6 +148,7 @@ class Turnings {
     struct Column {
         long row = 0;  // the output that ends the interval under way
         double low = std::numeric_limits<double>::infinity(), high = -low, low_time = 0.0, high_time = 0.0;
+        double low_there = low, high_there = high;  // at these times, less than NOISE from the lowest and the highest
     };
     std::vector<Column> columns_;
     std::vector<double> time_, kelvin_, way_;  // of each column: the point seen last, and whether it rose (1) or fell (-1) to it
@@ -169,22 +170,25 @@ class Turnings {
             keep(column, c);
             while (c.row < n_ && times_[c.row] < time) ++c.row;
         }
-        if (kelvin < c.low) {
-            c.low = kelvin;
+        // Of equal peaks the first counts, since a limit is crossed there; equal ones differ by the error of a run.
+        if (kelvin < c.low_there - NOISE) {
+            c.low_there = kelvin;
             c.low_time = time;
         }
-        if (kelvin > c.high) {
-            c.high = kelvin;
+        if (kelvin > c.high_there + NOISE) {
+            c.high_there = kelvin;
             c.high_time = time;
         }
+        c.low = std::min(c.low, kelvin);
+        c.high = std::max(c.high, kelvin);
     }
     void keep(int column, Column& c) {
         if (!(c.low <= c.high)) return;
         const bool first = c.low_time <= c.high_time;
         found.push_back({column, first ? c.low_time : c.high_time, first ? c.low : c.high});
         if (c.low_time != c.high_time || c.low != c.high) found.push_back({column, first ? c.high_time : c.low_time, first ? c.high : c.low});
-        c.low = std::numeric_limits<double>::infinity();
-        c.high = -c.low;
+        c.low = c.low_there = std::numeric_limits<double>::infinity();
+        c.high = c.high_there = -c.low;
     }
 };
 

@@ -19,9 +19,8 @@ from thermid.measure.readers import read_plain
 from thermid.model.laws import Constant, Signal, TableSignal, joined, literal, signal
 from thermid.simulation.network import HOTTEST, Environment, Irradiation
 from thermid.simulation.scenarios import Scenario
-from thermid.site._amounts import si_number
 from thermid.site._atmosphere import HIGHEST_ALTITUDE, UPPER, Air, standard_atmosphere, upper_atmosphere
-from thermid.site.exposure import molecular_heating
+from thermid.site.exposure import molecular_heating, si_number
 
 SPACE = 2.725
 """Of the microwave background: Fixsen, Astrophys. J. 707 (2009) 916. [K]"""

@@ -9,12 +9,27 @@ import numpy as np
 from thermid.base.errors import ScenarioError
 from thermid.base.linear_algebra import Array
 from thermid.model.elements import degrees
-from thermid.model.laws import Constant, Signal, TableSignal, joined, signal
+from thermid.model.laws import Constant, Signal, TableSignal, joined, literal, signal
 from thermid.simulation.network import Irradiation
-from thermid.site._amounts import si_number
 
 SOLAR_CONSTANT = 1361.0
 """Total irradiance at one astronomical unit: Kopp and Lean, Geophys. Res. Lett. 38 (2011) L01706, 1360.8 +- 0.5. [W/m^2]"""
+
+
+def si_number(value: str | float, slot: str, where: str) -> float:
+    """Return the number of a text with a unit, or a number as it is. [SI]
+
+    Parameters
+    ----------
+    value : str or float    What the caller wrote.
+    slot : str              The unit that is needed.
+    where : str             What it is for, for the message.
+
+    Raises
+    ------
+    UnitError   When its unit has another dimension, or it has none.
+    """
+    return literal(value, slot, where) if isinstance(value, str) else float(value)
 
 
 def facing_sun(tilt: float, azimuth: float | None, zenith: Any, sun_azimuth: Any) -> Array:

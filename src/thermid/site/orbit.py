@@ -14,8 +14,7 @@ from thermid.base.linear_algebra import Array
 from thermid.model.elements import degrees
 from thermid.model.laws import Constant, Signal, TableSignal, multiplied
 from thermid.simulation.network import Irradiation
-from thermid.site._amounts import si_number
-from thermid.site.exposure import planet_share
+from thermid.site.exposure import planet_share, si_number
 
 SAMPLES: Final = 720
 """Samples of an orbit; straight lines between them are right to 1e-5 of the largest flux."""

@@ -21,9 +21,8 @@ from thermid.physics.constants import STEFAN_BOLTZMANN
 from thermid.physics.correlations import forced_plate_nusselt
 from thermid.simulation.network import Environment
 from thermid.simulation.scenarios import Scenario
-from thermid.site._amounts import si_number
 from thermid.site._moist import dew_point, vapour_pressure
-from thermid.site.exposure import cloudless_sky, driving_rain, sky_share
+from thermid.site.exposure import cloudless_sky, driving_rain, si_number, sky_share
 from thermid.site.site import Site
 from thermid.site.sky import open_sky
 from thermid.site.weather import Weather

@@ -24,7 +24,6 @@ from thermid.model.tree import FlatConductor
 from thermid.physics.constants import ATMOSPHERE, STEFAN_BOLTZMANN
 from thermid.simulation.network import VACUUM_LIMIT
 from thermid.simulation.runs import Solution
-from thermid.site._amounts import si_number
 from thermid.site._moist import (
     VAPOUR_CONSTANT,
     dew_point,
@@ -34,6 +33,7 @@ from thermid.site._moist import (
     vapour_density,
     vapour_pressure,
 )
+from thermid.site.exposure import si_number
 
 CLOSED: Final = 1e-6
 """Share of the water that may be missing at the end of a run without a remark. [-]"""

@@ -208,6 +208,6 @@ def test_scatter_and_histogram_say_how_many_readings_lie_within_2_3_and_5_kelvin
     predicted = [measured[0] - np.array([0.5, -2.5, 4.0, -6.0])]
     words = "25 % within 2 K, 50 % within 3 K, 75 % within 5 K"
     assert words in correlation.scatter(measured, predicted).markup
-    assert words in correlation.spread_words([measured[0] - predicted[0]])
+    assert words in correlation.against_measured(measured, predicted, "Predicted")[1].caption
     assert correlation.scatter(measured, predicted).markup.count(" K</text>") == 3
     assert "4 readings" in correlation.histogram([measured[0] - predicted[0]]).markup

@@ -96,9 +96,6 @@ def test_a_unit_on_in_pulses_was_never_on_at_a_sample() -> None:
     assert on.crossings[0].outside == pytest.approx(144 * (12.0 - 10.0 * np.log(2.0)), rel=1e-4)
 
 
-@pytest.mark.xfail(
-    strict=True, reason="of equal peaks the kept one may be a later one: the first crossing is then read off a straight line"
-)
 def test_hold_never_passed_a_limit_in_100_percent_that_pulses_pass_in_all() -> None:
     runs = td.qualify.uncertain_runs(pulsed(), day(), spread={"out.conductance": "2 [%]"}, n=40, nodes=["chip"])
     found = hold(runs, {"chip": "45 [degC]"})
@@ -246,10 +243,10 @@ def test_extremes_of_members_under_noise_hold_to_the_millikelvins_left_out() -> 
 
 
 def compared(seed: int) -> float:
-    """Return how far the extremes of a random switched deck are off. [K]"""
+    """Return how far the extremes of a random switched deck are off, and the course where they are; a switching off by dt moves that. [K]"""
     deck, course = switched(seed)
     model, scenario = td.model_from_dict(deck), td.Scenario(**course)
-    run = td.simulate(model, scenario)
+    run = td.simulate(model, scenario, options=td.Options(error=4e-7))
     want = Oracle(flatten(deck)[0], course).extremes(si(course["duration"]))
     off = 0.0
     for name, (lowest, low_time, highest, high_time) in want.items():

@@ -7,7 +7,6 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from thermid.base.linear_algebra import Array
 from thermid.base.sourced import VERDICTS
 from thermid.campaign.stages import Campaign
 from thermid.campaign.verdicts import Check, Verdict, largest, metric
@@ -162,21 +161,6 @@ def _charts(campaign: Campaign) -> Iterator[Plot]:
         last = next((c for c in reversed(campaign.fits) if len(c.blocks)), None)
         blocks, words = (list(last.blocks), f"fitted records of {last.stage}") if last is not None else ([], "")
     if blocks:
-        yield from against_measured([b.measured for b in blocks], [b.measured - b.residuals for b in blocks], "Predicted", f", {words}")
-
-
-def against_measured(measured: Sequence[Array], predicted: Sequence[Array], word: str, of: str = "") -> tuple[Plot, Plot]:
-    """Return predicted against measured temperatures, and the residuals counted.
-
-    Parameters
-    ----------
-    measured, predicted : sequences of arrays (samples,)    One of each for every trace. [K]
-    word : str                                              What the captions call the predicted ones.
-    of : str                                                What the captions say of which records they are.
-    """
-    residuals = [m - p for m, p in zip(measured, predicted, strict=True)]
-    caption = f"{word} against measured{of}; lines at ± 2 K, ± 3 K (dashed) and ± 5 K (dotted)."
-    return (
-        Plot(correlation.scatter(measured, predicted), caption, "", "fig-scatter"),
-        Plot(correlation.histogram(residuals), f"Residuals{of}: {correlation.spread_words(residuals)}.", "", "fig-histogram"),
-    )
+        yield from correlation.against_measured(
+            [b.measured for b in blocks], [b.measured - b.residuals for b in blocks], "Predicted", f", {words}"
+        )

@@ -10,7 +10,7 @@ import numpy as np
 
 from thermid.base.linear_algebra import Array
 from thermid.physics.constants import ICE_POINT
-from thermid.reporting._blocks.content import Graphic
+from thermid.reporting._blocks.content import Graphic, Plot
 from thermid.reporting._pictures.chart import nice_ticks, number_text
 from thermid.reporting._pictures.figures import GRID, INK, RESIDUAL, SIMULATED, SOFT
 
@@ -144,10 +144,23 @@ def histogram(residuals: Sequence[Array]) -> Graphic:
     return _whole(out, f"Residuals of {r.size} readings: mean {r.mean():+.3g} K, standard deviation {r.std():.3g} K", WIDE, TALL)
 
 
-def spread_words(residuals: Sequence[Array]) -> str:
-    """Return mean, standard deviation and shares within 2, 3 and 5 K of all residuals."""
+def against_measured(measured: Sequence[Array], predicted: Sequence[Array], word: str, of: str = "") -> tuple[Plot, Plot]:
+    """Return predicted against measured temperatures, and the residuals counted.
+
+    Parameters
+    ----------
+    measured, predicted : sequences of arrays (samples,)    One of each for every trace. [K]
+    word : str                                              What the captions call the predicted ones.
+    of : str                                                What the captions say of which records they are.
+    """
+    residuals = [m - p for m, p in zip(measured, predicted, strict=True)]
     r = np.concatenate(residuals)
-    return f"mean {r.mean():+.2f} K, standard deviation {r.std():.2f} K; {_shares_within(r)}"
+    spread = f"mean {r.mean():+.2f} K, standard deviation {r.std():.2f} K; {_shares_within(r)}"
+    caption = f"{word} against measured{of}; lines at ± 2 K, ± 3 K (dashed) and ± 5 K (dotted)."
+    return (
+        Plot(scatter(measured, predicted), caption, "", "fig-scatter"),
+        Plot(histogram(residuals), f"Residuals{of}: {spread}.", "", "fig-histogram"),
+    )
 
 
 def _shares_within(residuals: Array) -> str:

@@ -37,8 +37,9 @@ from thermid.reporting._blocks.content import (
     number,
 )
 from thermid.reporting._blocks.extras import check_page, write_page
-from thermid.reporting._pages.front import SYNTHETIC, against_measured
+from thermid.reporting._pages.front import SYNTHETIC
 from thermid.reporting._pages.tables import versions
+from thermid.reporting._pictures import correlation
 from thermid.reporting._pictures.chart import Area, Stroke
 from thermid.reporting._pictures.figures import compared, curve, curves
 from thermid.reporting._qualification import tables
@@ -123,6 +124,8 @@ def correlation_report(c: Correlation, *, to: str | os.PathLike[str], synthetic:
     verdicts = list(c.verdicts.values())
     watermark = "SYNTHETIC DATA" if synthetic else ""
     banner = [(watermark, "The readings are synthetic.")] if synthetic else []
+    # predicted against measured, and the residuals counted, of all overlays
+    measured, simulated = [o.measured for o in c.overlays], [o.simulated for o in c.overlays]
     return _write(
         to,
         title=c.title,
@@ -133,17 +136,9 @@ def correlation_report(c: Correlation, *, to: str | os.PathLike[str], synthetic:
         failed=verdicts.count(False),
         judged=len(verdicts),
         summary=f"{counted(len(c.gates), 'gate')}, {len(c.failed)} not met",
-        outcome=_all_readings(c),
+        outcome=[Figures(correlation.against_measured(measured, simulated, "Simulated"))] if c.overlays else [],
         sections=blocks,
     )
-
-
-def _all_readings(c: Correlation) -> list[PageBlock]:
-    """Return predicted against measured, and the residuals counted, of all overlays."""
-    if not c.overlays:
-        return []
-    measured, simulated = [o.measured for o in c.overlays], [o.simulated for o in c.overlays]
-    return [Figures(against_measured(measured, simulated, "Simulated"))]
 
 
 def _write(
