@@ -14,6 +14,7 @@ from thermid.prediction._reduction.macro import host_values
 pytestmark = pytest.mark.document
 SISNAV = Path(__file__).parents[2] / "examples" / "sisnav"
 MACRO = SISNAV / "macro"
+NEAR = td.Options(error=4e-7)
 SCENARIOS = ("transport", "pad", "pad_hold", "ascent", "coast")
 
 
@@ -52,12 +53,12 @@ def test_A9_without_links_the_unit_is_unchanged(macro: td.Model) -> None:  # noq
     alone = td.load_model(SISNAV / "m_Sd.toml")
     room = {"times": ["0 [h]", "5 [h]"], "values": ["24 [degC]", "24.7 [degC]"]}
     free = macro.with_values({"foot_conductance": {"value": "0 [W/K]", "source": "assumed"}})
-    inside = td.simulate(free, around(50.0, prescribed={"bay": room}, start="24 [degC]", duration="5 [h]"))
-    bench = td.simulate(alone, td.Scenario("bench", boundaries={"cv": room}, start="24 [degC]", duration="5 [h]"))
+    inside = td.simulate(free, around(50.0, prescribed={"bay": room}, start="24 [degC]", duration="5 [h]"), options=NEAR)
+    bench = td.simulate(alone, td.Scenario("bench", boundaries={"cv": room}, start="24 [degC]", duration="5 [h]"), options=NEAR)
     for node in bench.nodes:
         if node != "cv":
             assert np.abs(inside[f"unit.{node}"].kelvin - bench[node].kelvin).max() < 1e-6, node
-    linked = td.simulate(macro, around(50.0, prescribed={"bay": room}, start="24 [degC]", duration="5 [h]"))
+    linked = td.simulate(macro, around(50.0, prescribed={"bay": room}, start="24 [degC]", duration="5 [h]"), options=NEAR)
     assert linked["disk"].final > inside["disk"].final + 1.0
 
 

@@ -207,9 +207,10 @@ def campaign(number: int, seed: int, first: int = 0) -> dict[str, Any]:
 def serve(folder: Path) -> None:
     """Serve the project of the seeds, and say where."""
     from thermid.app.studio.project import Project
+    from thermid.app.studio.room import Room
     from thermid.app.studio.server import serve as serving
 
-    serving(Project(folder / "campaign.toml"), 0, lambda address: print(address, flush=True))
+    serving(Room(folder, Project(folder / "campaign.toml")), 0, lambda address: print(address, flush=True))
 
 
 if __name__ == "__main__":

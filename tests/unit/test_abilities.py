@@ -37,6 +37,8 @@ ABLE = (
     "advice",
     "history",
     "difference",
+    "changes",
+    "sizing",
     "uncertain runs",
     "hold",
     "forecast",
@@ -60,7 +62,7 @@ ABLE = (
     "look of a run",
 )
 """Results of tests/unit/results.py that have all six abilities."""
-WORDS = ("plan of a retune", "plan of a run", "qualification of a run")
+WORDS = ("changes", "plan of a retune", "plan of a run", "qualification of a run")
 """Those that hold words and no numbers: their plot is refused."""
 NAMED = (
     "record",

@@ -100,7 +100,7 @@ def test_the_same_as_the_deck(how: str, fmu: Path, tmp_path: Path) -> None:
             close * abs(native[own].value), 0.2 * (how == "co-simulation") * native[own].error
         )
         assert found[other].error == pytest.approx(native[own].error, rel=max(close, 1e-3))
-    assert found.chi_square == pytest.approx(native.chi_square, rel=close)
+    assert found.chi_square == pytest.approx(native.chi_square, rel=max(close, 1e-3))  # runs of a fit err by up to 1 mK of 50 mK of noise
     assert any("derivatives of the FMU" in w and why in w for w in found.warnings) == bool(why)
 
 

@@ -12,7 +12,7 @@ from fuzz.networks import Case, draw
 from thermid import _kernel as k
 from unit.kernel.reference import THERMOSTAT, Net
 
-KEPT_FROM = 200
+KEPT_FROM = 300
 """Nodes from which factors are kept: a repeated network has at least so many, the single one has fewer."""
 
 
@@ -82,7 +82,7 @@ HEATED = (50, 120)
 """Nodes with a thermostat."""
 
 
-def mesh(seed: int, size: int = 260) -> Net:
+def mesh(seed: int, size: int = 306) -> Net:
     """Return a connected network: random links, radiation, massless nodes, a varying ambient, two thermostats."""
     rng, net = np.random.default_rng(seed), Net()
     air = net.input(k.SINE, [285.0, 6.0, 3000.0, 0.3])
@@ -109,7 +109,7 @@ TIGHT = {"atol": 1e-8, "rtol": 1e-10}
 
 
 def test_derivatives_over_switchings_are_those_of_the_temperatures() -> None:
-    net, observed = mesh(1), np.arange(0, 260, 7, dtype=np.int32)
+    net, observed = mesh(1), np.arange(0, 306, 7, dtype=np.int32)
     run = net.run(TIMES, dcoef=net.derivatives, nodes=observed, **TIGHT)
     assert len(run.event_times) > 10
     for p in range(net.parameters):

@@ -38,7 +38,7 @@ COMMANDS = {
     "example": Place(
         "start.example",
         "Start",
-        "Copy a shipped example with its data into a new folder, or list standard parts or materials.",
+        "Copy a shipped example with its data; list parts, materials.",
         ("thermid example", "thermid example tclab --to lab", "thermid example --parts"),
     ),
     "look": Place(
@@ -56,7 +56,7 @@ COMMANDS = {
     "studio": Place(
         "studio.studio",
         "Start",
-        "Open a deck or campaign as a page on this machine.",
+        "Open or begin a deck or campaign, as a page on this machine.",
         ("thermid studio campaign.toml", "thermid studio box.toml --port 8000 --no-browser"),
         "studio",
     ),

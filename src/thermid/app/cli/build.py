@@ -208,7 +208,9 @@ def compare_versions(
     ] = [],  # noqa: B006
     as_json: Json = False,
 ) -> None:
-    """Compare two versions of a deck: parts, connections, values and totals.
+    """Compare two versions of a deck, the largest effect first.
+
+    Parts, connections, values and totals.
 
     Each difference states what it alone does to a steady temperature; units, order and arithmetic of the files play no part.
     """

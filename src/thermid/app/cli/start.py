@@ -211,7 +211,7 @@ def example(
     made_of: Annotated[bool, typer.Option("--materials", help="List materials and finishes with their sources.")] = False,
     as_json: Json = False,
 ) -> None:
-    """Copy a shipped example with its data into a new folder, or list standard parts or materials.
+    """Copy a shipped example with its data; list parts, materials.
 
     Published measurements are fetched and checked.
     """

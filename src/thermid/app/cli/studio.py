@@ -25,7 +25,7 @@ def studio(
     port: Annotated[int, typer.Option("--port", min=0, max=65535, help="Port on this machine; any free one where it is 0.")] = 0,
     browser: Annotated[bool, typer.Option("--browser/--no-browser", help="Whether to open the page in a browser.")] = True,
 ) -> None:
-    """Open a deck or campaign as a page on this machine; without one, begin or choose one there.
+    """Open or begin a deck or campaign, as a page on this machine.
 
     The page has a view in which models are built, sliders, levels, scenarios, and a view of a log that grows. Nothing leaves this machine.
     The address holds a token: who has it sees the project and may save values; other users of the machine are refused.

@@ -67,10 +67,10 @@ def test_an_import_does_not_write_over_a_deck(call: Call, script: Path) -> None:
 
 
 def test_a_line_that_is_not_understood_is_named(call: Call, script: Path) -> None:
-    script.write_text(SCRIPT + "x = sqrt(2);\n", encoding="utf-8")
+    script.write_text(SCRIPT + "x = magic(2);\n", encoding="utf-8")
     said = call("import", script)
     assert said.code == 2
-    assert said.err.startswith("error: Acc.m:9: 'sqrt(2)': 'sqrt(' calls a function")
+    assert said.err.startswith("error: Acc.m:9: 'magic(2)': 'magic(' calls a function")
 
 
 def test_a_model_goes_to_octave(call: Call, accelerometer: Path, tmp_path: Path) -> None:

@@ -103,7 +103,7 @@ OUTPUTS = {
 READ = frozenset(
     (
         *("data", "originals", "results", "scenario", "values", "log", "logs", "new_data", "measured", "simulated"),
-        *("sensors", "programme", "model", "on", "deck", "file", "campaign", "question"),
+        *("sensors", "programme", "model", "on", "deck", "file", "campaign", "question", "old", "new"),
     )
 )
 """Names of options and arguments that a command only reads."""
