@@ -350,10 +350,8 @@ def predict(
 ) -> Prediction:
     """Prediction of a scenario: temperatures with standard errors, and the sources of these.
 
-    With `error_model` the band is that of the model of error of a fit of this session (docs/statistics.md), with what is stated and what
-    stages below found beside it. What follows says how it is made otherwise.
-
-    Errors are carried by the derivatives of every temperature with respect to every source (Joint Committee for Guides in Metrology,
+    With `error_model` the band is that of the model of error (docs/statistics.md), with what is stated and what stages below say beside it.
+    Otherwise errors are carried by the derivatives of every temperature with respect to every source (Joint Committee for Guides in Metrology,
     GUM 2008, 5.2.2). Where members that are drawn from the same sources would give another band (its mean off by a tenth of the half-width,
     or the half-width by a tenth), members are drawn, and a remark states this.
 
@@ -378,8 +376,7 @@ def predict(
     seed : int                  Of the draws.
     options : Options           The integrator's.
     error_model : bool          Whether the band is that of the model of error; without `model`, `without` and `draws`.
-    as_logged : bool            With it, whether rooms and powers of the scenario are what the instruments of the fit would read, constant
-                                errors and all; else they are what acts.
+    as_logged : bool            With it: rooms and powers of the scenario are what instruments of the fit would read, not what acts.
 
     Raises
     ------
