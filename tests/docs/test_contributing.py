@@ -358,16 +358,6 @@ def test_the_walks_are_those_of_a_running_fit(tmp_path: Path) -> None:
     assert all((ROOT / word).is_file() for word in kernel)
 
 
-def test_decisions_are_listed_by_room() -> None:
-    for room in sorted(path.name for path in PACKAGE.iterdir() if path.is_dir() and path.name[0] != "_"):
-        listed = re.findall(r"\]\(([\w-]+\.md)\)", about(room))
-        assert listed, room
-        assert all((ROOT / "docs" / "decisions" / name).is_file() for name in listed)
-    assert about().count("\n- ") == len([*(ROOT / "docs" / "decisions").glob("[0-9]*.md")])
-    with pytest.raises(SystemExit, match=r"no decisions are listed under 'networks'\. The names are: app, "):
-        about("networks")
-
-
 def lines(module: str) -> int:
     return len((PACKAGE / f"{module}.py").read_text(encoding="utf-8").splitlines())
 
