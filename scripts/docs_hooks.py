@@ -144,13 +144,14 @@ def _clean(text: str) -> str:
 
 def design() -> str:
     """Return the list of the pages of the design, each with its first sentence, and of the notes that they took up."""
-    parts = ["# Design", "One page for each room and the kernel: what it is, why so, what was tried and dropped, what would change our mind."]
+    parts = ["# Design", "One page for each room and the kernel: what it is, why so, what was tried and dropped, and what would change it."]
     lines = []
     for path in sorted((ROOT / "docs/design").glob("*.md")):
         title, _, sentence = path.read_text(encoding="utf-8").split("\n\n")[:3]
         lines.append(f"- [{title.removeprefix('# ')}]({path.name}): {sentence.partition('. ')[0].removesuffix('.')}.")
     meaning = "Numbers in brackets are those of earlier notes. `git show COMMIT:docs/decisions/NAME.md` prints one."
-    notes = [f"| {number} | [{r['page']}]({r['page']}.md) | `{r['name']}` | `{r['commit']}` |" for number, r in fold_decisions.rows().items()]
+    rows = fold_decisions.rows().items()
+    notes = [f"| {number} | [{r['page']}]({r['page']}.md) | `{r['name']}` | `{r['commit']}` |" for number, r in rows]
     table = "\n".join(["| note | page | name | commit |", "|---|---|---|---|", *notes])
     return "\n\n".join([*parts, "\n".join(lines), "## Notes", meaning, table]) + "\n"
 

@@ -1,8 +1,9 @@
-"""Fold notes of docs/decisions into the pages of docs/design: `python scripts/fold_decisions.py`, again whenever a branch brings notes or links.
+"""Fold notes of docs/decisions into the pages of docs/design: `python scripts/fold_decisions.py`, again after each merge that brings notes.
 
 A page names the notes that it takes by their numbers in brackets, "(034, 195)". For every note that a page takes, docs/design/notes.toml
-gets its page, its name and the last commit that changed it; the file goes, and links to it lead to the page. `git show COMMIT:docs/decisions/NAME.md`
-prints it again. Notes that no page takes stay and are printed, with exit code 1: write a paragraph with their number, and run this again.
+gets its page, its name and the last commit that changed it; the file goes, and links to it lead to the page. Its text is
+`git show COMMIT:docs/decisions/NAME.md`. Notes that no page takes stay and are printed, with exit code 1: write a paragraph with their
+number, and run this again.
 """
 
 from __future__ import annotations
@@ -11,6 +12,7 @@ import re
 import subprocess
 import tomllib
 from collections.abc import Mapping
+from itertools import pairwise
 from pathlib import Path
 
 ROOT = Path(__file__).parent.parent
@@ -64,7 +66,7 @@ def folded(pages: Mapping[str, str]) -> tuple[Rows, list[Path]]:
     for number, row in table.items():
         row["page"] = pages.get(number, row["page"])
     names = sorted(path.stem for path in NOTES.glob("[0-9]*.md"))
-    if doubled := [(a, b) for a, b in zip(names, names[1:], strict=False) if a[:3] == b[:3]]:
+    if doubled := [(a, b) for a, b in pairwise(names) if a[:3] == b[:3]]:
         raise SystemExit(f"two notes have one number: {' and '.join(doubled[0])}. Rename one of them.")
     for path in sorted(NOTES.glob("[0-9]*.md")):
         if page := pages.get(path.name[:3]):
@@ -105,7 +107,7 @@ def main() -> int:
     left = sorted(path.name for path in NOTES.glob("[0-9]*.md"))
     print(f"{len(files)} notes folded, {len(table)} in the table, links moved in {moved} files.")
     if left:
-        print(f"{len(left)} notes that no page takes: {', '.join(left)}. Write a paragraph with their number on a page, and run this again.")
+        print(f"{len(left)} notes that no page takes: {', '.join(left)}. Write a paragraph with their number, and run this again.")
     return 1 if left else 0
 
 

@@ -78,7 +78,12 @@ NOT_GUIDES = {"benchmarks.md", "codes.md", "coverage.md", "mutants.md", "recipes
 
 def guides() -> list[Path]:
     """Return the pages that are read: guides, pages of the design, README, templates of reports."""
-    pages = [p for pattern in ("*.md", "howto/*.md", "from/*.md", "design/*.md") for p in (ROOT / "docs").glob(pattern) if p.name not in NOT_GUIDES]
+    pages = [
+        p
+        for pattern in ("*.md", "howto/*.md", "from/*.md", "design/*.md")
+        for p in (ROOT / "docs").glob(pattern)
+        if p.name not in NOT_GUIDES
+    ]
     pages += [ROOT / "README.md", ROOT / "examples/sisnav/study.md.in", *(ROOT / "examples").glob("*/README.md")]
     return [*sorted(pages), *sorted((ROOT / "src/thermid").rglob("*.jinja"))]
 

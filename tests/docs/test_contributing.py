@@ -19,7 +19,6 @@ from thermid.base.dual import value_of
 from thermid.base.errors import DeckError
 from thermid.model.elements import Law
 
-from .hooks import about
 from .pages import ROOT, blocks, codes, prose
 
 TEXT = (ROOT / "CONTRIBUTING.md").read_text(encoding="utf-8")
