@@ -158,7 +158,8 @@ def test_links_follow_a_folded_note() -> None:
     wanted = f"[007](docs/design/model.md) [8](../{folder}/008-c.md) docs/design/model.md, [d](docs/design)"
     assert fold_decisions.relinked(text, table, among_notes=False) == wanted
     assert fold_decisions.relinked(wanted, table, among_notes=False) == wanted
-    assert fold_decisions.relinked("[7](007-a-b.md), [8](008-c.md)", table, among_notes=True) == "[7](../design/model.md), [8](008-c.md)"
+    note, moved = "[7](007-a-b.md), [8](008-c.md)", "[7](../design/model.md), [8](008-c.md)"
+    assert fold_decisions.relinked(note, table, among_notes=True) == moved
 
 
 def test_code_named_in_the_design_exists() -> None:
