@@ -60,7 +60,7 @@ def folded(pages: Mapping[str, str]) -> tuple[Rows, list[Path]]:
 
     Raises
     ------
-    SystemExit   When two files have one number.
+    SystemExit   When two files have one number, or one is in no commit yet.
     """
     table, files = rows(), []
     for number, row in table.items():
@@ -71,6 +71,8 @@ def folded(pages: Mapping[str, str]) -> tuple[Rows, list[Path]]:
     for path in sorted(NOTES.glob("[0-9]*.md")):
         if page := pages.get(path.name[:3]):
             commit = git("log", "-1", "--format=%H", "--", str(path)).strip()[:12]
+            if not commit:
+                raise SystemExit(f"{path.name} is in no commit yet. Commit it first, so that the table can name one.")
             table[path.name[:3]] = {"page": page, "name": path.stem, "commit": commit}
             files.append(path)
     return dict(sorted(table.items())), files
