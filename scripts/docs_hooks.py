@@ -1,6 +1,6 @@
 """What the documentation site has beside the pages of docs/: mkdocs calls the functions `on_...` of this file (see mkdocs.yml).
 
-Pages of the reference, of the command line and of the decisions are written from the code; changes and contributing come
+Pages of the reference, of the command line and the list of the design are written from the code; changes and contributing come
 from the root; pictures are made by the product's commands; fences say their file's name; formulas become MathML; links to
 files of the repository lead there.
 """
@@ -21,6 +21,7 @@ from thermid import errors
 
 sys.path.append(str(Path(__file__).parent))
 
+import fold_decisions
 import gallery
 import notebooks
 import studio_pictures
@@ -80,7 +81,7 @@ def virtual_pages() -> dict[str, str]:
     pages = {f"reference/{room}.md": reference(room) for room in ROOMS}
     pages["reference/errors.md"] = _errors()
     pages["commands.md"] = commands()
-    pages["decisions/index.md"] = decisions()
+    pages["design/index.md"] = design()
     pages["gallery.md"] = gallery.page()
     pages["notebooks/index.md"] = notebooks.contents()
     pages |= {f"notebooks/{name}.md": notebooks.plain(path) for name, path in notebooks.notebooks().items()}
@@ -141,37 +142,18 @@ def _clean(text: str) -> str:
     return re.sub(r"([|<>*_\[\]])", r"\\\1", " ".join(text.split()))
 
 
-DECISIONS = {
-    "model": "1 2 3 4 7 10 20 21 51 110 112 114 115 126 127 128 133 134 142 157 158 193 211 224",
-    "simulation, kernel and physics": "5 6 16 18 19 22 24 25 26 27 29 30 31 32 50 52 53 54 57 59 61 62 75 96 97 98 103 104 125 129 130 "
-    "131 132 135 136 137 140 141 150 151 156 160 175 191 192 200 202 203 204 214 217 228 251",
-    "measure": "12 35 37 101 102 145 146 147 148 149 165 177 216 225",
-    "fit": "13 14 15 17 33 41 45 47 48 72 76 89 91 105 106 109 118 152 153 155 161 162 163 180 181 182 183 184 185 186 213 219 234 239 "
-    "243 245",
-    "values and campaign": "42 43 55 56 79 111 116 117 119 120 123 154 172 188 223 226 232",
-    "prediction": "34 46 49 121 122 124 178 179 190 195 196 218 227 233 244 246 247 248",
-    "inference": "9 28 36 38 39 40 44 68 77 78 113 166 171 187 189 236 240 249",
-    "qualify": "63 64 65 66 67 69 70 94 95 138 167 229 230 231 241",
-    "site": "58 60 139 159",
-    "bench": "71 73 80 81 90 92 164",
-    "interop": "23 194 197 198 199 201 215",
-    "reporting and app": "74 82 83 84 86 87 88 93 107 108 168 169 205 207 208 209 210 212 220 221 251",
-}
-"""Rooms -> numbers of the decisions about them; the others are about the project as a whole."""
-
-
-def decisions() -> str:
-    """Return the list of the decisions, by room."""
-    titles = {int(path.name[:3]): path for path in sorted((ROOT / "docs/decisions").glob("[0-9]*.md"))}
-    groups = {rooms: [int(number) for number in numbers.split()] for rooms, numbers in DECISIONS.items()}
-    placed = {number for numbers in groups.values() for number in numbers}
-    groups["base and the project"] = [number for number in titles if number not in placed]
-    parts = ["# Decisions", "Each note states a question, the choices, the decision with its reason, and what would change it."]
-    for rooms, numbers in groups.items():
-        paths = [titles[number] for number in numbers]
-        rows = [f"- [{path.read_text(encoding='utf-8').splitlines()[0].removeprefix('# ')}]({path.name})" for path in paths]
-        parts += [f"## {rooms[0].upper()}{rooms[1:]}", "\n".join(rows)]
-    return "\n\n".join(parts) + "\n"
+def design() -> str:
+    """Return the list of the pages of the design, each with its first sentence, and of the notes that they took up."""
+    parts = ["# Design", "One page for each room and the kernel: what it is, why so, what was tried and dropped, and what would change it."]
+    lines = []
+    for path in sorted((ROOT / "docs/design").glob("*.md")):
+        title, _, sentence = path.read_text(encoding="utf-8").split("\n\n")[:3]
+        lines.append(f"- [{title.removeprefix('# ')}]({path.name}): {sentence.partition('. ')[0].removesuffix('.')}.")
+    meaning = "Numbers in brackets are those of earlier notes. `git show COMMIT:docs/decisions/NAME.md` prints one."
+    rows = fold_decisions.rows().items()
+    notes = [f"| {number} | [{r['page']}]({r['page']}.md) | `{r['name']}` | `{r['commit']}` |" for number, r in rows]
+    table = "\n".join(["| note | page | name | commit |", "|---|---|---|---|", *notes])
+    return "\n\n".join([*parts, "\n".join(lines), "## Notes", meaning, table]) + "\n"
 
 
 def draw(name: str, folder: Path) -> str:
@@ -205,8 +187,8 @@ def place_of(file: PurePosixPath) -> str | None:
     for page, root in ROOT_PAGES.items():
         if text == root:
             return page
-    if text == "docs/decisions":
-        return "decisions/index.md"
+    if text == "docs/design":
+        return "design/index.md"
     if text == "README.md":
         return "index.md"
     if file.parts[0] == "docs" and "schema" not in file.parts:
@@ -263,12 +245,12 @@ def on_files(files: Files, config: MkDocsConfig) -> Files:
 
 
 def on_page_markdown(markdown: str, page: Page, config: MkDocsConfig, files: Files) -> str:
-    """Turn a page as the repository has it into one as the site has it; how-tos are found first, single decisions in their list alone."""
+    """Turn a page as the repository has it into one as the site has it; how-tos come first in its search."""
     place = page.file.src_uri
     if place.startswith("howto/"):
         page.meta["search"] = {"boost": 4}
-    elif place.startswith(("decisions/", "changelog", "reference/")):
-        page.meta["search"] = {"exclude": True} if re.match(r"decisions/\d", place) else {"boost": 0.5}
+    elif place.startswith(("design/", "changelog", "reference/")):
+        page.meta["search"] = {"boost": 0.5}
     return turned(markdown, page.file.src_uri)
 
 

@@ -8,10 +8,10 @@ from .pages import ROOT
 
 sys.path.append(str(ROOT / "scripts"))
 
+import fold_decisions
 import notebooks
 import studio_pictures
-from decisions import about
 from docs_hooks import MADE, PICTURES, commands, rooms, turned, virtual_pages
 from formulas import mathml
 
-__all__ = ["MADE", "PICTURES", "about", "commands", "mathml", "notebooks", "rooms", "studio_pictures", "turned", "virtual_pages"]
+__all__ = ["MADE", "PICTURES", "commands", "fold_decisions", "mathml", "notebooks", "rooms", "studio_pictures", "turned", "virtual_pages"]

@@ -23,7 +23,7 @@ BANNED = {
     r"\bno longer unseen\b": "no longer independent",
     r"\bflow uphill\b": "from cold to hot",
 }
-"""Phrases of no text of the project, comments and decisions included -> what to write."""
+"""Phrases of no text of the project, comments included -> what to write."""
 
 BOUND = {
     r"\b(cannot|could not|would) tell\b|\btold\b": "does not determine, states",
@@ -70,15 +70,20 @@ DIALECT = {
     r"\b(can|may|to) be had\b": "is available",
     r"\bmust be shown\b": "claim",
 }
-"""Phrases of no guide, no title of a decision and no page of a report -> what to write."""
+"""Phrases of no guide, no page of a design and no page of a report -> what to write."""
 
 NOT_GUIDES = {"benchmarks.md", "codes.md", "coverage.md", "mutants.md", "recipes.md", "torture.md"}
 """Pages that programs write, or that are for developers."""
 
 
 def guides() -> list[Path]:
-    """Return the pages that a user reads: guides, README, templates of reports."""
-    pages = [p for pattern in ("*.md", "howto/*.md", "from/*.md") for p in (ROOT / "docs").glob(pattern) if p.name not in NOT_GUIDES]
+    """Return the pages that are read: guides, pages of the design, README, templates of reports."""
+    pages = [
+        p
+        for pattern in ("*.md", "howto/*.md", "from/*.md", "design/*.md")
+        for p in (ROOT / "docs").glob(pattern)
+        if p.name not in NOT_GUIDES
+    ]
     pages += [ROOT / "README.md", ROOT / "examples/sisnav/study.md.in", *(ROOT / "examples").glob("*/README.md")]
     return [*sorted(pages), *sorted((ROOT / "src/thermid").rglob("*.jinja"))]
 

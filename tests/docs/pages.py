@@ -12,7 +12,8 @@ FOLDERS = (".", "from", "howto")
 """Folders of docs/ whose pages are worked through."""
 PAGES = ("README.md", "CONTRIBUTING.md", "CHANGELOG.md")
 PAGES += tuple(str(path.relative_to(ROOT)) for folder in FOLDERS for path in sorted((ROOT / "docs" / folder).glob("*.md")))
-DECISIONS = tuple(sorted((ROOT / "docs" / "decisions").glob("*.md")))
+DESIGN = tuple(str(path.relative_to(ROOT)) for path in sorted((ROOT / "docs" / "design").glob("*.md")))
+"""Pages that say why rooms are as they are."""
 
 NUMBER = re.compile(r"(?<![\w.])[-+]?\d+(?:\.\d+)?(?:e[-+]?\d+)?(?![\w])")
 

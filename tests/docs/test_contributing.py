@@ -19,7 +19,6 @@ from thermid.base.dual import value_of
 from thermid.base.errors import DeckError
 from thermid.model.elements import Law
 
-from .hooks import about
 from .pages import ROOT, blocks, codes, prose
 
 TEXT = (ROOT / "CONTRIBUTING.md").read_text(encoding="utf-8")
@@ -356,16 +355,6 @@ def test_the_walks_are_those_of_a_running_fit(tmp_path: Path) -> None:
     kernel = [word for word in codes(prose(TEXT)) if word.startswith("src/kernel/")]
     assert kernel
     assert all((ROOT / word).is_file() for word in kernel)
-
-
-def test_decisions_are_listed_by_room() -> None:
-    for room in sorted(path.name for path in PACKAGE.iterdir() if path.is_dir() and path.name[0] != "_"):
-        listed = re.findall(r"\]\(([\w-]+\.md)\)", about(room))
-        assert listed, room
-        assert all((ROOT / "docs" / "decisions" / name).is_file() for name in listed)
-    assert about().count("\n- ") == len([*(ROOT / "docs" / "decisions").glob("[0-9]*.md")])
-    with pytest.raises(SystemExit, match=r"no decisions are listed under 'networks'\. The names are: app, "):
-        about("networks")
 
 
 def lines(module: str) -> int:

@@ -9,7 +9,6 @@ from functools import cache
 import pytest
 
 from .messages import BANNED, BOUND, DIALECT, ROOT, guides, messages, sentences
-from .pages import DECISIONS
 
 WRITTEN = [
     *(ROOT / "src" / "thermid").rglob("*.py"),
@@ -43,9 +42,8 @@ def every_message() -> list[tuple[str, str]]:
 
 @cache
 def prose() -> list[tuple[str, str]]:
-    """Place and text of every line of prose of the guides, and of the titles of the decisions."""
-    out = [(f"{p.relative_to(ROOT)}:{k}", line) for p in guides() for k, line in sentences(p.read_text(encoding="utf-8"))]
-    return out + [(path.name, path.read_text(encoding="utf-8").partition("\n")[0]) for path in DECISIONS]
+    """Place and text of every line of prose of the guides."""
+    return [(f"{p.relative_to(ROOT)}:{k}", line) for p in guides() for k, line in sentences(p.read_text(encoding="utf-8"))]
 
 
 @cache

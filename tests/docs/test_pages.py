@@ -10,8 +10,8 @@ import pytest
 
 import thermid as td
 
-from .hooks import MADE as PICTURES, virtual_pages
-from .pages import DECISIONS, PAGES, ROOT, Block, anchor, blocks, differences, headings, links, near, prose, tables
+from .hooks import MADE as PICTURES, fold_decisions, virtual_pages
+from .pages import DESIGN, PAGES, ROOT, Block, anchor, blocks, differences, headings, links, near, prose, tables
 from .workshop import Shown, Workshop, missing
 
 ELSEWHERE = {
@@ -21,11 +21,12 @@ ELSEWHERE = {
     | {"line-style", "example", "metric-size", "law-function", "law-row", "law-reference", "law-kind", "quick-check", "range"}
 }
 """Second words of blocks that test_contributing.py runs."""
-FOREIGN = {"KINDS", "TypeError", "math.sqrt", "csv", "pandas.read_csv"}
-FOREIGN |= {"td.run", "td.page", "repeat", "element.field", "STABLE_ABI", "PyErr_CheckSignals", "ARROWS"}
-"""Words of decisions that are no names here: of Python and other libraries; and what was not chosen, or stands for any name."""
+FOREIGN = {"pandas.read_csv", "repeat", "element.field"}
+"""Words of the design that are no names here: of Python and other libraries; and what was not chosen, or stands for any name."""
 MADE = {*PICTURES, *virtual_pages()}
-PARTS = ["Question", "Choices", "Decision", "What would change our mind"]
+PARTS = ["What it is", "Why so", "Tried and dropped", "What would change our mind"]
+WORDS, ALL_WORDS, LINES = 700, 12_000, 60
+"""Of a page of the design at most, of all of them together, and lines of the change log."""
 
 
 @pytest.mark.parametrize("page", PAGES)
@@ -33,7 +34,7 @@ def test_what_a_page_shows_happens(page: str, tmp_path: Path) -> None:
     Workshop.of(page, tmp_path).work(ELSEWHERE.get(page, set()))
 
 
-@pytest.mark.parametrize("page", [*PAGES, *(str(path.relative_to(ROOT)) for path in DECISIONS)])
+@pytest.mark.parametrize("page", [*PAGES, *DESIGN])
 def test_links_lead_somewhere(page: str) -> None:
     path = ROOT / page
     for target in links(path.read_text(encoding="utf-8")):
@@ -94,60 +95,97 @@ def test_every_number_of_the_readme_is_computed_or_a_name() -> None:
     assert re.findall(r"\d[\d.]*", text) == []
 
 
-def test_the_change_log_has_a_place_for_what_comes() -> None:
+def test_the_change_log_is_one_entry_of_what_the_product_does() -> None:
+    """A visible change is a line of it, or joins one."""
     text = (ROOT / "CHANGELOG.md").read_text(encoding="utf-8")
-    assert headings(text)[1] == (2, "Unreleased")
-    section = text.partition("## Unreleased")[2].partition("\n## ")[0]
-    assert len(re.findall(r"^- ", section, re.MULTILINE)) >= 10
+    assert [words for depth, words in headings(text) if depth == 2] == [td.__version__]
+    assert len(text.splitlines()) <= LINES
+    entry = text.partition(f"\n## {td.__version__}\n")[2].split("\n")
+    assert all(line.startswith(("- ", "### ")) for line in entry if line)
 
 
-def test_decisions_are_numbered_without_gaps() -> None:
-    names = sorted(path.name for path in DECISIONS)
-    assert [name[:3] for name in names] == [f"{number:03d}" for number in range(1, len(names) + 1)]
-    assert all(re.fullmatch(r"\d{3}-[a-z0-9-]+\.md", name) for name in names)
+def test_every_room_has_a_page_of_its_design() -> None:
+    rooms = {path.name for path in (ROOT / "src/thermid").iterdir() if path.is_dir() and path.name[0] != "_"}
+    assert {Path(page).stem for page in DESIGN} == {*rooms, "kernel"}
 
 
-def test_the_number_of_a_decision_is_that_of_its_link() -> None:
-    apart = []
+def test_pages_of_the_design_are_short() -> None:
+    words = {page: len((ROOT / page).read_text(encoding="utf-8").split()) for page in DESIGN}
+    assert {page: count for page, count in words.items() if count > WORDS} == {}
+    assert sum(words.values()) <= ALL_WORDS
+
+
+@pytest.mark.parametrize("page", DESIGN)
+def test_a_page_of_the_design_has_its_four_parts(page: str) -> None:
+    text = (ROOT / page).read_text(encoding="utf-8")
+    (depth, title), *parts = headings(text)
+    assert (depth, parts) == (1, [(2, part) for part in PARTS])
+    assert title.startswith("Design of ")
+    whole, *lists = re.split(r"^#+ .*$", text, flags=re.MULTILINE)[2:]
+    assert len(whole.split()) >= 10
+    for body in lists:
+        points = [line for line in body.splitlines() if line]
+        assert len(points) >= 3
+        assert [line for line in points if not line.startswith("- ")] == []
+
+
+def test_every_note_is_on_the_page_that_took_it() -> None:
+    """Numbers are without gaps, and no note lies beside the pages: `python scripts/fold_decisions.py`."""
+    table, pages = fold_decisions.rows(), fold_decisions.pages_by_number()
+    assert {number: row["page"] for number, row in table.items()} == pages
+    assert [*table] == [f"{k:03d}" for k in range(1, len(table) + 1)]
+    assert all(row["name"].startswith(f"{number}-") and re.fullmatch(r"[0-9a-f]{12}", row["commit"]) for number, row in table.items())
+    assert [*(ROOT / "docs/decisions").glob("*.md")] == []
+
+
+def test_the_number_of_a_note_leads_to_its_page() -> None:
+    table, apart = fold_decisions.rows(), []
     for path in [*ROOT.glob("*.md"), *(ROOT / "docs").rglob("*.md")]:
-        for said, file in re.findall(r"\[(?:[Dd]ecision )?(\d{3})\]\([^)\s]*?(\d{3})-[a-z0-9-]+\.md", path.read_text(encoding="utf-8")):
-            if said != file:
-                apart.append(f"{path.name}: {said} leads to {file}")
+        for number, page in re.findall(r"\[(?:[Dd]ecision )?(\d{3})\]\([^)\s]*?([\w-]+)\.md", path.read_text(encoding="utf-8")):
+            if table[number]["page"] != page:
+                apart.append(f"{path.name}: {number} leads to {page}")
     assert apart == []
 
 
-@pytest.mark.parametrize("path", DECISIONS, ids=lambda path: path.stem)
-def test_a_decision_has_its_four_parts(path: Path) -> None:
-    text = path.read_text(encoding="utf-8")
-    assert len(text.splitlines()) <= 40
-    (depth, title), *parts = headings(text)
-    assert depth == 1
-    assert title.startswith(f"{path.name[:3]} ")
-    assert parts == [(2, part) for part in PARTS]
-    bodies = re.split(r"^#+ .*$", text, flags=re.MULTILINE)[2:]
-    assert all(len(body.split()) >= 2 for body in bodies)
+def test_every_decision_that_a_text_names_is_in_the_table() -> None:
+    table = fold_decisions.rows()
+    folders = ("src", "tests", "scripts", "benchmarks", "docs")
+    texts = [p for folder in folders for p in (ROOT / folder).rglob("*.*") if p.suffix in (".py", ".md")]
+    named = {number for path in texts for number in re.findall(r"\b[Dd]ecisions? (\d{3})\b", path.read_text(encoding="utf-8"))}
+    assert len(named) > 5
+    assert named - {*table} == set()
 
 
-@pytest.mark.parametrize("page", [*PAGES, *(str(p.relative_to(ROOT)) for p in DECISIONS)])
+@pytest.mark.parametrize("page", [*PAGES, *DESIGN])
 def test_numbers_of_decisions_are_links(page: str) -> None:
     broken = re.findall(r"\[\d{3}\](?!\(|:).{0,20}", prose((ROOT / page).read_text(encoding="utf-8")))
     assert not broken, f"{page}: a decision's number that links nowhere"
 
 
-def test_code_named_in_decisions_exists() -> None:
+def test_links_follow_a_folded_note() -> None:
+    table, folder = {"007": {"page": "model"}}, "decisions"  # apart, since the script reads this file too
+    text = f"[007](docs/{folder}/007-a-b.md#why) [8](../{folder}/008-c.md) docs/{folder}/007-a-b.md, [d](docs/{folder})"
+    wanted = f"[007](docs/design/model.md) [8](../{folder}/008-c.md) docs/design/model.md, [d](docs/design)"
+    assert fold_decisions.relinked(text, table, among_notes=False) == wanted
+    assert fold_decisions.relinked(wanted, table, among_notes=False) == wanted
+    note, moved = "[7](007-a-b.md), [8](008-c.md)", "[7](../design/model.md), [8](008-c.md)"
+    assert fold_decisions.relinked(note, table, among_notes=True) == moved
+
+
+def test_code_named_in_the_design_exists() -> None:
     """Every word between backticks that looks like a name or a file of this project is one."""
     from .vocabulary import words_of_the_code
 
     source = ROOT / "src" / "thermid"
     known = words_of_the_code() | FOREIGN | {p.stem for p in source.rglob("*") if p.is_dir() or p.suffix == ".py"}
     strange = []
-    for path in DECISIONS:
-        for word in re.findall(r"`([A-Za-z_][\w./-]*)`", path.read_text(encoding="utf-8")):
+    for page in DESIGN:
+        for word in re.findall(r"`([A-Za-z_][\w./-]*)`", (ROOT / page).read_text(encoding="utf-8")):
             parts = [p for p in word.split(".") if p not in ("td", "thermid")]
             if "/" in word:
-                assert (ROOT / word).exists(), f"{path.name}: {word}"
+                assert (ROOT / word).exists(), f"{page}: {word}"
             elif word not in known and not all(p in known for p in parts):
-                strange.append(f"{path.name}: {word}")
+                strange.append(f"{page}: {word}")
     assert strange == [], "\n".join(strange)
 
 
@@ -197,6 +235,7 @@ def test_blocks_and_tables_are_found() -> None:
     assert tables(text) == {"B c": [["`a`", "one"]]}
 
 
-def test_every_decision_stands_once_in_the_list_by_room() -> None:
-    said = re.findall(r"\((\d{3})-[a-z0-9-]+\.md\)", virtual_pages()["decisions/index.md"])
-    assert sorted(said) == sorted(path.name[:3] for path in DECISIONS)
+def test_the_list_of_the_design_has_every_page_and_note() -> None:
+    shown = virtual_pages()["design/index.md"]
+    assert re.findall(r"^- \[Design of .*\]\((\w+)\.md\)", shown, re.MULTILINE) == [Path(page).stem for page in DESIGN]
+    assert re.findall(r"^\| (\d{3}) ", shown, re.MULTILINE) == [*fold_decisions.rows()]
