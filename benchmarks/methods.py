@@ -2,7 +2,7 @@
 
 Each case is run by modes and by steps in turns, and the least processor time of each kept: single times hang on what else the machine
 does, their ratio hardly. With ``--far`` also units a hundred times slower or three times faster, over ten hours, with noises from 2 mK
-to 0.5 K. ``loss`` is what the automatic choice costs beyond the better of the two (docs/decisions/022-modal-solution.md).
+to 0.5 K. ``loss`` is what the automatic choice costs beyond the better of the two (docs/design/simulation.md).
 """
 
 from __future__ import annotations

@@ -424,7 +424,7 @@ other kinds, and times the factor of run-level conformal prediction, which is in
 Gneiting's and Raftery's (2007): mean width, and 40 times what lies outside. Of tclabsp the room is fitted to each run, or stands on the
 run's first readings (a run that starts hot shows none: its room is assumed at 23 C). The fit weighs readings by what their residuals are
 worth, and learns from the other kinds what first readings say of a room, and how far a warm board starts from the balance of its
-neighbours ([239](decisions/239-rooms-from-first-readings.md)). Of the motor two kinds are left to fit, of the cube one: there the prior
+neighbours ([239](design/fit.md)). Of the motor two kinds are left to fit, of the cube one: there the prior
 of 10 % decides, and the bands are wide. An oracle that knows the RMSE of every run needs a half-width of 1.96 times that, in the last
 column: narrower bands need better predictions. What is missed stands first.
 

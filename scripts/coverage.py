@@ -83,7 +83,7 @@ in twenty-five.
 The true convection is proportional to dT^0.25, with coefficients between 0.8 and 2.2 W/(m^2 K) at 1 K and emissivities
 between 0.05 and 0.9. One test at 24 C is fitted. Half-widths and errors (root mean square of truth minus prediction) are in
 kelvin; rises are the true ones (median). The right side has the same predictions without the discrepancy of [decision
-034](decisions/034-constant-coefficients.md).
+034](design/prediction.md).
 
 | assembly | scenario | node | rise | contains the true value | half-width | error | without | half-width | error |
 |---|---|---|---|---|---|---|---|---|---|

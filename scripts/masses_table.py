@@ -36,7 +36,7 @@ to 0.4 % per kelvin and settles by up to 6 % over 15 to 60 minutes, two or three
 1/16 K. The document's structure is fitted: constant coefficients and the logged power. Then the structure that the tool itself proposes is
 fitted: the element that `criticise` suggests, or what the search of `improve` does. *Inside*: 95 % intervals that contain the true mass;
 *or told*: or their fit states that it is not adequate. Errors are in standard errors. *Widened*: fits whose errors count what
-the structure may lack ([decision 240](decisions/240-values-under-a-refuted-structure.md)). *Not adequate*: fits that state it.
+the structure may lack ([decision 240](design/inference.md)). *Not adequate*: fits that state it.
 Made by `python scripts/masses_table.py --benches {benches}` (seeds from {FIRST}; up to 125 were seen while the method was made).
 
 | step | masses | inside | inside or told | 95 % of errors below | half-width, median | widened | not adequate | refused |

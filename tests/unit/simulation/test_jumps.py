@@ -1,4 +1,4 @@
-"""What an output that lies exactly on the jump of an input shows, the same whoever computes it: docs/decisions/031-outputs-on-a-jump.md."""
+"""What an output that lies exactly on the jump of an input shows, the same whoever computes it: docs/design/kernel.md."""
 
 from __future__ import annotations
 

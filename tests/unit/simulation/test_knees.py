@@ -1,4 +1,4 @@
-"""A proportional heater's power has a knee at either end of its band; steps find them: docs/decisions/032-knees-of-heaters.md."""
+"""A proportional heater's power has a knee at either end of its band; steps find them: docs/design/kernel.md."""
 
 from __future__ import annotations
 

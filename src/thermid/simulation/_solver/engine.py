@@ -158,7 +158,7 @@ class Effort:
 
     @property
     def modal(self) -> float:
-        """Time by modes, as measured: docs/decisions/022-modal-solution.md. [s]"""
+        """Time by modes, as measured: docs/design/simulation.md. [s]"""
         n = self.nodes
         march = self.stretches * (15.0 + 0.25 * n * (1 + self.sampled)) + self.fresh * (400.0 + 50.0 * n)
         write = self.outputs * (n * (1.0 + 0.1 * n) + 30.0 * self.waves)
@@ -251,7 +251,7 @@ class Modal:
 
         12 (b k^2 r sqrt(d))^(2/5), where a node of rate k is moved by the input at a rate b, r is the size of the noise [K] and d the
         time between samples: fitted to steps counted over noises from 2 mK to 0.5 K, right within 2.5 times
-        (docs/decisions/022-modal-solution.md).
+        (docs/design/simulation.md).
         """
         signal, s = self.wiring.signals[name], self.wiring.structure
         if not isinstance(signal, TableSignal) or signal.times.size <= (5000 if signal.hold else 500):

@@ -105,7 +105,7 @@ class Traces:
 
 
 STEP_SHARE: Final = 0.25
-"""Part of the error of a run that a step of fourth order may make (docs/decisions/251-one-error-in-kelvin.md). [-]"""
+"""Part of the error of a run that a step of fourth order may make (docs/design/simulation.md). [-]"""
 SECOND_ORDER: Final = 2.5
 """A step of second order may make ``(SECOND_ORDER error)**1.5``: its error falls with the cube, that of the run with the square."""
 
