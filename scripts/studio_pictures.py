@@ -11,8 +11,6 @@ import shutil
 import sys
 from pathlib import Path
 
-sys.path.append(str(Path(__file__).parent))
-
 PARTS = {
     "studio": ("tune", "body", "The studio: stages, model, curves, parameters"),
     "stages": ("tune", "nav", "Stages of the campaign"),
@@ -71,6 +69,8 @@ def taken() -> dict[str, bytes]:
     out = {name: missing(title) for name, (_, _, title) in PARTS.items()}
     if not able() or os.environ.get("THERMID_DOCS_STUDIO") == "0":
         return out
+    if (here := str(Path(__file__).parent)) not in sys.path:  # a site builder takes it off again after hooks are loaded
+        sys.path.append(here)
     from screenshots import VIEWS, prepared, view
 
     with prepared() as work:

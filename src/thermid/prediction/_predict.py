@@ -351,16 +351,16 @@ def predict(
     """Prediction of a scenario: temperatures with standard errors, and the sources of these.
 
     With `error_model` the band is that of the model of error (docs/statistics.md), with what is stated and what stages below say beside it.
-    Otherwise errors are carried by the derivatives of every temperature with respect to every source (Joint Committee for Guides in Metrology,
-    GUM 2008, 5.2.2). Where members that are drawn from the same sources would give another band (its mean off by a tenth of the half-width,
-    or the half-width by a tenth), members are drawn, and a remark states this.
+    Otherwise errors are carried by the derivatives of every temperature with respect to every source (Joint Committee for Guides in
+    Metrology, GUM 2008, 5.2.2). Where members drawn from the same sources would give another band (mean or half-width off by a tenth of the
+    half-width), members are drawn, and a remark states this.
 
     Where a fit leaves residuals larger than the stated noise and a hidden defect (a clock, lags, a mass, a leak) is proved to explain
     them, the prediction is that of the fits with this defect, averaged by their probabilities; its first line states this. Where none is
     proved nothing is narrowed. ``without=("hidden defects",)`` keeps to the deck.
 
-    Where the scenario thins the gas of surfaces whose coefficients are effective, these are separated first; see `split`. Joints that were
-    fitted in air are then as uncertain as the gas in them is.
+    Where the scenario thins the gas of surfaces whose coefficients are effective, these are separated first (`split`); joints fitted in air
+    are then as uncertain as their gas.
 
     Parameters
     ----------

@@ -68,7 +68,10 @@ def test_heat_through_a_bar_is_the_integral_of_its_conductivity(cells: int) -> N
 def test_a_constant_table_is_a_constant() -> None:
     flat = {"kind": "conduction", "conductivity": {"points": [["0 [degC]", "200 [W/(m K)]"], ["90 [degC]", "200 [W/(m K)]"]]}}
     plain = {"kind": "conduction", "conductivity": "200 [W/(m K)]"}
-    runs = [td.simulate(bar(4, k | {"area": "2 [cm^2]", "thickness": "25 [mm]"}), ENDS, options=td.Options(error=4e-7))["x2"].kelvin for k in (flat, plain)]
+    runs = [
+        td.simulate(bar(4, k | {"area": "2 [cm^2]", "thickness": "25 [mm]"}), ENDS, options=td.Options(error=4e-7))["x2"].kelvin
+        for k in (flat, plain)
+    ]
     assert np.abs(runs[0] - runs[1]).max() < 1e-5
 
 

@@ -243,7 +243,7 @@ def test_extremes_of_members_under_noise_hold_to_the_millikelvins_left_out() -> 
 
 
 def compared(seed: int) -> float:
-    """Return how far the extremes of a random switched deck are off, and the course where they are; a switching off by dt moves that. [K]"""
+    """Return how far the extremes of a random switched deck are off, and the course there; a switching off by dt moves it. [K]"""
     deck, course = switched(seed)
     model, scenario = td.model_from_dict(deck), td.Scenario(**course)
     run = td.simulate(model, scenario, options=td.Options(error=4e-7))

@@ -49,9 +49,7 @@ SIZES: Final = SizeTable(
     hidden=SizePrior(0.83, "1", LEARNED, "mass behind a node that no deck has, in parts of the node's own", 9),
     run=SizePrior(0.027, "1", LEARNED, "departure of a coefficient, conductance, mass or power from run to run", 9),
     room=SizePrior(0.17, "K", LEARNED, "drift of a room about its logged or stated temperature", 2),
-    unlogged=SizePrior(
-        0.72, "K", LEARNED, "drift of a room that no log follows, about the value that stands for it", 7
-    ),
+    unlogged=SizePrior(0.72, "K", LEARNED, "drift of a room that no log follows, about the value that stands for it", 7),
     left=SizePrior(0.13, "K", LEARNED, "what no element explains, at a sensor", 9),
 )
 """Scales of the half-normal priors of sizes."""
