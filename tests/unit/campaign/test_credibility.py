@@ -97,7 +97,7 @@ class TestRecord:
         done = CliRunner().invoke(app, [*call, "--to", str(tmp_path / "c.toml"), "--json"])
         told = json.loads(done.stdout)
         assert told["values"][JOINT]["state"] == "calibrated"
-        assert told["sizes_of_error"]["hidden"]["sets"] == 9
+        assert told["sizes_of_error"]["run"]["sets"] == 9
         assert (tmp_path / "c.toml").is_file()
 
 

@@ -34,7 +34,9 @@ def test_the_table_is_what_the_sets_say(population: Any) -> None:
     kept = json.loads(KEPT.read_text(encoding="utf-8"))
     told = population.scales(kept["likelihoods"])
 
-    assert {g: (s.value, s.sets) for g, s in SIZES.items()} == {g: (population.rounded(of.value), of.sets) for g, of in told.items()}
+    assert told.pop("hidden").value > 5.0 * SIZES["hidden"].value  # with what the sets ask for, logs that were left out are predicted worse
+    shipped = {g: (s.value, s.sets) for g, s in SIZES.items() if g != "hidden"}
+    assert shipped == {g: (population.rounded(of.value), of.sets) for g, of in told.items()}
     assert list(SIZE_SETS) == list(kept["likelihoods"]) == list(kept["files"])
     assert all(len(digest) == 64 for files in kept["files"].values() for digest in files.values())
 
