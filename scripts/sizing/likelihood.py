@@ -43,10 +43,10 @@ class Evidence:
     def __call__(self, sizes: Array, left: float, time: float) -> Array:
         """Return it (members,) at sizes (members, groups) and at a size [K] and time (of the run) of what no element explains."""
         if (left, time) not in self._rows:
-            shared = self.runs.fitted.size + len(self.runs.columns)
+            shared = len(self.runs.values) + len(self.runs.columns)
             pairs = zip(self.runs.traces, self.runs.spans, strict=True)
             self._rows[left, time] = [RunRows.of(white_rows(t, Wander(left, time * span)), shared) for t, span in pairs]
-        wide = np.array([reach(u) for u in self.runs.problem.unknowns])
+        wide = np.array([reach(self.runs.problem.unknowns[k]) for k in self.runs.values])
         every = np.column_stack([np.broadcast_to(wide, (len(sizes), wide.size)), deviations(self.runs.columns, sizes)])
         own = [np.zeros((len(sizes), 0)), *(deviations(c, sizes) for c in self.runs.own)]
         return members_of([self.runs._priors(), *self._rows[left, time]], self.centre, every, own).log_evidence
