@@ -200,7 +200,7 @@ class Project:
         """
         if self.source is None or self.broken or self.campaign is not None:
             return
-        made, self.not_judged = self._made(), ""
+        made, self.not_judged = self._unjudged_campaign(), ""
         notice = None if told is None else lambda name, count, rms: told(name)
         whole = self.source.content.joint is not None and len(made.stages) == len(self.stages)
         try:
@@ -216,7 +216,7 @@ class Project:
         for name, found in made.stages.items():
             self._set(self._state(name, found), self.states[name].edition)
 
-    def _made(self) -> Campaign:
+    def _unjudged_campaign(self) -> Campaign:
         """Return the stages that are done as a campaign that nobody has judged."""
         done = {n: self.done[n] for n in self.stages if n in self.done and self.states[n].state == "done"}
         return Campaign(self.title, done, (), dict(self._keys), "", None, self.source, dict(self._requests))
@@ -314,7 +314,10 @@ class Project:
         if not stem.strip("_"):
             raise DeckError("give the values a name of letters and digits.", "save")
         desk = self.desk(name)
-        store = in_force(desk, values, desk.calibration.store if desk.calibration is not None else self._known(name))
+        # a stage that was not run has what it inherits
+        fitted, bare = desk.calibration, self.source is None
+        base = fitted.store if fitted is not None else Store() if bare else self._request(name).store
+        store = in_force(desk, values, base)
         if not store.states:
             raise DeckError("no value was changed, so there is nothing to save.", "save")
         self.results.mkdir(parents=True, exist_ok=True)
@@ -374,10 +377,6 @@ class Project:
         stage = next(s for s in self.source.content.stages if s.name == name)
         return resolve_inside(self.path.parent, stage.model, name)
 
-    def _known(self, name: str) -> Store:
-        """Return what a stage that was not run inherits."""
-        return Store() if self.source is None else self._request(name).store
-
     def swap(self, part: str, deck: str) -> RetunePlan:
         """Return what replacing a part by another deck of the project costs; the stages that turn stale are marked.
 
@@ -391,7 +390,7 @@ class Project:
         if undone:
             raise DeckError(f"stage '{undone[0]}' has not been run. Run the stages first.", self.title)
         file = resolve_inside(self.path.parent, deck, "swap", ())
-        return plan_retune(self.campaign or self._made(), part, load_model(file))
+        return plan_retune(self.campaign or self._unjudged_campaign(), part, load_model(file))
 
     def decks(self) -> tuple[str, ...]:
         """Return the decks beside the campaign."""

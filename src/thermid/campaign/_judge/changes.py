@@ -19,7 +19,7 @@ from thermid.simulation.network import Numbers, compile_network
 from thermid.simulation.runs import steady
 from thermid.simulation.scenarios import Scenario
 
-SAME: Final = 1e-9
+MAX_DIFFERENCE_OF_EQUALS: Final = 1e-9
 """Relative difference below which two numbers are one number written twice."""
 _WORDS: Final = frozenset({"source", "note", "basis", "where", "title", "text", "standing", "fields"})
 """Fields of an element that say where it comes from, or whose values are compared by path."""
@@ -76,7 +76,9 @@ class Changes(Result):
         lines += [f"  {each}" for each in self.changes]
         units = {"capacitance": "J/K", "area": "m^2", "power": "W"}
         lines += [
-            f"  total {what}: {a:.6g} -> {b:.6g} {units[what]}" for what, (a, b) in self.totals.items() if not isclose(a, b, rel_tol=SAME)
+            f"  total {what}: {a:.6g} -> {b:.6g} {units[what]}"
+            for what, (a, b) in self.totals.items()
+            if not isclose(a, b, rel_tol=MAX_DIFFERENCE_OF_EQUALS)
         ]
         for title, apart in self.temperatures.items():
             node = max(apart, key=lambda n: abs(apart[n]), default="")
@@ -219,11 +221,11 @@ def _apart(a: Any, b: Any) -> str:
 
 
 def _same(a: Any, b: Any) -> bool:
-    """Return whether two values mean the same: numbers within `SAME`, and whatever holds them."""
+    """Return whether two values mean the same: numbers within `MAX_DIFFERENCE_OF_EQUALS`, and whatever holds them."""
     if isinstance(a, int | float) and isinstance(b, int | float):
-        return isclose(a, b, rel_tol=SAME)
+        return isclose(a, b, rel_tol=MAX_DIFFERENCE_OF_EQUALS)
     if isinstance(a, np.ndarray) and isinstance(b, np.ndarray):
-        return a.shape == b.shape and bool(np.allclose(a, b, rtol=SAME, atol=0.0))
+        return a.shape == b.shape and bool(np.allclose(a, b, rtol=MAX_DIFFERENCE_OF_EQUALS, atol=0.0))
     if is_dataclass(a) and not isinstance(a, type):
         return type(a) is type(b) and not _apart(a, b)
     if isinstance(a, Mapping) and isinstance(b, Mapping):

@@ -213,14 +213,13 @@ def _radiation(coefficient: float, at: OperatingPoint, emissivity: float | None)
 
 def with_laws(network: Network, laws: Mapping[str, ElementLaw]) -> Network:
     """Return a network whose elements follow laws in place of constant values."""
-
-    def laid(c: FlatConductor) -> FlatConductor:
-        law = laws.get(c.path)
-        return c if law is None else replace(c, recipe=law, curve=law.curve if isinstance(law, JointLaw) else c.curve)
-
     # the radiation that an effective coefficient holds is a part of its law here
     held = {f"{path}.radiation" for path, law in laws.items() if isinstance(law, SurfaceLaw) and law.share}
-    own = tuple(laid(c) for c in network.flat.conductors if c.path not in held)
+    own = tuple(
+        c if (law := laws.get(c.path)) is None else replace(c, recipe=law, curve=law.curve if isinstance(law, JointLaw) else c.curve)
+        for c in network.flat.conductors
+        if c.path not in held
+    )
     return replace(network, flat=replace(network.flat, conductors=own))
 
 

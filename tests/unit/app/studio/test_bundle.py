@@ -57,7 +57,7 @@ def test_a_wheel_carries_the_bundle() -> None:
 
 def test_packages_are_pinned_by_hash_and_without_an_address() -> None:
     lock = (WEB / "package-lock.json").read_text(encoding="utf-8")
-    assert "://" not in re.sub(r'"(?:url|funding)": "[^"]*"', "", lock)
+    assert "://" not in lock
     assert lock.count('"integrity": "sha512-') == len(re.findall(r'"node_modules/[^"]+": \{', lock))
 
 
