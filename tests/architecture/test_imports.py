@@ -44,7 +44,7 @@ ARROWS |= {room: {*ARROWS, *TOP} for room in TOP}
 INSIDE = {
     "model": ("_laws", "_parts", "_tree", "_deck", "_blocks"),
     "measure": (".", "_record", "_readers"),
-    "simulation": ("_network", "_scenarios", "_solver", "."),
+    "simulation": ("_many", "_network", "_scenarios", "_solver", "."),
     "fit": ("_problem", "_minimisation", "_uncertainty", "_inputs", "_calibration", "_discrepancy", ".", "_power", "_estimation"),
     "inference": ("_explain", "."),
     "prediction": (".", "_reduction", "_monte_carlo"),

@@ -7,9 +7,9 @@ have gone alone.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Mapping, Sequence
-from dataclasses import dataclass, field
-from functools import partial
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, field, replace
+from functools import partial, reduce
 from typing import Any
 
 import numpy as np
@@ -22,6 +22,8 @@ from thermid.base.linear_algebra import Array, Bools, Indices
 from thermid.base.results import PlottedTrace, Result
 from thermid.model.laws import Constant
 from thermid.physics.constants import ICE_POINT
+from thermid.simulation._many.tally import PILOT, Grid, Tally
+from thermid.simulation._many.tasks import Workers, in_tasks
 from thermid.simulation._solution import Trace
 from thermid.simulation._solver.engine import Engine
 from thermid.simulation._solver.extremes import MemberTurnings
@@ -35,16 +37,18 @@ class Summary:
 
     Parameters
     ----------
-    quantiles : array (shares, times)   [K]
-    mean, sd : array (times,)           [K]
-    highest, lowest : array (members,)  Of each member's samples, NaN where it failed. [K]
+    quantiles, error : array (shares, times)    Read off counts, and by how much each may be wrong: half a bin. [K]
+    mean, sd : array (times,)                   [K]
+    reference : float                           [K]
+    extremes : array (2, members)               Highest and lowest of each member beside the reference, NaN where it failed. [K]
     """
 
     quantiles: Array
+    error: Array
     mean: Array
     sd: Array
-    highest: Array
-    lowest: Array
+    reference: float
+    extremes: NDArray[np.float32]
 
 
 @dataclass(frozen=True, eq=False)
@@ -107,27 +111,37 @@ class Ensemble(Result):
     def turnings(self, node: str) -> MemberTurnings | None:
         """Return the turning points of a node between samples in every member; None where members were not followed.
 
-        That is so with ``Options(extremes=False)``, and for a massless node that was eliminated: its weights differ from member to member.
+        That is so with ``Options(extremes=False)``, where only quantiles were kept (`highest` and `lowest` count them even so), and for a
+        massless node that was eliminated: its weights differ from member to member.
         """
         return self._turnings.get(self._kept(node))
 
     def quantile(self, node: str, share: Any) -> Array:
         """Return the temperature below which a share of the members lies, (times,) or (shares, times). [K]
 
+        Where only quantiles were kept they are read off counts and may be wrong by `quantile_error`.
+
         Raises
         ------
         ScenarioError   When a share does not lie between 0 and 1, or was not among those kept.
         """
+        return self._read(node, share, lambda s: s.quantiles, lambda path, wanted: np.quantile(self._whole(path), wanted, axis=1))
+
+    def quantile_error(self, node: str, share: Any) -> Array:
+        """Return by how much a quantile may be wrong because members were counted in bins: half a bin; zero where traces were kept. [K]"""
+        return self._read(node, share, lambda s: s.error, lambda _, wanted: np.zeros((wanted.size, self.times.size)))
+
+    def _read(self, node: str, share: Any, kept: Callable[[Summary], Array], whole: Callable[[str, Array], Array]) -> Array:
         path, wanted = self._kept(node), np.atleast_1d(np.asarray(share, dtype=float))
         check_shares(wanted, self.title)
         if self.shares:
-            for s in wanted.tolist():
-                if s not in self.shares:
-                    kept = ", ".join(f"{k:g}" for k in self.shares)
-                    raise ScenarioError(f"the quantile {s:g} was not stored, only {kept}. Add it to 'quantiles'.", self.title)
-            values: Array = self._summaries[path].quantiles[[self.shares.index(s) for s in wanted.tolist()]]
+            for x in wanted.tolist():
+                if x not in self.shares:
+                    stored = ", ".join(f"{k:g}" for k in self.shares)
+                    raise ScenarioError(f"the quantile {x:g} was not stored, only {stored}. Add it to 'quantiles'.", self.title)
+            values = kept(self._summaries[path])[[self.shares.index(s) for s in wanted.tolist()]]
         else:
-            values = np.quantile(self._whole(path), wanted, axis=1)
+            values = whole(path, wanted)
         return values if np.ndim(share) else np.asarray(values[0])
 
     def mean(self, node: str) -> Array:
@@ -154,11 +168,10 @@ class Ensemble(Result):
     def _furthest(self, node: str, sign: float) -> Array:
         path = self._kept(node)
         if self.shares:
-            samples = (self._summaries[path].highest if sign > 0 else self._summaries[path].lowest)[:, None]
-        else:
-            samples = self._traces(path).T
+            kept = self._summaries[path]
+            return np.asarray(kept.reference + kept.extremes[0 if sign > 0 else 1].astype(float) - ICE_POINT)
         turnings = self._turnings.get(path) or MemberTurnings.joined([])
-        return turnings.furthest(samples, sign) - ICE_POINT
+        return turnings.furthest(self._traces(path).T, sign) - ICE_POINT
 
     def exceedance(self, node: str, limit: Any) -> Array:
         """Return the share (times,) of the members in which a node is above a limit, such as ``"50 [degC]"``. [-]
@@ -218,7 +231,11 @@ def check_shares(shares: Array, where: str) -> None:
 
 
 CHUNK = 64_000_000
-"""Bytes of traces held at once while quantiles are taken."""
+"""Bytes of traces held at once while members are counted."""
+LEAST = 64
+"""Members that run together, however many samples they have."""
+TASKS = 12
+"""Shares into which members are divided for workers, so that these end at about the same time."""
 
 
 class _ApartError(Exception):
@@ -397,8 +414,6 @@ class MembersNumbers:
 
     def one(self, member: int, like: Assembled) -> Assembled:
         """Return the numbers of one member, without derivatives, as the kernel takes them."""
-        from dataclasses import replace
-
         offsets = {b: float(v[member]) for b, v in self.offsets.items()}
         return replace(like, coefficients=self.coefficients[:, member].copy(), initial=self.initial[:, member].copy(), offsets=offsets)
 
@@ -493,6 +508,118 @@ class _Recovery:
         return np.asarray(sum(parts))
 
 
+@dataclass(frozen=True, eq=False)
+class _Group:
+    """Members that ran together, counted from zero.
+
+    Parameters
+    ----------
+    recovery : _Recovery            Of all nodes from those that were stored.
+    stored : array (groups, times, kept, lanes)     [K]
+    times : array (times,)          [s]
+    failed, turnings, statistics    As of an `Ensemble`.
+    """
+
+    recovery: _Recovery
+    stored: Array
+    times: Array
+    failed: Mapping[int, str]
+    turnings: Mapping[str, MemberTurnings]
+    statistics: Mapping[str, Any]
+
+    def temperature(self, node: str) -> Array:
+        """Return the temperature (times, members) of a node, NaN where a member failed. [K]"""
+        out = self.recovery.temperature(self.stored, self.times, node)
+        out[:, list(self.failed)] = np.nan
+        return out
+
+
+@dataclass(frozen=True, eq=False)
+class _Runs:
+    """What every group of members shares, and a task of a worker needs."""
+
+    engine: Engine
+    times: Array
+    wanted: tuple[str, ...]
+    options: Options
+    threads: int
+    simd: str
+
+    def group(self, values: Mapping[str, Array]) -> _Group:
+        """Return the runs of members at values (members,)."""
+        engine, members = self.engine, next(iter(values.values())).size
+        numbers = _started(engine, assemble_members(engine.wiring, values, members))
+        kept, end = _needed(engine, self.wanted, numbers), engine.wiring.scenario.seconds
+        kernel = engine.members(numbers.coefficients, numbers.initial, self.times, kept, end, self.options, self.simd)
+        stored = kernel.advance(self.times.size, self.threads)
+        failed = _failed(engine, kernel, numbers, self.options)
+        turnings = _turnings(engine, kernel, numbers, self.wanted, kept, failed, self.options)
+        return _Group(_Recovery(engine, numbers, kept), stored, self.times, failed, turnings, _statistics(kernel))
+
+    @property
+    def at_once(self) -> int:
+        """How many members run together where their traces are not kept: whole lanes of the kernel, so that no bit depends on it."""
+        return int(np.clip(CHUNK // (8 * self.times.size * len(self.wanted)), LEAST, PILOT)) // 8 * 8
+
+    def counted(self, group: _Group, grids: Mapping[str, Grid]) -> _Counted:
+        """Return what is kept of a group."""
+        members = group.recovery.numbers.coefficients.shape[1]
+        good = np.setdiff1d(np.arange(members), list(group.failed))
+        tallies, extremes = {}, {}
+        for node, grid in grids.items():
+            kelvin = group.temperature(node)
+            tallies[node] = Tally.of(grid, kelvin[:, good])
+            points = group.turnings.get(node) or MemberTurnings.joined([])
+            ends = [points.furthest(kelvin.T, sign) - grid.centre[0] for sign in (1.0, -1.0)]
+            extremes[node] = np.array(ends, dtype=np.float32)
+        return _Counted(members, tallies, extremes, group.failed, group.statistics)
+
+
+@dataclass(frozen=True, eq=False)
+class _Counted:
+    """What is kept of members that were counted, numbered from zero.
+
+    Parameters
+    ----------
+    members : int
+    tallies : dict          Node -> counts of those that reached the end; empty where none did before.
+    extremes : dict         Node -> highest and lowest (2, members) beside the first centre of its grid, NaN where a member failed. [K]
+    failed, statistics      As of an `Ensemble`.
+    """
+
+    members: int
+    tallies: Mapping[str, Tally]
+    extremes: Mapping[str, NDArray[np.float32]]
+    failed: Mapping[int, str]
+    statistics: Mapping[str, Any]
+
+    def beside(self, later: _Counted) -> _Counted:
+        """Return these members and those that follow them."""
+        tallies = {**self.tallies, **{n: self.tallies[n].joined(t) if n in self.tallies else t for n, t in later.tallies.items()}}
+        unknown = np.full((2, self.members), np.nan, dtype=np.float32)
+        extremes = {n: np.concatenate([self.extremes.get(n, unknown), e], axis=1) for n, e in later.extremes.items()}
+        failed = {**self.failed, **{self.members + m: why for m, why in later.failed.items()}}
+        return _Counted(self.members + later.members, tallies, extremes, failed, _added([self.statistics, later.statistics]))
+
+
+def _count(runs: _Runs, values: Mapping[str, Array], grids: Mapping[str, Grid]) -> _Counted:
+    """Return what is kept of members, of which few run together; a task of a worker."""
+    parts = (runs.counted(runs.group(v), grids) for v in _shares_of(values, runs.at_once))
+    return reduce(_Counted.beside, parts)
+
+
+def _shares_of(values: Mapping[str, Array], size: int) -> list[dict[str, Array]]:
+    """Return the values (members,) of so many members after another."""
+    members = next(iter(values.values())).size
+    return [{n: v[first : first + size] for n, v in values.items()} for first in range(0, members, size)]
+
+
+def _added(parts: Sequence[Mapping[str, Any]]) -> dict[str, Any]:
+    """Return the statistics of several groups together."""
+    counts = {k: sum(p[k] for p in parts) for k in ("steps", "rejected", "one_by_one")}
+    return {**counts, "simd": " and ".join(dict.fromkeys(str(p["simd"]) for p in parts))}
+
+
 def run_members(
     engine: Engine,
     draws: Mapping[str, Any],
@@ -503,6 +630,7 @@ def run_members(
     threads: int,
     simd: str,
     warnings: tuple[str, ...],
+    executor: Workers = None,
 ) -> Ensemble:
     """Return the runs of all members.
 
@@ -522,30 +650,61 @@ def run_members(
     wanted = tuple(dict.fromkeys(network.find(n) for n in nodes)) if nodes is not None else (*network.nodes, *network.boundaries)
     if engine.runner is not None:
         return _one_by_one(engine, values, members, times, wanted, shares, warnings)
-    numbers = _started(engine, assemble_members(wiring, values, members))
-    kept = _needed(engine, wanted, numbers)
-    recovery = _Recovery(engine, numbers, kept)
-    run = partial(_run, engine, numbers, times, kept, options, simd)
-    if not shares:
-        kernel = run({})
-        stored = kernel.advance(times.size, threads)
-        failed = _failed(engine, kernel, numbers, options)
-        traces: Callable[[str], Array] = partial(_masked, recovery, stored, times, tuple(failed))
-        statistics = _statistics(kernel)
-        turnings = _turnings(engine, kernel, numbers, wanted, kept, failed, options)
-        return Ensemble(*titles, times, wanted, members, values, failed, shares, statistics, network.find, traces, {}, turnings, warnings)
-    failed = {}
-    while True:
-        # statistics must not hold the early part of a run that fails later: such members are found in one pass and left out of the next
-        kernel = run(failed)
-        summaries = _summarised(_chunks(kernel, times, len(kept), members, threads), recovery, wanted, shares, failed, members)
-        found = _failed(engine, kernel, numbers, options) | failed
-        if len(found) in (len(failed), members):
-            statistics, turnings = _statistics(kernel), _turnings(engine, kernel, numbers, wanted, kept, found, options)
-            return Ensemble(
-                *titles, times, wanted, members, values, found, shares, statistics, network.find, _no_traces, summaries, turnings, warnings
-            )
-        failed = found
+    runs = _Runs(engine, times, wanted, options, threads, simd)
+    if shares:
+        found = _all_counted(runs, values, members, executor)
+        known = {n: _summary(t, found.extremes[n], shares) for n, t in found.tallies.items() if t.members}
+        told = (found.failed, shares, found.statistics, network.find, _no_traces, known, {})
+    else:
+        tasks = _tasks(values, members, runs.at_once) if executor is not None else [("members", values)]
+        groups = dict(in_tasks(_Runs.group, [(name, (runs, v)) for name, v in tasks], executor))
+        parts = [groups[k] for k in range(len(groups))]
+        failed, turnings = _one_after_another(parts)
+        told = (failed, (), _added([p.statistics for p in parts]), network.find, partial(_traces_of, parts), {}, turnings)
+    return Ensemble(*titles, times, wanted, members, values, *told, warnings)
+
+
+def _all_counted(runs: _Runs, values: Mapping[str, Array], members: int, executor: Workers) -> _Counted:
+    """Return what is kept of all members: the first that reach the end say what grids the others are counted on."""
+    parts, at = [], 0
+    grids: dict[str, Grid] = {}
+    while at < members and not grids:
+        group = runs.group({n: v[at : at + runs.at_once] for n, v in values.items()})
+        alive = np.setdiff1d(np.arange(group.recovery.numbers.coefficients.shape[1]), list(group.failed))
+        grids = {n: Grid.of(group.temperature(n)[:, alive]) for n in runs.wanted} if alive.size else {}
+        parts.append(runs.counted(group, grids))
+        at += parts[-1].members
+    tasks = _tasks({n: v[at:] for n, v in values.items()}, members - at, runs.at_once, at) if at < members else []
+    found, tallies = {}, parts[-1].tallies
+    for k, part in in_tasks(_count, [(name, (runs, v, grids)) for name, v in tasks], executor):
+        tallies = {n: t.joined(part.tallies[n]) for n, t in tallies.items()}  # as they come: one table is kept, in whatever order
+        found[k] = replace(part, tallies={})
+    whole = reduce(_Counted.beside, [*parts, *(found[k] for k in range(len(found)))])
+    return replace(whole, tallies=tallies)
+
+
+def _tasks(values: Mapping[str, Array], members: int, at_once: int, first: int = 0) -> list[tuple[str, dict[str, Array]]]:
+    """Return the shares of workers: which members, and their values."""
+    size = at_once * max(1, -(-members // (TASKS * at_once)))
+    return [(f"members from {first + k * size} on", v) for k, v in enumerate(_shares_of(values, size))]
+
+
+def _summary(tally: Tally, extremes: NDArray[np.float32], shares: Sequence[float]) -> Summary:
+    """Return what is told of a node."""
+    return Summary(*tally.quantiles(shares), tally.mean, tally.sd, float(tally.grid.centre[0]), extremes)
+
+
+def _one_after_another(parts: Sequence[_Group]) -> tuple[dict[int, str], dict[str, MemberTurnings]]:
+    """Return failures and turning points of all groups; nodes that were not followed in each are left out."""
+    firsts = np.cumsum([0, *(p.recovery.numbers.coefficients.shape[1] for p in parts)]).tolist()
+    failed = {first + m: why for first, p in zip(firsts, parts, strict=False) for m, why in p.failed.items()}
+    followed = [n for n in parts[0].turnings if all(n in p.turnings for p in parts)]
+    joined = {n: MemberTurnings.joined([(first, p.turnings[n]) for first, p in zip(firsts, parts, strict=False)]) for n in followed}
+    return failed, joined
+
+
+def _traces_of(parts: Sequence[_Group], name: str) -> Array:
+    return parts[0].temperature(name) if len(parts) == 1 else np.concatenate([p.temperature(name) for p in parts], axis=1)
 
 
 def _one_by_one(
@@ -625,17 +784,6 @@ def _needed(engine: Engine, wanted: Sequence[str], numbers: MembersNumbers) -> t
     return tuple(out)
 
 
-def _run(
-    engine: Engine, numbers: MembersNumbers, times: Array, kept: Sequence[str], options: Options, simd: str, left_out: Mapping[int, str]
-) -> Any:
-    """Return the kernel's ensemble; members that are left out, and those without numbers, are given none."""
-    coefficients = numbers.coefficients
-    if left_out:
-        coefficients = coefficients.copy()
-        coefficients[:, list(left_out)] = np.nan
-    return engine.members(coefficients, numbers.initial, times, kept, engine.wiring.scenario.seconds, options, simd)
-
-
 def _failed(engine: Engine, kernel: Any, numbers: MembersNumbers, options: Options) -> dict[int, str]:
     """Return member -> why it did not reach the end."""
     status, node, time = kernel.status, kernel.node, kernel.time
@@ -662,9 +810,6 @@ def _turnings(
     if not options.extremes:
         return {}
     member, column, times, kelvin = kernel.turnings  # in order of columns, members and times
-    if failed:
-        alive = ~np.isin(member, np.array(list(failed), dtype=np.int64))
-        member, column, times, kelvin = member[alive], column[alive], times[alive], kelvin[alive]
     ends = np.searchsorted(column, np.arange(len(kept) + 1))
     member = member.astype(np.int64)
     out = {n: MemberTurnings(member[i:j], times[i:j], kelvin[i:j]) for n, i, j in zip(kept, ends[:-1], ends[1:], strict=True)}
@@ -673,7 +818,7 @@ def _turnings(
         if name in numbers.offsets:
             turns = signal_turnings(wiring.signals[f"boundary {name}"], wiring.scenario.seconds, 0.0)
             out[name] = MemberTurnings.alike(turns, numbers.offsets[name])
-    return {n: out[n] for n in wanted if n in out}
+    return {n: out[n].without(failed) for n in wanted if n in out}
 
 
 @dataclass(frozen=True)
@@ -688,48 +833,5 @@ def _statistics(kernel: Any) -> dict[str, Any]:
     return {"steps": kernel.steps, "rejected": kernel.rejected, "one_by_one": int(kernel.alone.sum()), "simd": kernel.simd}
 
 
-def _masked(recovery: _Recovery, stored: Array, times: Array, failed: tuple[int, ...], name: str) -> Array:
-    out = recovery.temperature(stored, times, name)
-    if failed:
-        out[:, list(failed)] = np.nan
-    return out
-
-
 def _no_traces(name: str) -> Array:
     raise ScenarioError(f"no trace of '{name}' was stored. Name it in 'nodes'.")
-
-
-def _chunks(kernel: Any, times: Array, kept: int, members: int, threads: int) -> Iterator[tuple[Array, Array]]:
-    """Yield times and stored temperatures of parts of the time."""
-    rows = max(1, CHUNK // (8 * members * max(kept, 1)))
-    for first in range(0, times.size, rows):
-        yield times[first : first + rows], kernel.advance(rows, threads)
-
-
-def _summarised(
-    chunks: Iterator[tuple[Array, Array]],
-    recovery: _Recovery,
-    wanted: Sequence[str],
-    shares: tuple[float, ...],
-    failed: Mapping[int, str],
-    members: int,
-) -> dict[str, Summary]:
-    """Return node -> quantiles, mean and spread at every time, and the highest and lowest sample of every member."""
-    parts: dict[str, list[tuple[Array, Array, Array]]] = {n: [] for n in wanted}
-    highest, lowest = ({n: np.full(members, end) for n in wanted} for end in (-np.inf, np.inf))
-    good = np.setdiff1d(np.arange(members), [*failed, *recovery.numbers.refused])
-    for times, stored in chunks:
-        for n in wanted:
-            values = recovery.temperature(stored, times, n)[:, good]
-            if good.size:
-                parts[n].append((np.quantile(values, shares, axis=1), values.mean(axis=1), spread_of(values)))
-                highest[n][good] = np.maximum(highest[n][good], values.max(axis=0))
-                lowest[n][good] = np.minimum(lowest[n][good], values.min(axis=0))
-    out = {}
-    for n in wanted:
-        for ends in (highest[n], lowest[n]):
-            ends[np.isinf(ends)] = np.nan
-        if parts[n]:
-            q, mean, sd = (np.concatenate(x, axis=-1) for x in zip(*parts[n], strict=True))
-            out[n] = Summary(q, mean, sd, highest[n], lowest[n])
-    return out

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Collection, Sequence
 from dataclasses import dataclass
 from typing import Protocol
 
@@ -122,6 +122,11 @@ class MemberTurnings:
     def shifted(self, shifts: Array) -> MemberTurnings:
         """Return them with a constant (members,) added to each member. [K]"""
         return MemberTurnings(self.members, self.times, self.kelvin + shifts[self.members])
+
+    def without(self, members: Collection[int]) -> MemberTurnings:
+        """Return those of all but some members, numbered as before."""
+        rest = ~np.isin(self.members, np.array(list(members), dtype=np.int64))
+        return MemberTurnings(self.members[rest], self.times[rest], self.kelvin[rest]) if members else self
 
     def taken(self, members: NDArray[np.int64], among: int) -> MemberTurnings:
         """Return those of some members in increasing order, of `among` in all, numbered anew."""

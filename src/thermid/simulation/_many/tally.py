@@ -1,0 +1,176 @@
+"""`Tally`: what many members say of a temperature at many times, without keeping any: counts on a grid, and moments in whole numbers.
+
+All that is kept are integers, so tallies that are joined in any order are the same to the last bit.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from thermid.base.linear_algebra import Array, Indices
+
+PILOT = 1000
+"""Members from which grids are chosen, at most."""
+SHARE = 100.0
+"""Bins in a standard deviation of the pilot, at least, where memory allows; otherwise in its range."""
+FINEST = -9
+"""Exponent of the finest bin: 2^-9 K is the least power of two above 1 mK."""
+MARGIN = 0.25
+"""By how much of its range the pilot's grid reaches beyond it on each side. [-]"""
+ROOM = 1 << 22
+"""Bins of a table beyond which they are made wider, as long as the pilot's range has `SHARE` of them."""
+STEP = 14
+"""Moments count in 2^-14 K."""
+FEWEST = 512
+"""Bins on which the counts beyond a grid rest, at least."""
+HALF = 18
+"""Bits of the lower half of a distance."""
+ROW, LEVEL = 39, 33
+"""Bits of a key at which row and level begin."""
+
+
+@dataclass(frozen=True, eq=False)
+class Grid:
+    """Where the counts of each row stand: bins of 2^exponent, chosen from a pilot alone.
+
+    Parameters
+    ----------
+    exponents : array (rows,)   Of the width of a bin. [K]
+    first, bins : array (rows,) Index of the lowest bin, how many there are; both even.
+    centre : array (rows,)      The pilot's mean. [K]
+    """
+
+    exponents: Indices
+    first: Indices
+    bins: Indices
+    centre: Array
+
+    @classmethod
+    def of(cls, pilot: Array) -> Grid:
+        """Return the grid for a pilot (rows, members). [K]"""
+        low, high = pilot.min(axis=1), pilot.max(axis=1)
+        exponents = _exponent(pilot.std(axis=1) / SHARE)
+        coarsest = np.maximum(exponents, _exponent((high - low) / SHARE))
+        while True:
+            width, beyond = np.ldexp(1.0, exponents), MARGIN * (high - low)
+            first = 2 * np.floor((low - beyond) / (2.0 * width)).astype(np.int64)
+            bins = 2 * np.floor((high + beyond) / (2.0 * width)).astype(np.int64) + 2 - first
+            if bins.sum() <= ROOM or (exponents >= coarsest).all():
+                return cls(exponents, first, bins, pilot.mean(axis=1))
+            exponents = np.minimum(exponents + 1, coarsest)
+
+
+def _exponent(width: Array) -> Indices:
+    """Return the exponent of the largest power of two that is no wider, none below the finest."""
+    return np.maximum(np.frexp(np.maximum(width, 2.0**FINEST))[1] - 1, FINEST).astype(np.int64)
+
+
+@dataclass(frozen=True, eq=False)
+class Tally:
+    """Counts and moments of rows, each a temperature at one time.
+
+    Parameters
+    ----------
+    grid : Grid
+    members : int               How many were counted.
+    counts : array (bins,)      Of all rows, one behind the other.
+    sums : array (4, rows)      Of the distances from the grid's centre in 2^-14 K, and of the products of their halves: high, mixed, low.
+    keys, beyond : array        Row, level and bin of what lies outside a grid, where a bin is 2^level times as wide; and how many.
+    """
+
+    grid: Grid
+    members: int
+    counts: NDArray[np.uint32]
+    sums: NDArray[np.int64]
+    keys: Indices
+    beyond: Indices
+
+    @classmethod
+    def of(cls, grid: Grid, values: Array) -> Tally:
+        """Return the tally of values (rows, members) that are all finite. [K]"""
+        at = np.floor(values * np.ldexp(1.0, -grid.exponents)[:, None]).astype(np.int64)
+        place = at - grid.first[:, None]
+        inside = (place >= 0) & (place < grid.bins[:, None])
+        starts = np.cumsum(grid.bins) - grid.bins
+        counts = np.bincount((place + starts[:, None])[inside], minlength=int(grid.bins.sum())).astype(np.uint32)
+        away = np.rint((values - grid.centre[:, None]) * 2.0**STEP).astype(np.int64)
+        high, low = away >> HALF, away & ((1 << HALF) - 1)  # a square of 1e6 K in such steps has more than 64 bits
+        sums = np.stack([x.sum(axis=1) for x in (away, high * high, high * low, low * low)])
+        rows, members = np.nonzero(~inside)
+        keys, beyond = np.unique(_keys(grid, rows, at[rows, members]), return_counts=True)
+        return cls(grid, values.shape[1], counts, sums, keys, beyond)
+
+    def joined(self, other: Tally) -> Tally:
+        """Return the tally of the members of both, which have one grid."""
+        keys, place = np.unique(np.concatenate([self.keys, other.keys]), return_inverse=True)
+        beyond = np.zeros(keys.size, dtype=np.int64)
+        np.add.at(beyond, place, np.concatenate([self.beyond, other.beyond]))
+        counts, sums = self.counts + other.counts, self.sums + other.sums
+        return Tally(self.grid, self.members + other.members, counts, sums, keys, beyond)
+
+    @property
+    def mean(self) -> Array:
+        """Means (rows,), to 2^-15 K. [K]"""
+        return np.asarray(self.grid.centre + self.sums[0] / self.members * 2.0**-STEP)
+
+    @property
+    def sd(self) -> Array:
+        """Standard deviations (rows,); zero for one member. [K]"""
+        n, out = self.members, np.zeros(self.sums.shape[1])
+        for row, (total, high, mixed, low) in enumerate(self.sums.T.tolist() if n > 1 else ()):
+            squares = (high << 2 * HALF) + (mixed << HALF + 1) + low
+            out[row] = ((n * squares - total * total) / (n * (n - 1))) ** 0.5
+        return np.asarray(out * 2.0**-STEP)
+
+    def quantiles(self, shares: Sequence[float]) -> tuple[Array, Array]:
+        """Return the quantiles (shares, rows), and by how much each may be wrong: half a bin. [K]"""
+        wanted = np.asarray(shares, dtype=float) * (self.members - 1)
+        below = np.floor(wanted).astype(np.int64)
+        found, error = np.empty((2, wanted.size, self.grid.bins.size))
+        for row, (middles, halves, counts) in enumerate(self._rows()):
+            upto = np.cumsum(counts)
+            a, b = (np.searchsorted(upto, rank, side="right") for rank in (below, np.ceil(wanted).astype(np.int64)))
+            found[:, row] = middles[a] + (wanted - below) * (middles[b] - middles[a])
+            error[:, row] = np.maximum(halves[a], halves[b])
+        return found, error
+
+    def _rows(self) -> list[tuple[Array, Array, Indices]]:
+        """Return of each row the bins that hold members, in order: their middles and half widths [K], and how many."""
+        grid, out = self.grid, []
+        row, level = self.keys >> ROW, (self.keys >> LEVEL) & ((1 << ROW - LEVEL) - 1)
+        index = (self.keys & ((1 << LEVEL) - 1)) - (1 << LEVEL - 1)
+        ends, begins = np.cumsum(grid.bins), np.searchsorted(row, np.arange(grid.bins.size + 1))
+        for k, end in enumerate(ends.tolist()):
+            own, mine = self.counts[end - int(grid.bins[k]) : end], slice(begins[k], begins[k + 1])
+            held = np.flatnonzero(own)
+            widths = np.ldexp(1.0, np.concatenate([np.zeros(held.size, dtype=np.int64), level[mine]]) + grid.exponents[k])
+            middles = (np.concatenate([held + grid.first[k], index[mine]]) + 0.5) * widths
+            order = np.argsort(middles, kind="stable")
+            counts = np.concatenate([own[held].astype(np.int64), self.beyond[mine]])
+            out.append((middles[order], 0.5 * widths[order], counts[order]))
+        return out
+
+
+def _keys(grid: Grid, rows: Indices, at: Indices) -> Indices:
+    """Return the keys of bins (values,) that lie outside the grids of their rows.
+
+    Grids grow level by level to twice their reach, their bins as well. The edges of each are edges of bins of the next, so that a wider bin
+    never holds what a narrower one could.
+    """
+    low, high = grid.first[rows], grid.first[rows] + grid.bins[rows]
+    reach, keys = np.maximum(grid.bins[rows], FEWEST), np.zeros(rows.size, dtype=np.int64)
+    level, open_ = 0, np.arange(rows.size)
+    while open_.size:
+        level += 1
+        edge = np.int64(1) << (level + 1)
+        low = (low - (reach << (level - 1))) // edge * edge
+        high = -((-high - (reach << (level - 1))) // edge) * edge
+        now = (at[open_] >= low) & (at[open_] < high)
+        mine = open_[now]
+        keys[mine] = (rows[mine] << ROW) + (np.int64(level) << LEVEL) + (at[mine] >> level) + (np.int64(1) << LEVEL - 1)
+        low, high, reach, open_ = low[~now], high[~now], reach[~now], open_[~now]
+    return keys

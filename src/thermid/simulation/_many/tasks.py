@@ -1,0 +1,128 @@
+"""`in_tasks`: the results of tasks that do not need each other, from this process, from a pool, or from a cluster.
+
+A task carries all that it needs, and may be done twice. Nothing is handed out beforehand: a worker that joins late is as good as any.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator, Sequence
+from concurrent.futures import BrokenExecutor, CancelledError, Executor, as_completed
+from contextlib import ExitStack, contextmanager
+from typing import Any, TypeVar
+
+from thermid.base.errors import ScenarioError, ThermidError, errors_at
+from thermid.base.extensions import optional
+
+Made = TypeVar("Made")
+Workers = Executor | str | int | None
+"""Who does tasks: any executor of `concurrent.futures` (threads, processes, mpi4py's, Dask's ``client.get_executor()``); the address of a
+Dask scheduler, ``tcp://host:8786``; ``"joblib"``, the backend of `joblib.parallel_config`; a number of processes of this machine; None for
+this process alone."""
+PATIENCE = "20s"
+"""How long a cluster may take to answer."""
+ONE_THREAD = dict.fromkeys(("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS"), "1")
+"""Environment of processes of this machine: they share its cores already."""
+Call = tuple[Callable[..., Any], str, str, tuple[Any, ...]]
+
+
+def in_tasks(function: Callable[..., Made], tasks: Sequence[tuple[str, tuple[Any, ...]]], workers: Workers) -> Iterator[tuple[int, Made]]:
+    """Yield the position of each task and its result, as they are done; what is not wanted any more is not begun.
+
+    Parameters
+    ----------
+    function : callable     At the top level of a module, so that a worker finds it.
+    tasks : sequence        What each is, for messages, and the arguments.
+    workers : see `Workers`
+
+    Raises
+    ------
+    ScenarioError       When there are no such workers, one has another version, or ended while it was at work.
+    ThermidError        Of a task, which it names.
+    MissingExtraError   When joblib or distributed is needed and not installed.
+    """
+    from importlib.metadata import version
+
+    calls = [(function, version("thermid"), name, arguments) for name, arguments in tasks]
+    if isinstance(workers, int) and workers < 1:
+        raise ScenarioError(f"{workers} processes cannot do anything. Give at least one.")
+    if workers is None or (isinstance(workers, int) and min(workers, len(tasks)) <= 1):
+        yield from map(_done, enumerate(calls))
+    elif workers == "joblib":
+        joblib = optional("joblib", "a run on several processes")
+        with _said("of joblib"):
+            pool = joblib.Parallel(return_as="generator_unordered")
+            yield from pool(joblib.delayed(_done)(call) for call in enumerate(calls))
+    else:
+        with ExitStack() as stack:
+            yield from _by(_pool(workers, stack), calls, f"of '{workers}'" if isinstance(workers, str) else "of the pool")
+
+
+def _pool(workers: Executor | str | int, stack: ExitStack) -> Executor:
+    """Return an executor, which is left open where it is the caller's or keeps itself."""
+    if isinstance(workers, Executor):
+        return workers
+    if isinstance(workers, int):
+        loky = optional("joblib.externals.loky", "a run on several processes")
+        return loky.get_reusable_executor(max_workers=workers, env=ONE_THREAD)  # type: ignore[no-any-return]
+    if "://" not in workers:
+        raise ScenarioError(f"'{workers}' is no address of a scheduler. Write tcp://host:8786, or joblib.")
+    distributed = optional("distributed", "a run on several processes")
+    try:
+        client = distributed.Client(workers, timeout=PATIENCE, set_as_default=False)
+    except (OSError, ValueError) as error:
+        raise ScenarioError(f"no cluster responds at '{workers}'. Start one: dask scheduler, then dask worker {workers}.") from error
+    return stack.enter_context(client).get_executor(pure=False)  # type: ignore[no-any-return]
+
+
+def _by(pool: Executor, calls: Sequence[Call], whose: str) -> Iterator[tuple[int, Any]]:
+    open_ = []
+    try:
+        try:
+            open_ = [pool.submit(_done, call) for call in enumerate(calls)]
+        except (KeyError, OSError, RuntimeError) as error:  # a scheduler looks a worker up that is no longer there
+            raise _lost(whose) from error
+        for future in as_completed(open_):
+            with _said(whose):
+                found = future.result()
+            yield found
+    finally:
+        for future in open_:
+            future.cancel()
+
+
+@contextmanager
+def _said(whose: str) -> Iterator[None]:
+    """Say in a sentence that a worker ended, whatever the pool or the cluster calls it."""
+    try:
+        yield
+    except Exception as error:
+        if isinstance(error, BrokenExecutor | CancelledError) or type(error).__module__.partition(".")[0] == "distributed":
+            raise _lost(whose) from error
+        raise
+
+
+def _lost(whose: str) -> ScenarioError:
+    text = f"a worker {whose} ended while it was at work. Start it again, with more memory if it had too little."
+    return ScenarioError(text, code="run.worker-lost")
+
+
+def _done(numbered: tuple[int, Call]) -> tuple[int, Any]:
+    """Return a task's position and result; run where the task is.
+
+    Raises
+    ------
+    ScenarioError   When this is another version than the caller's.
+    """
+    from importlib.metadata import version
+
+    place, (function, wanted, name, arguments) = numbered
+    if (here := version("thermid")) != wanted:
+        raise ScenarioError(f"a worker has thermid {here}, this is {wanted}. Install one version everywhere.")
+    try:
+        with errors_at(name, ", "):
+            return place, function(*arguments)
+    except ThermidError:
+        raise
+    except Exception as error:
+        error.add_note(f"thermid was at {name}")
+        raise
