@@ -60,7 +60,7 @@ def test_ten_thousand_holds(whole: tuple[UncertainRuns, td.qualify.Hold]) -> Non
 
 @pytest.mark.campaign
 def test_processes_give_the_same_ten_thousand(question: td.qualify.HoldQuestion, whole: tuple[UncertainRuns, td.qualify.Hold]) -> None:
-    assert np.array_equal(question.run(workers=2)[0].temperatures, whole[0].temperatures)
+    assert np.array_equal(question.run(executor=2)[0].temperatures, whole[0].temperatures)
 
 
 @pytest.mark.campaign
@@ -71,4 +71,4 @@ def test_a_cluster_of_two_workers_gives_the_same_ten_thousand(
     from distributed import LocalCluster
 
     with LocalCluster(n_workers=2, threads_per_worker=1, dashboard_address=None) as cluster:
-        assert np.array_equal(question.run(cluster=cluster.scheduler_address)[0].temperatures, whole[0].temperatures)
+        assert np.array_equal(question.run(executor=cluster.scheduler_address)[0].temperatures, whole[0].temperatures)

@@ -22,7 +22,7 @@ from thermid.base.linear_algebra import Array, Bools, Indices
 from thermid.base.results import PlottedTrace, Result
 from thermid.model.laws import Constant
 from thermid.physics.constants import ICE_POINT
-from thermid.simulation._many.tally import PILOT, Grid, Tally
+from thermid.simulation._many.tally import PILOT, CountGrid, Tally
 from thermid.simulation._many.tasks import Workers, in_tasks
 from thermid.simulation._solution import Trace
 from thermid.simulation._solver.engine import Engine
@@ -232,8 +232,8 @@ def check_shares(shares: Array, where: str) -> None:
 
 CHUNK = 64_000_000
 """Bytes of traces held at once while members are counted."""
-LEAST = 64
-"""Members that run together, however many samples they have."""
+LANES = 8
+"""Members that the kernel runs together; groups of whole lanes run as all members would."""
 TASKS = 12
 """Shares into which members are divided for workers, so that these end at about the same time."""
 
@@ -509,7 +509,7 @@ class _Recovery:
 
 
 @dataclass(frozen=True, eq=False)
-class _Group:
+class _GroupRun:
     """Members that ran together, counted from zero.
 
     Parameters
@@ -545,7 +545,7 @@ class _Runs:
     threads: int
     simd: str
 
-    def group(self, values: Mapping[str, Array]) -> _Group:
+    def group(self, values: Mapping[str, Array]) -> _GroupRun:
         """Return the runs of members at values (members,)."""
         engine, members = self.engine, next(iter(values.values())).size
         numbers = _started(engine, assemble_members(engine.wiring, values, members))
@@ -554,14 +554,14 @@ class _Runs:
         stored = kernel.advance(self.times.size, self.threads)
         failed = _failed(engine, kernel, numbers, self.options)
         turnings = _turnings(engine, kernel, numbers, self.wanted, kept, failed, self.options)
-        return _Group(_Recovery(engine, numbers, kept), stored, self.times, failed, turnings, _statistics(kernel))
+        return _GroupRun(_Recovery(engine, numbers, kept), stored, self.times, failed, turnings, _statistics(kernel))
 
     @property
     def at_once(self) -> int:
-        """How many members run together where their traces are not kept: whole lanes of the kernel, so that no bit depends on it."""
-        return int(np.clip(CHUNK // (8 * self.times.size * len(self.wanted)), LEAST, PILOT)) // 8 * 8
+        """How many members run together where their traces are not kept."""
+        return max(min(CHUNK // (8 * self.times.size * len(self.wanted)), PILOT) // LANES, 1) * LANES
 
-    def counted(self, group: _Group, grids: Mapping[str, Grid]) -> _Counted:
+    def counted(self, group: _GroupRun, grids: Mapping[str, CountGrid]) -> _Counted:
         """Return what is kept of a group."""
         members = group.recovery.numbers.coefficients.shape[1]
         good = np.setdiff1d(np.arange(members), list(group.failed))
@@ -602,7 +602,7 @@ class _Counted:
         return _Counted(self.members + later.members, tallies, extremes, failed, _added([self.statistics, later.statistics]))
 
 
-def _count(runs: _Runs, values: Mapping[str, Array], grids: Mapping[str, Grid]) -> _Counted:
+def _count(runs: _Runs, values: Mapping[str, Array], grids: Mapping[str, CountGrid]) -> _Counted:
     """Return what is kept of members, of which few run together; a task of a worker."""
     parts = (runs.counted(runs.group(v), grids) for v in _shares_of(values, runs.at_once))
     return reduce(_Counted.beside, parts)
@@ -651,31 +651,38 @@ def run_members(
     if engine.runner is not None:
         return _one_by_one(engine, values, members, times, wanted, shares, warnings)
     runs = _Runs(engine, times, wanted, options, threads, simd)
+    ensemble = partial(Ensemble, *titles, times, wanted, members, values)
     if shares:
         found = _all_counted(runs, values, members, executor)
-        known = {n: _summary(t, found.extremes[n], shares) for n, t in found.tallies.items() if t.members}
-        told = (found.failed, shares, found.statistics, network.find, _no_traces, known, {})
-    else:
-        tasks = _tasks(values, members, runs.at_once) if executor is not None else [("members", values)]
-        groups = dict(in_tasks(_Runs.group, [(name, (runs, v)) for name, v in tasks], executor))
-        parts = [groups[k] for k in range(len(groups))]
-        failed, turnings = _one_after_another(parts)
-        told = (failed, (), _added([p.statistics for p in parts]), network.find, partial(_traces_of, parts), {}, turnings)
-    return Ensemble(*titles, times, wanted, members, values, *told, warnings)
+        known = {n: _summary(t, found.extremes[n], shares) for n, t in found.tallies.items()}
+        return ensemble(found.failed, shares, found.statistics, network.find, _no_traces, known, {}, warnings)
+    parts = [runs.group(values)] if executor is None else _all_run(runs, values, members, executor)
+    failed, turnings = _one_after_another(parts)
+    return ensemble(failed, (), _added([p.statistics for p in parts]), network.find, partial(_traces_of, parts), {}, turnings, warnings)
+
+
+def _all_run(runs: _Runs, values: Mapping[str, Array], members: int, executor: Workers) -> list[_GroupRun]:
+    """Return the groups of all members, run by workers."""
+    tasks = [(name, (runs, v)) for name, v in _tasks(values, members, runs.at_once)]
+    groups = dict(in_tasks(_Runs.group, tasks, executor))
+    return [groups[k] for k in range(len(groups))]
 
 
 def _all_counted(runs: _Runs, values: Mapping[str, Array], members: int, executor: Workers) -> _Counted:
     """Return what is kept of all members: the first that reach the end say what grids the others are counted on."""
     parts, at = [], 0
-    grids: dict[str, Grid] = {}
+    grids: dict[str, CountGrid] = {}
     while at < members and not grids:
         group = runs.group({n: v[at : at + runs.at_once] for n, v in values.items()})
         alive = np.setdiff1d(np.arange(group.recovery.numbers.coefficients.shape[1]), list(group.failed))
-        grids = {n: Grid.of(group.temperature(n)[:, alive]) for n in runs.wanted} if alive.size else {}
+        grids = {n: CountGrid.of(group.temperature(n)[:, alive]) for n in runs.wanted} if alive.size else {}
         parts.append(runs.counted(group, grids))
         at += parts[-1].members
-    tasks = _tasks({n: v[at:] for n, v in values.items()}, members - at, runs.at_once, at) if at < members else []
-    found, tallies = {}, parts[-1].tallies
+    rest = {n: v[at:] for n, v in values.items()}
+    tasks = [("members", rest)] if executor is None else _tasks(rest, members - at, runs.at_once, at)
+    tasks = tasks if at < members else []
+    found: dict[int, _Counted] = {}
+    tallies = parts[-1].tallies
     for k, part in in_tasks(_count, [(name, (runs, v, grids)) for name, v in tasks], executor):
         tallies = {n: t.joined(part.tallies[n]) for n, t in tallies.items()}  # as they come: one table is kept, in whatever order
         found[k] = replace(part, tallies={})
@@ -694,7 +701,7 @@ def _summary(tally: Tally, extremes: NDArray[np.float32], shares: Sequence[float
     return Summary(*tally.quantiles(shares), tally.mean, tally.sd, float(tally.grid.centre[0]), extremes)
 
 
-def _one_after_another(parts: Sequence[_Group]) -> tuple[dict[int, str], dict[str, MemberTurnings]]:
+def _one_after_another(parts: Sequence[_GroupRun]) -> tuple[dict[int, str], dict[str, MemberTurnings]]:
     """Return failures and turning points of all groups; nodes that were not followed in each are left out."""
     firsts = np.cumsum([0, *(p.recovery.numbers.coefficients.shape[1] for p in parts)]).tolist()
     failed = {first + m: why for first, p in zip(firsts, parts, strict=False) for m, why in p.failed.items()}
@@ -703,7 +710,7 @@ def _one_after_another(parts: Sequence[_Group]) -> tuple[dict[int, str], dict[st
     return failed, joined
 
 
-def _traces_of(parts: Sequence[_Group], name: str) -> Array:
+def _traces_of(parts: Sequence[_GroupRun], name: str) -> Array:
     return parts[0].temperature(name) if len(parts) == 1 else np.concatenate([p.temperature(name) for p in parts], axis=1)
 
 

@@ -357,9 +357,9 @@ def ensemble(
                             ``initial.<node>``, and ``scale.<load>`` (a factor on its power). See `draw` and `FittedValues.draws`. Numbers
                             are SI, but temperatures state their unit: ``td.celsius(array)``.
     nodes : list of str     Nodes to keep; all of them when not given.
-    quantiles : list        Shares of the quantiles to keep in place of every trace, such as ``(0.05, 0.5, 0.95)``: memory does not grow with
-                            members, but for 8 bytes of each node's extremes. Members are counted in bins of a hundredth of the standard
-                            deviation of the first 1000, 2 mK at least; `Ensemble.quantile_error` says what that leaves open. [-]
+    quantiles : list        Shares of the quantiles to keep in place of every trace, such as ``(0.05, 0.5, 0.95)``: memory does not grow
+                            with members, but for 8 bytes of each node's extremes. Members are counted in bins of a hundredth of the
+                            standard deviation of the first 1000, 2 mK at least; see `Ensemble.quantile_error`. [-]
     threads : int           How many may compute at once.
     simd : str              Instruction set of the lanes; the widest of the machine unless one is named, for a comparison.
     executor : executor, str or int    Who runs shares of the members: an executor of `concurrent.futures`, the address of a Dask scheduler,

@@ -372,7 +372,7 @@ def hold(
     folder = to if to is not None else question.parent / "results"
     with MemberProgress() as progress:
         try:
-            _, answer = asked.run(n=members, folder=folder, workers=workers, cluster=cluster, progress=progress)
+            _, answer = asked.run(n=members, folder=folder, executor=cluster or workers, progress=progress)
         except KeyboardInterrupt:
             done = f"interrupted with {progress.finished} of {progress.members} members done"
             raise SolverError(f"{done}. The same command goes on from there.") from None

@@ -13,19 +13,16 @@ from zipfile import BadZipFile
 
 import numpy as np
 
-from thermid.base.errors import ScenarioError
-from thermid.base.extensions import optional
 from thermid.base.files import OWN, replacing, sweep
 from thermid.base.linear_algebra import Array
 from thermid.model.tree import Model
 from thermid.prediction._budget import Budget
 from thermid.prediction._setting import Setting
+from thermid.simulation.runs import Workers, in_tasks
 from thermid.simulation.scenarios import Scenario
 from thermid.simulation.solver import MemberTurnings, Options
 
 PARTS = ("members", "times", "kelvin")
-PATIENCE = "20s"
-"""How long a cluster may take to answer."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -196,42 +193,7 @@ class ChunkStore:
             np.savez(half, **arrays, failed=failed, why=why, version=version, simd=simd)
 
 
-def chunks(job: Job, wanted: Sequence[tuple[int, int]], workers: int, cluster: str, threads: int) -> Iterator[Chunk]:
-    """Yield chunks as they are done: here, in processes of this machine, or by a cluster."""
-    if cluster:
-        yield from _by_cluster(job, wanted, cluster)
-    elif workers > 1:
-        yield from _by_processes(job, wanted, workers)
-    else:
-        for first, members in wanted:
-            yield work(job, first, members, threads)
-
-
-def _by_processes(job: Job, wanted: Sequence[tuple[int, int]], workers: int) -> Iterator[Chunk]:
-    joblib = optional("joblib", "a run on several processes")
-    pool = joblib.Parallel(n_jobs=workers, return_as="generator_unordered")
-    yield from pool(joblib.delayed(work)(job, first, members) for first, members in wanted)
-
-
-def _by_cluster(job: Job, wanted: Sequence[tuple[int, int]], address: str) -> Iterator[Chunk]:
-    distributed = optional("distributed", "a run on several processes")
-    try:
-        client = distributed.Client(address, timeout=PATIENCE, set_as_default=False)
-    except (OSError, ValueError) as error:
-        raise ScenarioError(f"no cluster responds at '{address}'. Start one: dask scheduler, then dask worker {address}.") from error
-    with client:
-        lost = ScenarioError(
-            f"a worker of the cluster at '{address}' ended while it was at work. Start it again, with more memory if it had too little.",
-            code="run.worker-lost",
-        )
-        try:
-            shared = client.scatter(job, broadcast=True)
-            futures = [client.submit(work, shared, first, members, pure=False) for first, members in wanted]
-        except (KeyError, OSError) as error:  # the scheduler looks a worker up that is no longer there
-            raise lost from error
-        try:
-            for future in distributed.as_completed(futures, loop=client.loop):
-                yield future.result()
-        except BaseException as error:
-            client.cancel(futures)
-            raise (lost if isinstance(error, distributed.KilledWorker) else error) from None
+def chunks(job: Job, wanted: Sequence[tuple[int, int]], executor: Workers, threads: int) -> Iterator[Chunk]:
+    """Yield chunks as they are done, by the workers of `in_tasks`."""
+    tasks = [(f"members from {first} on", (job, first, members, threads)) for first, members in wanted]
+    return (chunk for _, chunk in in_tasks(work, tasks, executor))

@@ -12,6 +12,7 @@ from thermid.base.errors import MissingExtraError, NameNotFoundError, ScenarioEr
 from thermid.base.extensions import missing
 from thermid.base.linear_algebra import Array
 from thermid.prediction._monte_carlo.chunks import Job, run_members_of
+from thermid.simulation.runs import Workers, in_tasks
 
 FEWEST = 30
 """Members per input below which shares are not distinguishable from chance. [-]"""
@@ -104,7 +105,7 @@ class Sobol:
         return "\n".join(lines)
 
 
-def sobol_of(job: Job, node: str, time: float | None = None, *, base: int = 512) -> Sobol:
+def sobol_of(job: Job, node: str, time: float | None = None, *, base: int = 512, executor: Workers = None) -> Sobol:
     """Return Sobol's indices of a temperature with respect to everything that a job draws; values that a fit left open count as one group.
 
     Saltelli's design and estimators (Computer Physics Communications 181, 2010), by SALib.
@@ -115,6 +116,7 @@ def sobol_of(job: Job, node: str, time: float | None = None, *, base: int = 512)
     node : str      One of the nodes that are kept.
     time : float    When; the highest of the run when not given. [s]
     base : int      A power of two; the runs are this times the groups and two.
+    executor        As in `uncertain_runs`.
 
     Raises
     ------
@@ -142,17 +144,27 @@ def sobol_of(job: Job, node: str, time: float | None = None, *, base: int = 512)
         "bounds": [[half, 1.0 - half]] * len(groups),
     }
     numbers = np.asarray(design.sample(problem, base, calc_second_order=False, seed=job.seed)).T
-    parts = [run_members_of(job, numbers[:, k : k + job.chunk]) for k in range(0, numbers.shape[1], job.chunk)]
-    failed = next((why for p in parts for why in p.failed.values()), "")
-    if failed:
-        raise ScenarioError(f"a run of the design failed: {failed}", job.model.title)
-    if time is None:
-        result = np.concatenate([p.highest(job.nodes, path) for p in parts])
-    else:
-        result = np.array([np.interp(time, job.times, row) for p in parts for row in p.temperatures[:, job.nodes.index(path)]])
+    tasks = [(f"run {k} of the design", (job, numbers[:, k : k + job.chunk], path, time)) for k in range(0, numbers.shape[1], job.chunk)]
+    found = dict(in_tasks(_temperature_of, tasks, executor))
+    result = np.concatenate([found[k] for k in range(len(found))])
     indices = analysis.analyze(problem, result, calc_second_order=False, seed=job.seed)
     first, total, errors = ({n: float(x) for n, x in zip(names, indices[k], strict=True)} for k in ("S1", "ST", "ST_conf"))
     return Sobol(path, float("nan") if time is None else time, first, total, errors, numbers.shape[1])
+
+
+def _temperature_of(job: Job, numbers: Array, node: str, time: float | None) -> Array:
+    """Return the temperature (members,) of a node at a time, or its highest where none is given; nothing else of the members is kept. [K]
+
+    Raises
+    ------
+    ScenarioError   When a member fails.
+    """
+    part = run_members_of(job, numbers)
+    if part.failed:
+        raise ScenarioError(f"a run of the design failed: {next(iter(part.failed.values()))}", job.model.title)
+    if time is None:
+        return part.highest(job.nodes, node)
+    return np.array([np.interp(time, job.times, row) for row in part.temperatures[:, job.nodes.index(node)]])
 
 
 def _groups(job: Job) -> Sequence[str]:

@@ -28,6 +28,7 @@ from thermid.prediction._hand import filed
 from thermid.prediction._monte_carlo.drivers import Driver, drivers_of
 from thermid.prediction._monte_carlo.uncertain import Progress, UncertainRuns, uncertain_runs
 from thermid.prediction._reduction.macro import macro_model
+from thermid.simulation.runs import Workers
 from thermid.simulation.scenarios import Scenario, load_scenario
 from thermid.simulation.solver import MemberTurnings
 from thermid.values.fitted import FittedValues
@@ -426,8 +427,7 @@ class HoldQuestion:
         *,
         n: int = 0,
         folder: str | os.PathLike[str] | None = None,
-        workers: int = 1,
-        cluster: str = "",
+        executor: Workers = None,
         progress: Progress | None = None,
     ) -> tuple[UncertainRuns, Hold]:
         """Return the runs, and how long the limits are kept in them; arguments as in `uncertain_runs`."""
@@ -444,8 +444,7 @@ class HoldQuestion:
             nodes=list(self.limits),
             every=self.every or None,
             folder=folder,
-            workers=workers,
-            cluster=cluster,
+            executor=executor,
             progress=progress,
         )
         runs = replace(runs, warnings=(*self.remarks, *runs.warnings))

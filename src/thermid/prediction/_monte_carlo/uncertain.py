@@ -27,7 +27,7 @@ from thermid.prediction._predict import BENT, centre_words
 from thermid.prediction._reduction.macro import assumed
 from thermid.prediction._setting import Setting
 from thermid.simulation.network import compile_network
-from thermid.simulation.runs import output_times
+from thermid.simulation.runs import Workers, output_times
 from thermid.simulation.scenarios import SLOTS, Scenario
 from thermid.simulation.solver import MemberTurnings, Options
 from thermid.values.fitted import FittedValues
@@ -285,8 +285,7 @@ def uncertain_runs(
     nodes: Sequence[str] | None = None,
     every: str | float | None = None,
     folder: str | os.PathLike[str] | None = None,
-    workers: int = 1,
-    cluster: str = "",
+    executor: Workers = None,
     threads: int = 1,
     chunk: int = CHUNK,
     progress: Progress | None = None,
@@ -311,8 +310,7 @@ def uncertain_runs(
     nodes : sequence of str     Nodes to keep; the reference points by default.
     every : str or float        Interval of the stored samples; 121 by default.
     folder : path               Where chunks are kept: what is there is not run again, and a run that was interrupted goes on.
-    workers : int               Processes of this machine (needs joblib above 1).
-    cluster : str               Address of a Dask scheduler, ``tcp://host:8786``; its workers need the same thermid.
+    executor : executor, str or int    Who runs the chunks, as in `ensemble`.
     threads : int               Threads of one process.
     chunk : int                 Members that run together.
     progress : callable         Called with members done and members in all.
@@ -326,8 +324,8 @@ def uncertain_runs(
     if n > cap("members"):
         text = f"{n} members are too many; at most {cap('members'):,.0f} are run.{raising('members')}"
         raise ScenarioError(text, model.title, code="cap.exceeded")
-    if n < 1 or workers < 1:
-        raise ScenarioError("a campaign of runs needs at least one member and one process.", model.title)
+    if n < 1:
+        raise ScenarioError("a campaign of runs needs at least one member.", model.title)
     job, remarks = plan_runs(
         model, scenario, values, at=at, spread=spread, without=without, seed=seed, nodes=nodes, every=every, chunk=chunk, options=options
     )
@@ -337,9 +335,7 @@ def uncertain_runs(
     reused = sum(c.temperatures.shape[0] for c in done.values())
     if progress is not None:
         progress(reused, n)
-    for part in chunks(job, [p for p in parts if p[0] not in done], workers, cluster, threads):
-        if part.version != job.version:
-            raise ScenarioError(f"a worker has thermid {part.version}, this is {job.version}. Install one version everywhere.", model.title)
+    for part in chunks(job, [p for p in parts if p[0] not in done], executor, threads):
         done[part.first] = part
         if store is not None:
             store.save(part)

@@ -15,26 +15,26 @@ from thermid.base.linear_algebra import Array, Indices
 
 PILOT = 1000
 """Members from which grids are chosen, at most."""
-SHARE = 100.0
+BINS_IN_SPREAD = 100.0
 """Bins in a standard deviation of the pilot, at least, where memory allows; otherwise in its range."""
-FINEST = -9
+FINEST_BIN = -9
 """Exponent of the finest bin: 2^-9 K is the least power of two above 1 mK."""
-MARGIN = 0.25
+BEYOND_PILOT = 0.25
 """By how much of its range the pilot's grid reaches beyond it on each side. [-]"""
-ROOM = 1 << 22
-"""Bins of a table beyond which they are made wider, as long as the pilot's range has `SHARE` of them."""
-STEP = 14
+MOST_BINS = 1 << 22
+"""Bins of a table beyond which they are made wider, as long as the pilot's range has `BINS_IN_SPREAD` of them."""
+MOMENT_BITS = 14
 """Moments count in 2^-14 K."""
-FEWEST = 512
+LEAST_REACH = 512
 """Bins on which the counts beyond a grid rest, at least."""
-HALF = 18
+HALF_BITS = 18
 """Bits of the lower half of a distance."""
-ROW, LEVEL = 39, 33
+ROW_BIT, LEVEL_BIT = 39, 33
 """Bits of a key at which row and level begin."""
 
 
 @dataclass(frozen=True, eq=False)
-class Grid:
+class CountGrid:
     """Where the counts of each row stand: bins of 2^exponent, chosen from a pilot alone.
 
     Parameters
@@ -50,23 +50,23 @@ class Grid:
     centre: Array
 
     @classmethod
-    def of(cls, pilot: Array) -> Grid:
+    def of(cls, pilot: Array) -> CountGrid:
         """Return the grid for a pilot (rows, members). [K]"""
         low, high = pilot.min(axis=1), pilot.max(axis=1)
-        exponents = _exponent(pilot.std(axis=1) / SHARE)
-        coarsest = np.maximum(exponents, _exponent((high - low) / SHARE))
+        exponents = _exponent(pilot.std(axis=1) / BINS_IN_SPREAD)
+        coarsest = np.maximum(exponents, _exponent((high - low) / BINS_IN_SPREAD))
         while True:
-            width, beyond = np.ldexp(1.0, exponents), MARGIN * (high - low)
+            width, beyond = np.ldexp(1.0, exponents), BEYOND_PILOT * (high - low)
             first = 2 * np.floor((low - beyond) / (2.0 * width)).astype(np.int64)
             bins = 2 * np.floor((high + beyond) / (2.0 * width)).astype(np.int64) + 2 - first
-            if bins.sum() <= ROOM or (exponents >= coarsest).all():
+            if bins.sum() <= MOST_BINS or (exponents >= coarsest).all():
                 return cls(exponents, first, bins, pilot.mean(axis=1))
             exponents = np.minimum(exponents + 1, coarsest)
 
 
 def _exponent(width: Array) -> Indices:
     """Return the exponent of the largest power of two that is no wider, none below the finest."""
-    return np.maximum(np.frexp(np.maximum(width, 2.0**FINEST))[1] - 1, FINEST).astype(np.int64)
+    return np.asarray(np.maximum(np.frexp(np.maximum(width, 2.0**FINEST_BIN))[1] - 1, FINEST_BIN), dtype=np.int64)
 
 
 @dataclass(frozen=True, eq=False)
@@ -75,14 +75,14 @@ class Tally:
 
     Parameters
     ----------
-    grid : Grid
+    grid : CountGrid
     members : int               How many were counted.
     counts : array (bins,)      Of all rows, one behind the other.
     sums : array (4, rows)      Of the distances from the grid's centre in 2^-14 K, and of the products of their halves: high, mixed, low.
     keys, beyond : array        Row, level and bin of what lies outside a grid, where a bin is 2^level times as wide; and how many.
     """
 
-    grid: Grid
+    grid: CountGrid
     members: int
     counts: NDArray[np.uint32]
     sums: NDArray[np.int64]
@@ -90,15 +90,15 @@ class Tally:
     beyond: Indices
 
     @classmethod
-    def of(cls, grid: Grid, values: Array) -> Tally:
+    def of(cls, grid: CountGrid, values: Array) -> Tally:
         """Return the tally of values (rows, members) that are all finite. [K]"""
         at = np.floor(values * np.ldexp(1.0, -grid.exponents)[:, None]).astype(np.int64)
         place = at - grid.first[:, None]
         inside = (place >= 0) & (place < grid.bins[:, None])
         starts = np.cumsum(grid.bins) - grid.bins
         counts = np.bincount((place + starts[:, None])[inside], minlength=int(grid.bins.sum())).astype(np.uint32)
-        away = np.rint((values - grid.centre[:, None]) * 2.0**STEP).astype(np.int64)
-        high, low = away >> HALF, away & ((1 << HALF) - 1)  # a square of 1e6 K in such steps has more than 64 bits
+        away = np.rint((values - grid.centre[:, None]) * 2.0**MOMENT_BITS).astype(np.int64)
+        high, low = away >> HALF_BITS, away & ((1 << HALF_BITS) - 1)  # a square of 1e6 K in such steps has more than 64 bits
         sums = np.stack([x.sum(axis=1) for x in (away, high * high, high * low, low * low)])
         rows, members = np.nonzero(~inside)
         keys, beyond = np.unique(_keys(grid, rows, at[rows, members]), return_counts=True)
@@ -115,16 +115,16 @@ class Tally:
     @property
     def mean(self) -> Array:
         """Means (rows,), to 2^-15 K. [K]"""
-        return np.asarray(self.grid.centre + self.sums[0] / self.members * 2.0**-STEP)
+        return np.asarray(self.grid.centre + self.sums[0] / self.members * 2.0**-MOMENT_BITS)
 
     @property
     def sd(self) -> Array:
         """Standard deviations (rows,); zero for one member. [K]"""
         n, out = self.members, np.zeros(self.sums.shape[1])
         for row, (total, high, mixed, low) in enumerate(self.sums.T.tolist() if n > 1 else ()):
-            squares = (high << 2 * HALF) + (mixed << HALF + 1) + low
+            squares = (high << 2 * HALF_BITS) + (mixed << HALF_BITS + 1) + low
             out[row] = ((n * squares - total * total) / (n * (n - 1))) ** 0.5
-        return np.asarray(out * 2.0**-STEP)
+        return np.asarray(out * 2.0**-MOMENT_BITS)
 
     def quantiles(self, shares: Sequence[float]) -> tuple[Array, Array]:
         """Return the quantiles (shares, rows), and by how much each may be wrong: half a bin. [K]"""
@@ -141,8 +141,8 @@ class Tally:
     def _rows(self) -> list[tuple[Array, Array, Indices]]:
         """Return of each row the bins that hold members, in order: their middles and half widths [K], and how many."""
         grid, out = self.grid, []
-        row, level = self.keys >> ROW, (self.keys >> LEVEL) & ((1 << ROW - LEVEL) - 1)
-        index = (self.keys & ((1 << LEVEL) - 1)) - (1 << LEVEL - 1)
+        row, level = self.keys >> ROW_BIT, (self.keys >> LEVEL_BIT) & ((1 << ROW_BIT - LEVEL_BIT) - 1)
+        index = (self.keys & ((1 << LEVEL_BIT) - 1)) - (1 << LEVEL_BIT - 1)
         ends, begins = np.cumsum(grid.bins), np.searchsorted(row, np.arange(grid.bins.size + 1))
         for k, end in enumerate(ends.tolist()):
             own, mine = self.counts[end - int(grid.bins[k]) : end], slice(begins[k], begins[k + 1])
@@ -155,14 +155,14 @@ class Tally:
         return out
 
 
-def _keys(grid: Grid, rows: Indices, at: Indices) -> Indices:
+def _keys(grid: CountGrid, rows: Indices, at: Indices) -> Indices:
     """Return the keys of bins (values,) that lie outside the grids of their rows.
 
     Grids grow level by level to twice their reach, their bins as well. The edges of each are edges of bins of the next, so that a wider bin
     never holds what a narrower one could.
     """
     low, high = grid.first[rows], grid.first[rows] + grid.bins[rows]
-    reach, keys = np.maximum(grid.bins[rows], FEWEST), np.zeros(rows.size, dtype=np.int64)
+    reach, keys = np.maximum(grid.bins[rows], LEAST_REACH), np.zeros(rows.size, dtype=np.int64)
     level, open_ = 0, np.arange(rows.size)
     while open_.size:
         level += 1
@@ -171,6 +171,6 @@ def _keys(grid: Grid, rows: Indices, at: Indices) -> Indices:
         high = -((-high - (reach << (level - 1))) // edge) * edge
         now = (at[open_] >= low) & (at[open_] < high)
         mine = open_[now]
-        keys[mine] = (rows[mine] << ROW) + (np.int64(level) << LEVEL) + (at[mine] >> level) + (np.int64(1) << LEVEL - 1)
+        keys[mine] = (rows[mine] << ROW_BIT) + (np.int64(level) << LEVEL_BIT) + (at[mine] >> level) + (np.int64(1) << LEVEL_BIT - 1)
         low, high, reach, open_ = low[~now], high[~now], reach[~now], open_[~now]
     return keys

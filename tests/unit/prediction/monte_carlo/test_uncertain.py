@@ -3,13 +3,11 @@
 from __future__ import annotations
 
 from pathlib import Path
-from types import SimpleNamespace
 
 import numpy as np
 import pytest
 
 import thermid as td
-from by_code import raises_code
 from thermid.base.errors import NameNotFoundError, ScenarioError
 from thermid.prediction._budget import Target
 from thermid.prediction._known import normal_sources
@@ -245,59 +243,7 @@ def test_threads_give_the_same_numbers() -> None:
 
 @pytest.mark.campaign
 def test_processes_give_the_same_numbers() -> None:
-    assert np.array_equal(runs(workers=2).temperatures, runs().temperatures)
-
-
-@pytest.mark.campaign
-@pytest.mark.filterwarnings("ignore")
-def test_no_cluster_answers(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(campaign_runs, "PATIENCE", "1s")
-    with pytest.raises(ScenarioError, match=r"no cluster responds at 'tcp://127\.0\.0\.1:9'\. Start one: dask scheduler,"):
-        runs(cluster="tcp://127.0.0.1:9")
-
-
-class KilledWorkerError(Exception):
-    """Of the scheduler."""
-
-
-@pytest.mark.parametrize("when", ["scatter", "submit", "result"])
-def test_a_worker_that_dies_is_told_of_in_a_sentence(when: str, monkeypatch: pytest.MonkeyPatch) -> None:
-    """A worker that dies while the job is handed out was a bare KeyError with its address."""
-
-    class Client:
-        loop = None
-
-        def __enter__(self) -> Client:
-            return self
-
-        def __exit__(self, *_: object) -> None: ...
-
-        def scatter(self, job: object, broadcast: bool) -> object:
-            if when == "scatter":
-                raise KeyError("tcp://127.0.0.1:41234")
-            return job
-
-        def submit(self, *_: object, pure: bool) -> SimpleNamespace:
-            if when == "submit":
-                raise KeyError("tcp://127.0.0.1:41234")
-
-            def result() -> None:
-                raise KilledWorkerError
-
-            return SimpleNamespace(result=result)
-
-        def cancel(self, futures: object) -> None: ...
-
-    cluster = SimpleNamespace(Client=lambda *_, **__: Client(), as_completed=lambda f, loop: f, KilledWorker=KilledWorkerError)
-    monkeypatch.setattr(campaign_runs, "optional", lambda *_: cluster)
-    with raises_code("run.worker-lost", ScenarioError, match=r"a worker of the cluster at 'tcp://127\.0\.0\.1:9' ended"):
-        runs(cluster="tcp://127.0.0.1:9")
-
-
-def test_a_missing_package_is_named(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setitem(__import__("sys").modules, "joblib", None)
-    with pytest.raises(td.ThermidError, match=r"needs 'joblib', which is not installed\. Install with: .*pip install joblib"):
-        runs(workers=2)
+    assert np.array_equal(runs(executor=2).temperatures, runs().temperatures)
 
 
 def test_members_that_fail_are_left_out_and_told() -> None:
@@ -312,7 +258,7 @@ def test_members_that_fail_are_left_out_and_told() -> None:
 @pytest.mark.parametrize(
     ("more", "words"),
     [
-        ({"n": 0}, "at least one member and one process"),
+        ({"n": 0}, "at least one member"),
         ({"spread": {"air": "2 [K]", "loss.conductance": "range"}, "values": fitted()}, r"'loss\.conductance' has two spreads, by fit of"),
         ({"spread": {"air": {"sdd": "2 [K]"}}}, r"write \{sd\}, \{log_sd\}, \{low, high\} or \"range\".* Did you mean 'sd'\?"),
         ({"spread": {"air": "2 [%]"}}, "per cent do not apply to a temperature."),

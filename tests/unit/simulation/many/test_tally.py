@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from thermid.simulation._many.tally import Grid, Tally
+from thermid.simulation._many.tally import CountGrid, Tally
 
 SHARES = (0.0, 0.01, 0.025, 0.3, 0.5, 0.975, 0.999, 1.0)
 LAWS = ("normal", "two humps", "heavy tails", "sorted", "constant", "wide", "one pilot")
@@ -38,7 +38,7 @@ def joined(parts: list[Tally]) -> Tally:
 @pytest.mark.parametrize("law", LAWS)
 def test_quantiles_and_moments_are_as_good_as_stated(law: str) -> None:
     pilot, values = drawn(law)
-    grid = Grid.of(pilot)
+    grid = CountGrid.of(pilot)
     found, error = joined([Tally.of(grid, v) for v in np.array_split(values, 7, axis=1)]).quantiles(SHARES)
     exact = np.quantile(values, SHARES, axis=1)
     assert (np.abs(found - exact) <= error * (1.0 + 1e-9)).all()
@@ -51,23 +51,23 @@ def test_quantiles_and_moments_are_as_good_as_stated(law: str) -> None:
 @pytest.mark.parametrize("law", ["normal", "wide"])
 def test_inside_the_pilots_range_a_bin_is_a_hundredth_of_the_spread(law: str) -> None:
     pilot, values = drawn(law)
-    _, error = Tally.of(Grid.of(pilot), values).quantiles((0.025, 0.5, 0.9))
+    _, error = Tally.of(CountGrid.of(pilot), values).quantiles((0.025, 0.5, 0.9))
     assert (2.0 * error <= np.maximum(pilot.std(axis=1) / 100.0, 2.0**-9)).all()
 
 
 def test_what_was_not_foreseen_is_counted_as_finely_as_it_is_far() -> None:
     pilot, values = drawn("heavy tails")
-    found, error = Tally.of(Grid.of(pilot), values).quantiles((0.0, 0.999, 1.0))
+    found, error = Tally.of(CountGrid.of(pilot), values).quantiles((0.0, 0.999, 1.0))
     assert (error <= np.maximum(np.abs(found - np.median(values, axis=1)) / 100.0, 0.05)).all()
     late = drawn("sorted")
-    found, error = Tally.of(Grid.of(late[0]), late[1]).quantiles((0.5, 0.99))
+    found, error = Tally.of(CountGrid.of(late[0]), late[1]).quantiles((0.5, 0.99))
     assert (error <= 0.02).all()
 
 
 @pytest.mark.parametrize("law", ["normal", "heavy tails", "sorted"])
 def test_any_order_and_any_parts_give_the_same_bits(law: str) -> None:
     pilot, values = drawn(law)
-    grid, rng, kept = Grid.of(pilot), np.random.default_rng(8), set()
+    grid, rng, kept = CountGrid.of(pilot), np.random.default_rng(8), set()
     for _ in range(20):
         cuts = np.sort(rng.choice(np.arange(1, values.shape[1]), rng.integers(1, 12), replace=False))
         parts = [Tally.of(grid, v) for v in np.split(values, cuts, axis=1)]
@@ -81,8 +81,8 @@ def test_a_table_of_many_rows_has_wider_bins_but_not_beyond_a_hundredth_of_the_r
     from thermid.simulation._many import tally
 
     pilot, _ = drawn("normal")
-    fine = Grid.of(pilot)
-    monkeypatch.setattr(tally, "ROOM", 600)
-    coarse = Grid.of(pilot)
+    fine = CountGrid.of(pilot)
+    monkeypatch.setattr(tally, "MOST_BINS", 600)
+    coarse = CountGrid.of(pilot)
     assert coarse.bins.sum() < fine.bins.sum() / 2
     assert (np.ldexp(1.0, coarse.exponents) <= np.maximum(np.ptp(pilot, axis=1) / 100.0, 2.0**-9)).all()

@@ -1,0 +1,132 @@
+"""Who does tasks: every kind of worker gives the same results, and a mistake says whose it is."""
+
+from __future__ import annotations
+
+import multiprocessing
+import os
+from collections.abc import Callable
+from concurrent.futures import Executor, Future, ProcessPoolExecutor, ThreadPoolExecutor
+from threading import Event
+from types import SimpleNamespace
+from typing import Any
+
+import pytest
+
+import thermid as td
+from by_code import raises_code
+from thermid.base.errors import ScenarioError
+from thermid.simulation._many import tasks
+from thermid.simulation._many.tasks import in_tasks
+
+TASKS = [(f"number {k}", (k,)) for k in range(7)]
+
+
+def square(k: int) -> int:
+    return k * k
+
+
+def spoiled(k: int) -> int:
+    if k == 3:
+        raise ScenarioError("it went wrong.", "deck.toml")
+    if k == 5:
+        raise ZeroDivisionError("nothing to divide by")
+    return k
+
+
+def ends(k: int) -> int:
+    os._exit(1)
+
+
+def processes() -> ProcessPoolExecutor:
+    return ProcessPoolExecutor(1, mp_context=multiprocessing.get_context("forkserver"))
+
+
+@pytest.mark.parametrize("workers", [None, 1, ThreadPoolExecutor(3), "joblib"])
+def test_results_have_the_place_of_their_task(workers: Any) -> None:
+    assert dict(in_tasks(square, TASKS, workers)) == {k: k * k for k in range(7)}
+    assert list(in_tasks(square, [], workers)) == []
+
+
+@pytest.mark.parametrize("pool", [lambda: None, lambda: ThreadPoolExecutor(1), processes])
+def test_an_error_names_its_task(pool: Callable[[], Executor | None]) -> None:
+    with pytest.raises(ScenarioError, match=r"number 3, deck\.toml: it went wrong"):
+        list(in_tasks(spoiled, TASKS[:4], pool()))
+    with pytest.raises(ZeroDivisionError) as caught:
+        list(in_tasks(spoiled, TASKS[4:], pool()))
+    assert caught.value.__notes__ == ["thermid was at number 5"]
+
+
+def test_a_process_that_ends_is_told_of_in_a_sentence() -> None:
+    with raises_code("run.worker-lost", ScenarioError, match="a worker of the pool ended while it was at work"):
+        list(in_tasks(ends, TASKS, processes()))
+
+
+def test_a_worker_of_another_version_is_refused(monkeypatch: pytest.MonkeyPatch) -> None:
+    found = iter(["1.0", "0.9"])
+    monkeypatch.setattr("importlib.metadata.version", lambda _: next(found))
+    with pytest.raises(ScenarioError, match=r"a worker has thermid 0\.9, this is 1\.0\. Install one version everywhere"):
+        list(in_tasks(square, TASKS[:1], None))
+
+
+def test_what_is_not_wanted_any_more_is_not_begun() -> None:
+    begun, gate = [], Event()
+
+    def waits(k: int) -> None:
+        begun.append(k)
+        assert k == 0 or gate.wait(10.0)
+
+    with ThreadPoolExecutor(1) as pool:
+        found = in_tasks(waits, TASKS, pool)
+        assert next(found) == (0, None)
+        found.close()  # type: ignore[attr-defined]
+        gate.set()
+    assert len(begun) <= 2
+
+
+class KilledWorkerError(Exception):
+    """Of the scheduler."""
+
+
+KilledWorkerError.__module__ = "distributed.scheduler"
+
+
+@pytest.mark.parametrize("when", ["submit", "result"])
+def test_a_worker_of_a_cluster_that_dies_is_told_of_in_a_sentence(when: str, monkeypatch: pytest.MonkeyPatch) -> None:
+    """A worker that dies while tasks are handed out was a bare KeyError with its address."""
+
+    class Client:
+        def __enter__(self) -> Client:
+            return self
+
+        def __exit__(self, *_: object) -> None: ...
+
+        def get_executor(self, pure: bool) -> Client:
+            return self
+
+        def submit(self, *_: object) -> Future[Any]:
+            if when == "submit":
+                raise KeyError("tcp://127.0.0.1:41234")
+            out: Future[Any] = Future()
+            out.set_exception(KilledWorkerError())
+            return out
+
+    monkeypatch.setattr(tasks, "optional", lambda *_: SimpleNamespace(Client=lambda *_, **__: Client()))
+    with raises_code("run.worker-lost", ScenarioError, match=r"a worker of 'tcp://127\.0\.0\.1:9' ended"):
+        list(in_tasks(square, TASKS, "tcp://127.0.0.1:9"))
+
+
+def test_workers_that_are_none_are_refused(monkeypatch: pytest.MonkeyPatch) -> None:
+    for wrong, words in ((0, "0 processes cannot do anything"), ("eight", "'eight' is no address of a scheduler")):
+        with pytest.raises(ScenarioError, match=words):
+            list(in_tasks(square, TASKS, wrong))
+    monkeypatch.setitem(__import__("sys").modules, "joblib.externals.loky", None)
+    with pytest.raises(td.ThermidError, match=r"needs 'joblib', which is not installed\. Install with: .*pip install joblib"):
+        list(in_tasks(square, TASKS, 2))
+
+
+@pytest.mark.campaign
+@pytest.mark.filterwarnings("ignore")
+def test_no_cluster_answers(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(tasks, "PATIENCE", "1s")
+    with pytest.raises(ScenarioError, match=r"no cluster responds at 'tcp://127\.0\.0\.1:9'\. Start one: dask scheduler,"):
+        list(in_tasks(square, TASKS, "tcp://127.0.0.1:9"))
