@@ -7,9 +7,10 @@ have gone alone.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
-from functools import partial, reduce
+from functools import partial
+from itertools import chain
 from typing import Any
 
 import numpy as np
@@ -593,19 +594,27 @@ class _Counted:
     failed: Mapping[int, str]
     statistics: Mapping[str, Any]
 
-    def beside(self, later: _Counted) -> _Counted:
-        """Return these members and those that follow them."""
-        tallies = {**self.tallies, **{n: self.tallies[n].joined(t) if n in self.tallies else t for n, t in later.tallies.items()}}
-        unknown = np.full((2, self.members), np.nan, dtype=np.float32)
-        extremes = {n: np.concatenate([self.extremes.get(n, unknown), e], axis=1) for n, e in later.extremes.items()}
-        failed = {**self.failed, **{self.members + m: why for m, why in later.failed.items()}}
-        return _Counted(self.members + later.members, tallies, extremes, failed, _added([self.statistics, later.statistics]))
+
+def _gathered(parts: Iterable[tuple[int, _Counted]], members: int) -> _Counted:
+    """Return members in parts, each with the place of its first, in whatever order they come."""
+    tallies: dict[str, Tally] = {}
+    extremes: dict[str, NDArray[np.float32]] = {}
+    failed: dict[int, str] = {}
+    statistics = []
+    for first, part in parts:
+        for n, tally in part.tallies.items():
+            tallies[n] = tallies[n].joined(tally) if n in tallies else tally
+            extremes.setdefault(n, np.full((2, members), np.nan, dtype=np.float32))[:, first : first + part.members] = part.extremes[n]
+        failed |= {first + m: why for m, why in part.failed.items()}
+        statistics.append(part.statistics)
+    return _Counted(members, tallies, extremes, dict(sorted(failed.items())), _added(statistics))
 
 
 def _count(runs: _Runs, values: Mapping[str, Array], grids: Mapping[str, CountGrid]) -> _Counted:
     """Return what is kept of members, of which few run together; a task of a worker."""
-    parts = (runs.counted(runs.group(v), grids) for v in _shares_of(values, runs.at_once))
-    return reduce(_Counted.beside, parts)
+    groups = _shares_of(values, runs.at_once)
+    parts = ((k * runs.at_once, runs.counted(runs.group(v), grids)) for k, v in enumerate(groups))
+    return _gathered(parts, next(iter(values.values())).size)
 
 
 def _shares_of(values: Mapping[str, Array], size: int) -> list[dict[str, Array]]:
@@ -617,7 +626,7 @@ def _shares_of(values: Mapping[str, Array], size: int) -> list[dict[str, Array]]
 def _added(parts: Sequence[Mapping[str, Any]]) -> dict[str, Any]:
     """Return the statistics of several groups together."""
     counts = {k: sum(p[k] for p in parts) for k in ("steps", "rejected", "one_by_one")}
-    return {**counts, "simd": " and ".join(dict.fromkeys(str(p["simd"]) for p in parts))}
+    return {**counts, "simd": " and ".join(sorted({str(p["simd"]) for p in parts}))}
 
 
 def run_members(
@@ -663,37 +672,30 @@ def run_members(
 
 def _all_run(runs: _Runs, values: Mapping[str, Array], members: int, executor: Workers) -> list[_GroupRun]:
     """Return the groups of all members, run by workers."""
-    tasks = [(name, (runs, v)) for name, v in _tasks(values, members, runs.at_once)]
+    tasks = [(f"members from {first} on", (runs, v)) for first, v in _tasks(values, members, runs.at_once, TASKS)]
     groups = dict(in_tasks(_Runs.group, tasks, executor))
     return [groups[k] for k in range(len(groups))]
 
 
 def _all_counted(runs: _Runs, values: Mapping[str, Array], members: int, executor: Workers) -> _Counted:
     """Return what is kept of all members: the first that reach the end say what grids the others are counted on."""
-    parts, at = [], 0
+    pilots, at = [], 0
     grids: dict[str, CountGrid] = {}
     while at < members and not grids:
         group = runs.group({n: v[at : at + runs.at_once] for n, v in values.items()})
         alive = np.setdiff1d(np.arange(group.recovery.numbers.coefficients.shape[1]), list(group.failed))
         grids = {n: CountGrid.of(group.temperature(n)[:, alive]) for n in runs.wanted} if alive.size else {}
-        parts.append(runs.counted(group, grids))
-        at += parts[-1].members
-    rest = {n: v[at:] for n, v in values.items()}
-    tasks = [("members", rest)] if executor is None else _tasks(rest, members - at, runs.at_once, at)
-    tasks = tasks if at < members else []
-    found: dict[int, _Counted] = {}
-    tallies = parts[-1].tallies
-    for k, part in in_tasks(_count, [(name, (runs, v, grids)) for name, v in tasks], executor):
-        tallies = {n: t.joined(part.tallies[n]) for n, t in tallies.items()}  # as they come: one table is kept, in whatever order
-        found[k] = replace(part, tallies={})
-    whole = reduce(_Counted.beside, [*parts, *(found[k] for k in range(len(found)))])
-    return replace(whole, tallies=tallies)
+        pilots.append((at, runs.counted(group, grids)))
+        at += pilots[-1][1].members
+    tasks = _tasks({n: v[at:] for n, v in values.items()}, members - at, runs.at_once, 1 if executor is None else TASKS)
+    others = in_tasks(_count, [(f"members from {at + first} on", (runs, v, grids)) for first, v in tasks], executor)
+    return _gathered(chain(pilots, ((at + tasks[k][0], part) for k, part in others)), members)
 
 
-def _tasks(values: Mapping[str, Array], members: int, at_once: int, first: int = 0) -> list[tuple[str, dict[str, Array]]]:
-    """Return the shares of workers: which members, and their values."""
-    size = at_once * max(1, -(-members // (TASKS * at_once)))
-    return [(f"members from {first + k * size} on", v) for k, v in enumerate(_shares_of(values, size))]
+def _tasks(values: Mapping[str, Array], members: int, at_once: int, tasks: int) -> list[tuple[int, dict[str, Array]]]:
+    """Return the shares of so many tasks: the first member, and the values of all."""
+    size = at_once * max(1, -(-members // (tasks * at_once)))
+    return [(k * size, v) for k, v in enumerate(_shares_of(values, size))]
 
 
 def _summary(tally: Tally, extremes: NDArray[np.float32], shares: Sequence[float]) -> Summary:
