@@ -32,7 +32,7 @@ from thermid.campaign._file import CampaignSource, accepting, local_of, read_cam
 from thermid.campaign._joint import JointFit, fit_jointly, joint_key
 from thermid.campaign._judge.criteria import Criteria
 from thermid.campaign._judge.verdict import Verdict, look, not_judged, validate
-from thermid.fit.calibration import FIRST, Calibration, fit
+from thermid.fit.calibration import FIRST, Calibration, KeptFit, fit
 from thermid.fit.power import SHAPES, recovered
 from thermid.fit.problem import LocalSpec, Reading, Request, digest, freed, ingredients_of, priors_of, shared_paths, weighing
 from thermid.inference.criticism import Mistakes
@@ -42,6 +42,7 @@ from thermid.model.laws import literal
 from thermid.model.parameters import Standing, worst
 from thermid.model.tree import Model, ParameterSet, parameter_table
 from thermid.prediction.bands import hand_values
+from thermid.simulation.runs import Workers, in_tasks
 from thermid.simulation.scenarios import STEADY, Scenario
 from thermid.values.store import Store, graft
 
@@ -402,6 +403,7 @@ def run_stages(
     notice: Notice | None = None,
     cache: str | os.PathLike[str] | None = None,
     accept: Sequence[str] = (),
+    executor: Workers = None,
 ) -> Campaign:
     """Return the calibrations and verdicts of a campaign.
 
@@ -416,6 +418,7 @@ def run_stages(
                             included, is not fitted again.
     accept : sequence       Stages that are accepted as they are, beside those that the file accepts: their standing stays and is told,
                             the exit codes of commands do not count it.
+    executor                As in `ensemble`: stages that do not rest on one another are fitted at the same time.
 
     Raises
     ------
@@ -429,24 +432,50 @@ def run_stages(
     keys: dict[str, str] = {}
     requests: dict[str, Request] = {}
     changed: dict[str, tuple[str, ...]] = {}
-    for k, stage in enumerate(source.content.stages):
-        with errors_at(source.where(f"stages.{k}"), ": "):
-            request, ingredients = keyed(request_of(source, stage, k, done), stage, keys)
-            requests[stage.name], keys[stage.name] = request, request.key
-            kept = recall(folder, stage.name, request.key)
-            try:
-                found = fit(request, progress_of(notice, stage.name), kept, stoppable=True)
-            except ThermidError as error:
-                raise refused(error, request, stage.name, source.path.name) from None
-            if kept is None:
-                changed[stage.name] = changed_since(folder, stage.name, ingredients)
-                if found.converged:
-                    remember(folder, stage.name, request.key, found.kept, ingredients)
-            done[stage.name] = found
-            _go_on(found, [s.name for s in source.content.stages[k + 1 :]], source)
+    left = dict(enumerate(source.content.stages))
+    while left:
+        ready = [k for k, s in left.items() if not _waits(s, [left[j].name for j in left if j < k])]
+        ready = ready if executor is not None else ready[:1]
+        tasks, ingredients = [], {}
+        for k in ready:
+            name, place = left[k].name, source.where(f"stages.{k}")
+            with errors_at(place, ": "):
+                request, ingredients[name] = keyed(request_of(source, left[k], k, done), left[k], keys)
+            requests[name], keys[name] = request, request.key
+            progress = progress_of(notice, name) if executor is None else None
+            tasks.append((place, (request, source.path.name, place, recall(folder, name, request.key), progress)))
+        for _, (found, new) in in_tasks(_fitted, tasks, executor):
+            name = found.stage
+            if new:
+                changed[name] = changed_since(folder, name, ingredients[name])
+            if new and found.converged:
+                remember(folder, name, keys[name], found.kept, ingredients[name])
+            done[name] = found
+            _go_on(found, [s.name for s in left.values() if s.name not in done], source)
+        left = {k: s for k, s in left.items() if k not in ready}
+    done = {s.name: done[s.name] for s in source.content.stages}
     made = Campaign(source.content.title, done, (), keys, source.content.note, None, source, requests, changed)
     made = replace(made, joint=_joint(made, notice, folder)) if source.content.joint is not None else made
     return judge(made, folder, notice)
+
+
+def _waits(stage: StageTable, earlier: Sequence[str]) -> bool:
+    """Return whether a stage rests on one of those that are not there yet."""
+    return any(name in earlier for i in stage.inherit.values() for name in i.stages)
+
+
+def _fitted(request: Request, file: str, place: str, kept: KeptFit | None, progress: StageNotice | None) -> tuple[Calibration, bool]:
+    """Return the fit of a stage, and whether it is a new one; a task of a worker.
+
+    Raises
+    ------
+    ThermidError   With the place of the stage in the file, and what a campaign advises.
+    """
+    with errors_at(place, ": "):
+        try:
+            return fit(request, progress, kept, stoppable=True), kept is None
+        except ThermidError as error:
+            raise refused(error, request, request.name, file) from None
 
 
 def judge(made: Campaign, folder: Path | None = None, notice: Notice | None = None) -> Campaign:

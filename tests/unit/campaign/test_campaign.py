@@ -6,7 +6,9 @@ import json
 import os
 import re
 import shutil
+from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
@@ -106,6 +108,24 @@ class TestRun:
     def test_an_unknown_stage_names_the_nearest(self, campaign: Campaign) -> None:
         with pytest.raises(NameNotFoundError, match=r"Two levels: no stage 'pear'\. Did you mean 'pair'"):
             campaign["pear"]
+
+    @pytest.mark.parametrize("workers", [ThreadPoolExecutor(2), pytest.param(2, marks=pytest.mark.campaign)])
+    def test_stages_that_rest_on_nothing_are_fitted_together(self, campaign: Campaign, project: Path, workers: Any) -> None:
+        """The second box waits for none, the pair for the first; what comes out is in the order of the file, and kept."""
+        other = '[[stages]]\nname = "other"\nmodel = "box.toml"\nrecords = ["box_bench"]\nfree = ["case.mass"]\n'
+        changed(project, ("[[verdicts]]", f"{other}\n[[verdicts]]"))
+        found = run_stages(project, executor=workers, cache=project.parent / "results")
+        assert list(found) == list(run_stages(project)) == ["box", "pair", "other"]
+        for stage in ("box", "pair"):
+            assert found[stage].fitted == campaign[stage].fitted
+        assert list(run_stages(project, cache=project.parent / "results").changed) == []
+
+    def test_a_stage_among_several_is_named_where_it_fails(self, project: Path) -> None:
+        changed(project, ('free    = ["skin.effective_htc", "case.mass"]', 'free    = ["skin.effective_htc", "case.mas"]'))
+        alone = refused(project)
+        with pytest.raises(ThermidError) as caught:
+            run_stages(project, executor=ThreadPoolExecutor(2))
+        assert str(caught.value) == str(alone)
 
     def test_text(self, campaign: Campaign) -> None:
         text = str(campaign)

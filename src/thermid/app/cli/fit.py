@@ -15,18 +15,21 @@ from thermid.app.cli.options import (
     Accept,
     Audience,
     CampaignPath,
+    Cluster,
     Data,
     Force,
     Json,
     Moments,
     Page,
     Pdf,
+    Processes,
     Results,
     ScenarioPath,
     Vacuum,
     Verbose,
     Whole,
     campaign_progress,
+    executor_of,
     leave,
     moments,
     pairs,
@@ -56,18 +59,21 @@ from thermid.reporting import pages as page
 from thermid.reporting.objects import calibration_object, campaign_object, campaign_standing, retune_object
 from thermid.reporting.pages import check_audience, tables_folder
 from thermid.reporting.pictures import picture
+from thermid.simulation.runs import Workers
 from thermid.simulation.scenarios import load_scenario
 
 Kept = Annotated[Path | None, typer.Option("--to", help="Folder for the values files; 'results' beside the campaign by default.")]
 Fresh = Annotated[bool, typer.Option("--fresh", help="Run every stage, also those whose model, logs and request are unchanged.")]
 
 
-def _run(path: Path, data: Path | None, to: Path | None, fresh: bool, accept: list[str] | None) -> tuple[Campaign, list[Path]]:
+def _run(
+    path: Path, data: Path | None, to: Path | None, fresh: bool, accept: list[str] | None, executor: Workers = None
+) -> tuple[Campaign, list[Path]]:
     """Run a campaign with progress, taking finished stages from the results folder."""
     folder = to if to is not None else path.parent / "results"
     for stage in read_campaign(path).content.stages if folder.is_dir() else ():
         may_write(folder / f"{file_name(stage.name)}.values.toml", VALUES.of(stage.name))
-    campaign = staged(path, data, folder, accept, fresh=fresh)
+    campaign = staged(path, data, folder, accept, fresh=fresh, executor=executor)
     return campaign, campaign.save(folder)
 
 
@@ -77,15 +83,19 @@ def calibrate(
     to: Kept = None,
     fresh: Fresh = False,
     accept: Accept = None,
+    workers: Processes = 1,
+    cluster: Cluster = "",
     force: Force = False,
     verbose: Verbose = False,
     as_json: Json = False,
 ) -> None:
     """Fit the stages of a campaign to logs and judge hold-out records.
 
+    Stages that do not rest on one another are fitted at the same time with --workers or --cluster.
+
     Exit code 1 if a verdict failed or a fit is not credible, 4 if the data cannot decide.
     """
-    result, files = _run(campaign, data, to, fresh, accept)
+    result, files = _run(campaign, data, to, fresh, accept, executor_of(workers, cluster))
     names = [f.name for f in files]
     if as_json:
         say(True, campaign_object(result, names), "")
@@ -353,8 +363,8 @@ def hold(
     question: Annotated[Path, typer.Argument(help="A hold question (TOML): model, scenario, limits, spread.")],
     members: Annotated[int, typer.Option("--members", help="How many runs; the file's, or 10000.", min=0)] = 0,
     to: Annotated[Path | None, typer.Option("--to", help="Folder where runs are kept; 'results' beside the file.")] = None,
-    workers: Annotated[int, typer.Option("--workers", help="Processes of this machine.", min=1)] = 1,
-    cluster: Annotated[str, typer.Option("--cluster", help="Address of a Dask scheduler, tcp://host:8786.")] = "",
+    workers: Processes = 1,
+    cluster: Cluster = "",
     figure: Annotated[Path | None, typer.Option("--figure", help="Write the curve (png, svg, pdf).")] = None,
     accept: Accept = None,
     force: Force = False,
@@ -372,7 +382,7 @@ def hold(
     folder = to if to is not None else question.parent / "results"
     with MemberProgress() as progress:
         try:
-            _, answer = asked.run(n=members, folder=folder, executor=cluster or workers, progress=progress)
+            _, answer = asked.run(n=members, folder=folder, executor=executor_of(workers, cluster), progress=progress)
         except KeyboardInterrupt:
             done = f"interrupted with {progress.finished} of {progress.members} members done"
             raise SolverError(f"{done}. The same command goes on from there.") from None

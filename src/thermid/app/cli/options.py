@@ -25,6 +25,7 @@ from thermid.model.tree import Model
 from thermid.prediction.bands import Filed, filed
 from thermid.reporting.objects import SCHEMA, clean
 from thermid.reporting.pages import check_page, page_to_pdf
+from thermid.simulation.runs import Workers
 from thermid.simulation.scenarios import Scenario, load_scenario
 
 Deck = Annotated[Path, typer.Argument(help="A deck (TOML).")]
@@ -46,6 +47,8 @@ ValuesPath = Annotated[Path | None, typer.Option("--values", help="A file of fit
 KeepValues = Annotated[
     bool, typer.Option("--keep-values", help="Keep values whose decks say otherwise by now; without it they are left out and listed.")
 ]
+Processes = Annotated[int, typer.Option("--workers", help="Processes of this machine.", min=1)]
+Cluster = Annotated[str, typer.Option("--cluster", help="Address of a Dask scheduler, tcp://host:8786.")]
 Accept = Annotated[
     list[str] | None,
     typer.Option("--accept", help="A stage that is accepted as it is: its state stays, the exit code does not count it; may be repeated."),
@@ -139,11 +142,23 @@ def campaign_progress(path: Path) -> CampaignProgress:
     return CampaignProgress({stage.name: 1.0 + len(stage.free) for stage in read_campaign(path).content.stages})
 
 
-def staged(path: Path, data: Path | None, results: Path | None, accept: Sequence[str] | None = None, fresh: bool = False) -> Campaign:
+def executor_of(workers: int, cluster: str) -> Workers:
+    """Return who does tasks, as the options say; None for this process alone."""
+    return cluster or (workers if workers > 1 else None)
+
+
+def staged(
+    path: Path,
+    data: Path | None,
+    results: Path | None,
+    accept: Sequence[str] | None = None,
+    fresh: bool = False,
+    executor: Workers = None,
+) -> Campaign:
     """Run a campaign with progress, taking finished stages from the results folder: beside the campaign by default."""
     folder = results if results is not None else path.parent / "results"
     with campaign_progress(path) as progress:
-        return run_stages(path, data=data, notice=progress, cache=None if fresh else folder, accept=accept or ())
+        return run_stages(path, data=data, notice=progress, cache=None if fresh else folder, accept=accept or (), executor=executor)
 
 
 def leave(standing: Standing, code: int = 0) -> NoReturn:

@@ -13,11 +13,11 @@ from thermid.base.errors import IdentificationError, ThermidError
 from thermid.base.linear_algebra import Array
 from thermid.base.results import Result
 from thermid.fit.calibration import Calibration, fit as refit
-from thermid.fit.problem import Experiment
+from thermid.fit.problem import Experiment, Request
 from thermid.inference._explain.candidates import MissingElement, missing_elements
 from thermid.inference._explain.heats import unlogged_powers
 from thermid.measure.amounts import short
-from thermid.simulation.runs import simulate
+from thermid.simulation.runs import Workers, in_tasks, simulate
 from thermid.simulation.solver import refuse_unseen
 
 STRONG, POSSIBLE = 10.0, 2.0
@@ -273,13 +273,14 @@ class Criticism(Result):
 
 
 @takes_objects
-def criticise(fit: Calibration, elements: bool | None = None) -> Criticism:
+def criticise(fit: Calibration, elements: bool | None = None, *, executor: Workers = None) -> Criticism:
     """Residual analysis of a fit: are the residuals white noise, and which missing element would explain them?
 
     Parameters
     ----------
     fit : Calibration   The fit.
     elements : bool     Whether missing elements are tried in refits; by default only where residuals are not independent, or too large.
+    executor            As in `ensemble`: who makes the refits.
 
     Raises
     ------
@@ -301,7 +302,9 @@ def criticise(fit: Calibration, elements: bool | None = None) -> Criticism:
         return Criticism(fit.stage, traces, (), checks)
     modes: Modes = {}
     old = _likelihood(fit, modes)
-    tried = [_tried(fit, old, m, modes) for m in (*missing_elements(fit, fit.request), *unlogged_powers(fit.request))]
+    missing = (*missing_elements(fit, fit.request), *unlogged_powers(fit.request))
+    refits = dict(in_tasks(_refit, [(f"the refit with {m.name}", (m.request,)) for m in missing], executor))
+    tried = [_tried(fit, old, m, refits[k], modes) for k, m in enumerate(missing)]
     return Criticism(fit.stage, traces, tuple(sorted(tried, key=lambda c: -c.evidence)), checks)
 
 
@@ -394,12 +397,21 @@ def _traces(fit: Calibration) -> list[TraceCriticism]:
     return out
 
 
-def _tried(fit: Calibration, old: tuple[float, int], missing: MissingElement, modes: Modes) -> Candidate:
+def _refit(request: Request) -> Calibration | ThermidError:
+    """Return a fit with a missing element, or why there is none; a task of a worker."""
+    try:
+        # an element that the readings do not ask for ends where it does nothing, and no search would better that
+        return refit(replace(request, search="local", doubts=True))
+    except ThermidError as error:
+        return error
+
+
+def _tried(fit: Calibration, old: tuple[float, int], missing: MissingElement, found: Calibration | ThermidError, modes: Modes) -> Candidate:
     """Return what a refit with an element says."""
     before = _rmse(fit)
     try:
-        # an element that the readings do not ask for ends where it does nothing, and no search would better that
-        found = refit(replace(missing.request, search="local", doubts=True))
+        if isinstance(found, ThermidError):
+            raise found
         words, possible = missing.judge(found)
     except ThermidError as error:
         return Candidate(missing.name, error.message, False, -np.inf, -np.inf, (before, before), None)
