@@ -16,6 +16,7 @@ from thermid.base.units import from_si
 from thermid.fit.calibration import Calibration, minimise
 from thermid.fit.problem import Compressed, Problem, Unknown
 from thermid.inference._identifiability import Identifiability
+from thermid.simulation.runs import Workers, in_tasks
 
 MOST_STEPS, FIRST, FARTHEST = 14, 0.7, 7.0
 """Points on one side; how far a logarithm goes at first, and at most (a factor of 1100)."""
@@ -159,7 +160,7 @@ def spread_of(problem: Problem, at: Array, ks: tuple[int, ...], errors: Array) -
 
 
 @takes_objects
-def profile(fit: Calibration, path: str, level: float = 0.95) -> Profile:
+def profile(fit: Calibration, path: str, level: float = 0.95, *, executor: Workers = None) -> Profile:
     """Return the interval of a parameter from its profile: it is moved step by step, and everything else is fitted anew each time.
 
     Parameters
@@ -167,6 +168,7 @@ def profile(fit: Calibration, path: str, level: float = 0.95) -> Profile:
     fit : Calibration   The fit.
     path : str          Path of a fitted parameter.
     level : float       Probability of the interval. [-]
+    executor            As in `ensemble`: who walks to the two ends.
 
     Raises
     ------
@@ -187,7 +189,10 @@ def profile(fit: Calibration, path: str, level: float = 0.95) -> Profile:
     u, value = problem.unknowns[k], fit.values[problem.unknowns[k].name]
     spread = spread_of(problem, at, (k,), np.array([value.error / u.slope(float(at[k]))]))
     walk = _Walk(fit, problem, k, at, spread, threshold)
-    sides = [walk.side(sign) for sign in (-1.0, 1.0)]
+    ends = dict(
+        in_tasks(_Walk.side, [(f"the {way} end of '{u.name}'", (walk, sign)) for way, sign in (("lower", -1.0), ("upper", 1.0))], executor)
+    )
+    sides = [ends[0], ends[1]]
     for end, points, _ in sides:  # a smooth curve needs points on the way
         points += [(x, walk.rise(x, walk.at)[0]) for x in walk.best + np.array([0.33, 0.66]) * (end - walk.best)]
     line = sorted([*sides[0][1], *sides[1][1], (walk.best, 0.0)])

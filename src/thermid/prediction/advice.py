@@ -41,7 +41,7 @@ from thermid.prediction._budget import CONSTANT, MISFIT, Budget, budget_of
 from thermid.prediction._known import Known, Rows, instruments_of, rows_of
 from thermid.prediction._setting import Setting
 from thermid.simulation.network import compile_network
-from thermid.simulation.runs import network_for
+from thermid.simulation.runs import Workers, in_tasks, network_for
 from thermid.simulation.scenarios import Scenario
 from thermid.values.store import Normal, Source
 
@@ -447,6 +447,7 @@ def next_test(
     priors: Mapping[str, Any] | None = None,
     every: str | float = "1 [min]",
     goal: str = "",
+    executor: Workers = None,
 ) -> Advice:
     """Return which test would say most of a parameter or a prediction, from the sensitivities of the model as it is.
 
@@ -460,6 +461,7 @@ def next_test(
     priors : dict                   Of a model, as in `calibrate`.
     every : str or float            Interval of the readings. [s]
     goal : str                      Error to be reached, with its unit, such as ``5 [%]`` of a value or ``0.1 [K]``.
+    executor                        As in `ensemble`: who weighs the actions.
 
     Raises
     ------
@@ -485,7 +487,8 @@ def next_test(
     now = _error(np.diag(known.information), gradient)
     wanted = _goal(goal, slot, value)
     todo = tuple(actions) or usual_actions(model, base, given)
-    options = [_option(known, a, a.sensors or given, every, gradient, wanted) for a in todo]
+    tasks = [(f"action '{a.name}'", (known, a, a.sensors or given, every, gradient, wanted)) for a in todo]
+    options = [option for _, option in sorted(in_tasks(_option, tasks, executor), key=lambda found: found[0])]
     ranked = sorted(options, key=lambda o: _rank(o, wanted))
     return Advice(label, value, now, slot, wanted, tuple(ranked), beside, (*_remarks(known, given), *_alike(ranked, slot, value)))
 

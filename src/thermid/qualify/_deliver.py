@@ -18,9 +18,8 @@ from thermid.base.files import COPY, DELIVERY, folder_replacing, read_bytes, wri
 from thermid.base.toml_files import read_json
 from thermid.model.deck import load_model, save_model
 from thermid.model.tree import Model
-from thermid.prediction.members import digest
 from thermid.prediction.reduction import Reduction, assumed, reduce
-from thermid.simulation.runs import Solution, network_for, simulate
+from thermid.simulation.runs import Solution, digest, network_for, simulate
 from thermid.simulation.scenarios import Scenario, load_scenario
 from thermid.values.fitted import FittedValues
 

@@ -7,11 +7,13 @@ have gone alone.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Mapping, Sequence
+import json
+import os
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from functools import partial
 from itertools import chain
-from typing import Any
+from typing import Any, cast
 
 import numpy as np
 from numpy.typing import NDArray
@@ -22,7 +24,9 @@ from thermid.base.expression import kelvin
 from thermid.base.linear_algebra import Array, Bools, Indices
 from thermid.base.results import PlottedTrace, Result
 from thermid.model.laws import Constant
+from thermid.model.tree import Model
 from thermid.physics.constants import ICE_POINT
+from thermid.simulation._many.kept import JobFolder, digest
 from thermid.simulation._many.tally import PILOT, CountGrid, Tally
 from thermid.simulation._many.tasks import Workers, in_tasks
 from thermid.simulation._solution import Trace
@@ -235,6 +239,7 @@ CHUNK = 64_000_000
 """Bytes of traces held at once while members are counted."""
 LANES = 8
 """Members that the kernel runs together; groups of whole lanes run as all members would."""
+TALLIED = ("counts", "sums", "keys", "beyond")
 TASKS = 12
 """Shares into which members are divided for workers, so that these end at about the same time."""
 
@@ -557,6 +562,14 @@ class _Runs:
         turnings = _turnings(engine, kernel, numbers, self.wanted, kept, failed, self.options)
         return _GroupRun(_Recovery(engine, numbers, kept), stored, self.times, failed, turnings, _statistics(kernel))
 
+    def key(self, values: Mapping[str, Array]) -> str:
+        """Return a hash of all that counts at values (members,) depend on."""
+        from importlib.metadata import version
+
+        network, scenario = self.engine.wiring.network, self.engine.wiring.scenario
+        own = (scenario, dict(values), self.times, self.wanted, self.options, self.simd, self.at_once, version("thermid"))
+        return digest((cast(Model, network.flat.names.model).identity(), *own))
+
     @property
     def at_once(self) -> int:
         """How many members run together where their traces are not kept."""
@@ -593,6 +606,27 @@ class _Counted:
     extremes: Mapping[str, NDArray[np.float32]]
     failed: Mapping[int, str]
     statistics: Mapping[str, Any]
+
+    def arrays(self) -> dict[str, Any]:
+        """Return it as arrays for a file; grids come from the pilot, which is run again."""
+        kept = {f"{part}_{k}": getattr(t, part) for k, t in enumerate(self.tallies.values()) for part in TALLIED}
+        ends = {f"extremes_{k}": e for k, e in enumerate(self.extremes.values())}
+        about = [self.members, {str(m): why for m, why in self.failed.items()}, dict(self.statistics)]
+        return {**kept, **ends, "about": np.array(json.dumps(about))}
+
+    @classmethod
+    def read(cls, arrays: Mapping[str, Any] | None, grids: Mapping[str, CountGrid]) -> _Counted | None:
+        """Return what arrays of a file hold; None where they do not."""
+        try:
+            if arrays is None:
+                return None
+            members, failed, statistics = json.loads(str(arrays["about"]))
+            good = members - len(failed)
+            tallies = {n: Tally(g, good, *(arrays[f"{part}_{k}"] for part in TALLIED)) for k, (n, g) in enumerate(grids.items())}
+            extremes = {n: arrays[f"extremes_{k}"] for k, n in enumerate(grids)}
+            return cls(members, tallies, extremes, {int(m): why for m, why in failed.items()}, statistics)
+        except (ValueError, KeyError):
+            return None
 
 
 def _gathered(parts: Iterable[tuple[int, _Counted]], members: int) -> _Counted:
@@ -640,12 +674,13 @@ def run_members(
     simd: str,
     warnings: tuple[str, ...],
     executor: Workers = None,
+    job: str | os.PathLike[str] | None = None,
 ) -> Ensemble:
     """Return the runs of all members.
 
     Raises
     ------
-    ScenarioError   When names do not have equally many values, or there are no threads.
+    ScenarioError   When names do not have equally many values, there are no threads, or traces would have to be kept for a job.
     """
     wiring, network = engine.wiring, engine.wiring.network
     titles = (network.title, wiring.scenario.title)
@@ -662,9 +697,11 @@ def run_members(
     runs = _Runs(engine, times, wanted, options, threads, simd)
     ensemble = partial(Ensemble, *titles, times, wanted, members, values)
     if shares:
-        found = _all_counted(runs, values, members, executor)
+        found = _all_counted(runs, values, members, executor, job)
         known = {n: _summary(t, found.extremes[n], shares) for n, t in found.tallies.items()}
         return ensemble(found.failed, shares, found.statistics, network.find, _no_traces, known, {}, warnings)
+    if job is not None:
+        raise ScenarioError("a job keeps counts of members, not their traces. Give 'quantiles', or use td.qualify.uncertain_runs.", where)
     parts = [runs.group(values)] if executor is None else _all_run(runs, values, members, executor)
     failed, turnings = _one_after_another(parts)
     return ensemble(failed, (), _added([p.statistics for p in parts]), network.find, partial(_traces_of, parts), {}, turnings, warnings)
@@ -677,7 +714,7 @@ def _all_run(runs: _Runs, values: Mapping[str, Array], members: int, executor: W
     return [groups[k] for k in range(len(groups))]
 
 
-def _all_counted(runs: _Runs, values: Mapping[str, Array], members: int, executor: Workers) -> _Counted:
+def _all_counted(runs: _Runs, values: Mapping[str, Array], members: int, executor: Workers, job: str | os.PathLike[str] | None) -> _Counted:
     """Return what is kept of all members: the first that reach the end say what grids the others are counted on."""
     pilots, at = [], 0
     grids: dict[str, CountGrid] = {}
@@ -687,9 +724,32 @@ def _all_counted(runs: _Runs, values: Mapping[str, Array], members: int, executo
         grids = {n: CountGrid.of(group.temperature(n)[:, alive]) for n in runs.wanted} if alive.size else {}
         pilots.append((at, runs.counted(group, grids)))
         at += pilots[-1][1].members
-    tasks = _tasks({n: v[at:] for n, v in values.items()}, members - at, runs.at_once, 1 if executor is None else TASKS)
-    others = in_tasks(_count, [(f"members from {at + first} on", (runs, v, grids)) for first, v in tasks], executor)
-    return _gathered(chain(pilots, ((at + tasks[k][0], part) for k, part in others)), members)
+    tasks = _tasks({n: v[at:] for n, v in values.items()}, members - at, runs.at_once, TASKS)
+    folder = JobFolder.of(job, runs.key(values)) if job is not None else None
+    done = _left_in(folder, {at + first: v for first, v in tasks}, grids)
+    open_ = [at + first for first, _ in tasks if at + first not in done]
+    others = in_tasks(_count, [(f"members from {at + first} on", (runs, v, grids)) for first, v in tasks if at + first in open_], executor)
+
+    def counted() -> Iterator[tuple[int, _Counted]]:
+        for k, part in others:
+            if folder is not None:
+                folder.save(_file_of(open_[k], part.members), part.arrays())
+            yield open_[k], part
+
+    return _gathered(chain(pilots, done.items(), counted()), members)
+
+
+def _file_of(first: int, members: int) -> str:
+    return f"counts_{first:07d}_{members}"
+
+
+def _left_in(folder: JobFolder | None, tasks: Mapping[int, Mapping[str, Array]], grids: Mapping[str, CountGrid]) -> dict[int, _Counted]:
+    """Return first member -> what an earlier run of a job left of the tasks."""
+    if folder is None:
+        return {}
+    sizes = {first: next(iter(v.values())).size for first, v in tasks.items()}
+    loaded = {first: _Counted.read(folder.load(_file_of(first, size)), grids) for first, size in sizes.items()}
+    return {first: part for first, part in loaded.items() if part is not None}
 
 
 def _tasks(values: Mapping[str, Array], members: int, at_once: int, tasks: int) -> list[tuple[int, dict[str, Array]]]:

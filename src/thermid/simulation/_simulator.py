@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from difflib import get_close_matches
@@ -229,6 +230,7 @@ class Simulator:
         threads: int = 1,
         simd: str = "auto",
         executor: Workers = None,
+        job: str | os.PathLike[str] | None = None,
     ) -> Ensemble:
         """Return the runs of many members at once.
 
@@ -236,7 +238,7 @@ class Simulator:
         ----------
         draws : dict            Free name -> value of every member (members,); `nominal` where none is given. Numbers are SI, but
                                 temperatures state their unit: ``td.celsius(array)``.
-        nodes, quantiles, threads, simd, executor    As in `ensemble`.
+        nodes, quantiles, threads, simd, executor, job    As in `ensemble`.
 
         Raises
         ------
@@ -246,7 +248,7 @@ class Simulator:
         values = self._by_free_name(draws)
         if len(values) < len(draws):
             raise ScenarioError("one parameter is drawn twice, by its path and by an alias. Remove one of them.", self.title)
-        return run_members(self._engine, values, self.times, self.options, nodes, quantiles, threads, simd, self._remarks, executor)
+        return run_members(self._engine, values, self.times, self.options, nodes, quantiles, threads, simd, self._remarks, executor, job)
 
     def settled(self, values: Mapping[str, float] | None = None) -> tuple[dict[str, float], dict[str, Array]]:
         """Return node -> temperature with the inputs of the end held for good [K], and its derivatives (free,) [K per SI unit].
@@ -344,6 +346,7 @@ def ensemble(
     options: Options | None = None,
     simd: str = "auto",
     executor: Workers = None,
+    job: str | os.PathLike[str] | None = None,
 ) -> Ensemble:
     """Return the runs of a model at many sets of values.
 
@@ -364,6 +367,7 @@ def ensemble(
     simd : str              Instruction set of the lanes; the widest of the machine unless one is named, for a comparison.
     executor : executor, str or int    Who runs shares of the members: an executor of `concurrent.futures`, the address of a Dask scheduler,
                             ``"joblib"``, or a number of processes of this machine.
+    job : path              A folder in which finished counts are kept: after an interrupt the same call goes on. Needs `quantiles`.
 
     Raises
     ------
@@ -371,7 +375,7 @@ def ensemble(
     NameNotFoundError   When a name does not exist.
     """
     ready = prepare(model, scenario, tuple(draws), every=every, times=times, options=options)
-    return ready.ensemble(draws, nodes=nodes, quantiles=quantiles, threads=threads, simd=simd, executor=executor)
+    return ready.ensemble(draws, nodes=nodes, quantiles=quantiles, threads=threads, simd=simd, executor=executor, job=job)
 
 
 def _warnings(wiring: Wiring, scenario: Scenario) -> tuple[str, ...]:

@@ -6,6 +6,7 @@ import subprocess
 import sys
 import textwrap
 from concurrent.futures import ThreadPoolExecutor
+from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -248,6 +249,35 @@ def test_workers_change_no_bit(monkeypatch: pytest.MonkeyPatch) -> None:
         kept.add(told(few))
         whole.add(told(many))
     assert len(kept) == len(whole) == 1
+
+
+def test_a_job_goes_on_where_it_was_interrupted(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    from thermid.simulation import _ensemble as ensemble
+
+    monkeypatch.setattr(ensemble, "CHUNK", 0)
+    growth = np.random.default_rng(2).normal(0.01, 0.002, 150)
+    growth[[3, 70, 149]] = 0.5  # these run away
+    draws, begun, count = {"chip.exponential_coefficient": growth}, list[int](), ensemble._count
+
+    def interrupted(runs: Any, values: Any, grids: Any) -> Any:
+        begun.append(1)
+        if len(begun) == 3:
+            raise KeyboardInterrupt
+        return count(runs, values, grids)
+
+    def asked() -> td.simulation.Ensemble:
+        return td.ensemble(MODEL, ROOM, draws, every=300.0, quantiles=(0.05, 0.5), job=tmp_path)
+
+    monkeypatch.setattr(ensemble, "_count", interrupted)
+    with pytest.raises(KeyboardInterrupt):
+        asked()
+    found = asked()
+    assert told(found) == told(asked())
+    assert len(begun) == len(list(tmp_path.rglob("*.npz"))) + 1  # the one that was interrupted twice, no other
+    assert list(found.failed) == [3, 70, 149]
+    assert told(found) == told(td.ensemble(MODEL, ROOM, draws, every=300.0, quantiles=(0.05, 0.5)))
+    with pytest.raises(ScenarioError, match="a job keeps counts of members, not their traces"):
+        td.ensemble(MODEL, ROOM, draws, job=tmp_path)
 
 
 def test_draws_have_the_spread_asked_for() -> None:

@@ -2,23 +2,17 @@
 
 from __future__ import annotations
 
-import hashlib
-import json
 import os
 from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import dataclass, fields, is_dataclass, replace
-from pathlib import Path
-from typing import Any
-from zipfile import BadZipFile
+from dataclasses import dataclass, replace
 
 import numpy as np
 
-from thermid.base.files import OWN, replacing, sweep
 from thermid.base.linear_algebra import Array
 from thermid.model.tree import Model
 from thermid.prediction._budget import Budget
 from thermid.prediction._setting import Setting
-from thermid.simulation.runs import Workers, in_tasks
+from thermid.simulation.runs import JobFolder, Workers, digest, in_tasks
 from thermid.simulation.scenarios import Scenario
 from thermid.simulation.solver import MemberTurnings, Options
 
@@ -98,23 +92,6 @@ class Chunk:
         return points.furthest(self.temperatures[:, nodes.index(node)], 1.0)
 
 
-def digest(thing: Any) -> str:
-    """Return a hash of numbers, texts, arrays, tables and dataclasses, however nested."""
-    return hashlib.sha256(json.dumps(_plain(thing), sort_keys=True).encode()).hexdigest()[:16]
-
-
-def _plain(thing: Any) -> Any:
-    if isinstance(thing, np.ndarray):
-        return [str(thing.dtype), list(thing.shape), hashlib.sha256(np.ascontiguousarray(thing).tobytes()).hexdigest()]
-    if is_dataclass(thing):
-        return [type(thing).__name__, *(_plain(getattr(thing, f.name)) for f in fields(thing))]
-    if isinstance(thing, Mapping):
-        return {str(k): _plain(v) for k, v in thing.items()}
-    if isinstance(thing, tuple | list):
-        return [_plain(v) for v in thing]
-    return thing.item() if isinstance(thing, np.generic) else float(thing).hex() if isinstance(thing, float) else thing
-
-
 def work(job: Job, first: int, members: int, threads: int = 1) -> Chunk:
     """Return the runs of a chunk of members."""
     from importlib.metadata import version
@@ -154,43 +131,37 @@ class ChunkStore:
 
     Parameters
     ----------
-    folder : Path
+    folder : JobFolder
     """
 
-    folder: Path
+    folder: JobFolder
 
     @classmethod
     def of(cls, job: Job, folder: str | os.PathLike[str]) -> ChunkStore:
         """Return the place of a job below a folder."""
-        place = Path(folder) / job.key()
-        place.mkdir(parents=True, exist_ok=True)
-        for each in (place, *Path(folder).glob("[0-9a-f]" * 16)):  # a job that was killed may never be asked again
-            sweep(each)
-        return cls(place)
-
-    def _path(self, first: int, members: int) -> Path:
-        return self.folder / f"members_{first:07d}_{members}.npz"
+        return cls(JobFolder.of(folder, job.key()))
 
     def load(self, first: int, members: int) -> Chunk | None:
         """Return a chunk that was kept, or None; what cannot be read counts as not there."""
+        data = self.folder.load(f"members_{first:07d}_{members}")
         try:
-            with self._path(first, members).open("rb") as file, np.load(file) as data:
-                why = dict(zip(data["failed"].tolist(), data["why"].tolist(), strict=True))
-                names = [n for n in data["followed"].tolist() if n]
-                points = {n: MemberTurnings(*(data[f"turnings{k}_{part}"] for part in PARTS)) for k, n in enumerate(names)}
-                return Chunk(first, data["temperatures"], points, why, str(data["version"]), str(data["simd"]))
-        except (OSError, ValueError, KeyError, EOFError, BadZipFile):
+            if data is None:
+                return None
+            why = dict(zip(data["failed"].tolist(), data["why"].tolist(), strict=True))
+            names = [n for n in data["followed"].tolist() if n]
+            points = {n: MemberTurnings(*(data[f"turnings{k}_{part}"] for part in PARTS)) for k, n in enumerate(names)}
+            return Chunk(first, data["temperatures"], points, why, str(data["version"]), str(data["simd"]))
+        except (ValueError, KeyError):
             return None
 
     def save(self, chunk: Chunk) -> None:
         """Keep a chunk; the file appears when it is whole."""
-        path = self._path(chunk.first, chunk.temperatures.shape[0])
         failed, why = np.array(list(chunk.failed), dtype=int), np.array(list(chunk.failed.values()), dtype=str)
         version, simd = np.array(chunk.version), np.array(chunk.simd)
-        with replacing(path, OWN) as half:
-            points = {f"turnings{k}_{part}": getattr(t, part) for k, t in enumerate(chunk.turnings.values()) for part in PARTS}
-            arrays = {"temperatures": chunk.temperatures, "followed": np.array(list(chunk.turnings), dtype=str), **points}
-            np.savez(half, **arrays, failed=failed, why=why, version=version, simd=simd)
+        points = {f"turnings{k}_{part}": getattr(t, part) for k, t in enumerate(chunk.turnings.values()) for part in PARTS}
+        arrays = {"temperatures": chunk.temperatures, "followed": np.array(list(chunk.turnings), dtype=str), **points}
+        name = f"members_{chunk.first:07d}_{chunk.temperatures.shape[0]}"
+        self.folder.save(name, {**arrays, "failed": failed, "why": why, "version": version, "simd": simd})
 
 
 def chunks(job: Job, wanted: Sequence[tuple[int, int]], executor: Workers, threads: int) -> Iterator[Chunk]:

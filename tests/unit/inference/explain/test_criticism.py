@@ -32,6 +32,19 @@ def fitted(truth: td.Model, node: str = "case", **more: Any) -> td.Calibration:
     return td.calibrate(box(BARE), data, [HTC, MASS])
 
 
+@pytest.mark.campaign
+def test_processes_say_the_same_as_one() -> None:
+    """Refits, the two ends of a profile, and actions are tasks of any workers."""
+    fit = fitted(box(LAG), "bulb")
+    one, two = (td.inference.criticise(fit, executor=workers) for workers in (None, 2))
+    assert [(c.name, c.evidence) for c in one.candidates] == [(c.name, c.evidence) for c in two.candidates]
+    one_end, two_ends = (td.inference.profile(fit, HTC, executor=workers) for workers in (None, 2))
+    assert (one_end.low, one_end.high) == (two_ends.low, two_ends.high)
+    room = td.Scenario("room", boundaries={"air": "20 [degC]"}, start="20 [degC]", duration="2 [h]")
+    asked, shared = (td.inference.next_test(fit, HTC, scenario=room, executor=workers) for workers in (None, 2))
+    assert str(asked) == str(shared)
+
+
 def test_noise_is_left_alone() -> None:
     found = td.inference.criticise(fitted(box(BARE)))
     assert found.traces[0].white

@@ -1,0 +1,68 @@
+"""What finished tasks leave in a folder, so that an interrupt, a kill or another day costs only what was under way."""
+
+from __future__ import annotations
+
+import hashlib
+import json
+import os
+from collections.abc import Mapping
+from dataclasses import dataclass, fields, is_dataclass
+from pathlib import Path
+from typing import Any
+from zipfile import BadZipFile
+
+import numpy as np
+from numpy.typing import NDArray
+
+from thermid.base.files import OWN, replacing, sweep
+
+
+def digest(thing: Any) -> str:
+    """Return a hash of numbers, texts, arrays, tables and dataclasses, however nested."""
+    return hashlib.sha256(json.dumps(_plain(thing), sort_keys=True).encode()).hexdigest()[:16]
+
+
+def _plain(thing: Any) -> Any:
+    if isinstance(thing, np.ndarray):
+        return [str(thing.dtype), list(thing.shape), hashlib.sha256(np.ascontiguousarray(thing).tobytes()).hexdigest()]
+    if is_dataclass(thing):
+        return [type(thing).__name__, *(_plain(getattr(thing, f.name)) for f in fields(thing))]
+    if isinstance(thing, Mapping):
+        return {str(k): _plain(v) for k, v in thing.items()}
+    if isinstance(thing, tuple | list):
+        return [_plain(v) for v in thing]
+    return thing.item() if isinstance(thing, np.generic) else float(thing).hex() if isinstance(thing, float) else thing
+
+
+@dataclass(frozen=True)
+class JobFolder:
+    """Arrays that tasks of one job left, a file for each task; the folder's name is the hash of all that they depend on.
+
+    Parameters
+    ----------
+    place : Path
+    """
+
+    place: Path
+
+    @classmethod
+    def of(cls, folder: str | os.PathLike[str], key: str) -> JobFolder:
+        """Return the place of a job below a folder, which is made."""
+        place = Path(folder) / key
+        place.mkdir(parents=True, exist_ok=True)
+        for each in (place, *Path(folder).glob("[0-9a-f]" * 16)):  # a job that was killed may never be asked again
+            sweep(each)
+        return cls(place)
+
+    def load(self, name: str) -> dict[str, NDArray[Any]] | None:
+        """Return what a task left, or None; what cannot be read counts as not there."""
+        try:
+            with (self.place / f"{name}.npz").open("rb") as file, np.load(file) as data:
+                return dict(data)
+        except (OSError, ValueError, KeyError, EOFError, BadZipFile):
+            return None
+
+    def save(self, name: str, arrays: Mapping[str, Any]) -> None:
+        """Keep arrays; the file appears when it is whole."""
+        with replacing(self.place / f"{name}.npz", OWN) as half:
+            np.savez(half, **arrays)
