@@ -362,7 +362,8 @@ def _spreads(texts: list[str]) -> dict[str, Any]:
 def hold(
     question: Annotated[Path, typer.Argument(help="A hold question (TOML): model, scenario, limits, spread.")],
     members: Annotated[int, typer.Option("--members", help="How many runs; the file's, or 10000.", min=0)] = 0,
-    to: Annotated[Path | None, typer.Option("--to", help="Folder where runs are kept; 'results' beside the file.")] = None,
+    job: Annotated[Path | None, typer.Option("--job", "--to", help="Folder where runs are kept; 'results' beside the file.")] = None,
+    dry_run: Annotated[bool, typer.Option("--dry-run", help="Say how many runs, how long and how much memory; run none.")] = False,
     workers: Processes = 1,
     cluster: Cluster = "",
     figure: Annotated[Path | None, typer.Option("--figure", help="Write the curve (png, svg, pdf).")] = None,
@@ -379,7 +380,11 @@ def hold(
     """
     writable((figure, PICTURE))
     asked = load_hold(question)
-    folder = to if to is not None else question.parent / "results"
+    folder = job if job is not None else question.parent / "results"
+    if dry_run:
+        cost = asked.cost(n=members, folder=folder)
+        say(as_json, {"members": cost.members, "kept": cost.kept, "processor_s": cost.seconds, "memory_B": cost.size}, cost, verbose)
+        return
     with MemberProgress() as progress:
         try:
             _, answer = asked.run(n=members, folder=folder, executor=executor_of(workers, cluster), progress=progress)

@@ -5,9 +5,11 @@ from __future__ import annotations
 import os
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
+from time import process_time
 
 import numpy as np
 
+from thermid.base.errors import spoken
 from thermid.base.linear_algebra import Array
 from thermid.model.tree import Model
 from thermid.prediction._budget import Budget
@@ -168,3 +170,46 @@ def chunks(job: Job, wanted: Sequence[tuple[int, int]], executor: Workers, threa
     """Yield chunks as they are done, by the workers of `in_tasks`."""
     tasks = [(f"members from {first} on", (job, first, members, threads)) for first, members in wanted]
     return (chunk for _, chunk in in_tasks(work, tasks, executor))
+
+
+TRIED = (8, 64)
+"""Members of two chunks that are run to see what one costs, and what a chunk costs besides."""
+
+
+@dataclass(frozen=True)
+class RunCost:
+    """What a campaign of runs will take, before it is begun.
+
+    Parameters
+    ----------
+    members, kept : int     How many are asked for; of these, how many a folder has already.
+    seconds : float         Processor time. [s]
+    size : float            Memory beside that of the program. [bytes]
+    """
+
+    members: int
+    kept: int
+    seconds: float
+    size: float
+
+    def __str__(self) -> str:
+        """It in one line."""
+        kept = f", {self.kept} of them kept" if self.kept else ""
+        return (
+            f"{self.members} members{kept}: about {spoken(self.seconds)} of processor time and {self.size / 1e6:.2g} MB beside the program"
+        )
+
+    @classmethod
+    def of(cls, job: Job, members: int, kept: int) -> RunCost:
+        """Return what so many members take, from two small chunks that are run for it."""
+        work(job, 0, TRIED[0])  # loads what is loaded once
+        took = []
+        for tried in TRIED:
+            begun = process_time()
+            chunk = work(job, 0, tried)
+            took.append(process_time() - begun)
+        each = max(took[1] - took[0], 0.0) / (TRIED[1] - TRIED[0])
+        left = members - kept
+        points = sum(getattr(t, part).nbytes for t in chunk.turnings.values() for part in PARTS)
+        size = 2.0 * (chunk.temperatures.nbytes + points) / TRIED[1]  # as chunks, and all together
+        return cls(members, kept, left * each + len(job.parts(left)) * max(took[0] - TRIED[0] * each, 0.0), members * size)

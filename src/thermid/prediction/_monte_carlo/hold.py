@@ -25,8 +25,9 @@ from thermid.model.tree import Model
 from thermid.physics.constants import ICE_POINT
 from thermid.prediction._budget import MISFIT, OFF, SILENT, UNFITTED
 from thermid.prediction._hand import filed
+from thermid.prediction._monte_carlo.chunks import ChunkStore, RunCost
 from thermid.prediction._monte_carlo.drivers import Driver, drivers_of
-from thermid.prediction._monte_carlo.uncertain import Progress, UncertainRuns, uncertain_runs
+from thermid.prediction._monte_carlo.uncertain import Progress, UncertainRuns, kept_chunks, plan_runs, uncertain_runs
 from thermid.prediction._reduction.macro import macro_model
 from thermid.simulation.runs import Workers
 from thermid.simulation.scenarios import Scenario, load_scenario
@@ -420,6 +421,22 @@ class HoldQuestion:
     every: str
     confidence: float
     remarks: tuple[str, ...] = ()
+
+    def cost(self, *, n: int = 0, folder: str | os.PathLike[str] | None = None) -> RunCost:
+        """Return what `run` would take; two small chunks are run for it."""
+        members = n or self.members
+        job, _ = plan_runs(
+            self.model,
+            self.scenarios,
+            self.values,
+            at=self.unit,
+            spread=self.spread,
+            seed=self.seed,
+            nodes=list(self.limits),
+            every=self.every or None,
+        )
+        kept = kept_chunks(ChunkStore.of(job, folder) if folder is not None else None, job.parts(members))
+        return RunCost.of(job, members, sum(c.temperatures.shape[0] for c in kept.values()))
 
     @takes_objects
     def run(

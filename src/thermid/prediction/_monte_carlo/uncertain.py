@@ -331,7 +331,7 @@ def uncertain_runs(
     )
     store = ChunkStore.of(job, folder) if folder is not None else None
     parts = job.parts(n)
-    done = _kept(store, parts)
+    done = kept_chunks(store, parts)
     reused = sum(c.temperatures.shape[0] for c in done.values())
     if progress is not None:
         progress(reused, n)
@@ -361,7 +361,7 @@ def _turnings(job: Job, ordered: Sequence[Chunk]) -> tuple[dict[str, MemberTurni
     return turnings, (why,)
 
 
-def _kept(store: ChunkStore | None, parts: Sequence[tuple[int, int]]) -> dict[int, Chunk]:
+def kept_chunks(store: ChunkStore | None, parts: Sequence[tuple[int, int]]) -> dict[int, Chunk]:
     """Return first member -> chunk, of those that an earlier run left in the folder."""
     loaded = {} if store is None else {first: store.load(first, members) for first, members in parts}
     return {first: chunk for first, chunk in loaded.items() if chunk is not None}

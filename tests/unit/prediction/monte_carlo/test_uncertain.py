@@ -252,6 +252,24 @@ def test_members_that_fail_are_left_out_and_told() -> None:
     assert any("did not reach the end" in w for w in found.warnings) or len(found.failed) == 60
 
 
+def test_what_runs_will_take_is_said_before_they_begin(tmp_path: Path) -> None:
+    """Memory within a factor of 2 of what the same runs take; what a folder has costs no time."""
+    import tracemalloc
+
+    from thermid.prediction._monte_carlo.chunks import RunCost
+    from thermid.prediction._monte_carlo.uncertain import plan_runs
+
+    job, _ = plan_runs(plate(), SCENARIO, spread=SPREAD, seed=3, chunk=200)
+    said = RunCost.of(job, 2000, 0)
+    tracemalloc.start()
+    runs(n=2000, chunk=200)
+    peak = tracemalloc.get_traced_memory()[1]
+    tracemalloc.stop()
+    assert 0.5 < said.size / peak < 2.0
+    assert RunCost.of(job, 2000, 2000).seconds == 0.0 < said.seconds
+    assert str(said).startswith("2000 members: about ")
+
+
 # mistakes ----------------------------------------------------------------------------------------------------------------------------
 
 
