@@ -434,8 +434,7 @@ def run_stages(
     changed: dict[str, tuple[str, ...]] = {}
     left = dict(enumerate(source.content.stages))
     while left:
-        ready = [k for k, s in left.items() if not _waits(s, [left[j].name for j in left if j < k])]
-        ready = ready if executor is not None else ready[:1]
+        ready = [k for k, s in left.items() if not _waits(s, [left[j].name for j in left if j < k])][: 1 if executor is None else None]
         tasks, ingredients = [], {}
         for k in ready:
             name, place = left[k].name, source.where(f"stages.{k}")

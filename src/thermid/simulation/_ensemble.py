@@ -13,6 +13,7 @@ from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from functools import partial
 from itertools import chain
+from operator import itemgetter
 from typing import Any, cast
 
 import numpy as np
@@ -702,16 +703,18 @@ def run_members(
         return ensemble(found.failed, shares, found.statistics, network.find, _no_traces, known, {}, warnings)
     if job is not None:
         raise ScenarioError("a job keeps counts of members, not their traces. Give 'quantiles', or use td.qualify.uncertain_runs.", where)
-    parts = [runs.group(values)] if executor is None else _all_run(runs, values, members, executor)
+    if executor is None:
+        group = runs.group(values)
+        return ensemble(group.failed, (), group.statistics, network.find, group.temperature, {}, group.turnings, warnings)
+    parts = _all_run(runs, values, members, executor)
     failed, turnings = _one_after_another(parts)
     return ensemble(failed, (), _added([p.statistics for p in parts]), network.find, partial(_traces_of, parts), {}, turnings, warnings)
 
 
 def _all_run(runs: _Runs, values: Mapping[str, Array], members: int, executor: Workers) -> list[_GroupRun]:
     """Return the groups of all members, run by workers."""
-    tasks = [(f"members from {first} on", (runs, v)) for first, v in _tasks(values, members, runs.at_once, TASKS)]
-    groups = dict(in_tasks(_Runs.group, tasks, executor))
-    return [groups[k] for k in range(len(groups))]
+    tasks = [(f"members from {first} on", (runs, v)) for first, v in _tasks(values, members, runs.at_once)]
+    return [group for _, group in sorted(in_tasks(_Runs.group, tasks, executor), key=itemgetter(0))]
 
 
 def _all_counted(runs: _Runs, values: Mapping[str, Array], members: int, executor: Workers, job: str | os.PathLike[str] | None) -> _Counted:
@@ -724,7 +727,7 @@ def _all_counted(runs: _Runs, values: Mapping[str, Array], members: int, executo
         grids = {n: CountGrid.of(group.temperature(n)[:, alive]) for n in runs.wanted} if alive.size else {}
         pilots.append((at, runs.counted(group, grids)))
         at += pilots[-1][1].members
-    tasks = _tasks({n: v[at:] for n, v in values.items()}, members - at, runs.at_once, TASKS)
+    tasks = _tasks({n: v[at:] for n, v in values.items()}, members - at, runs.at_once)
     folder = JobFolder.of(job, runs.key(values)) if job is not None else None
     done = _left_in(folder, {at + first: v for first, v in tasks}, grids)
     open_ = [at + first for first, _ in tasks if at + first not in done]
@@ -752,9 +755,9 @@ def _left_in(folder: JobFolder | None, tasks: Mapping[int, Mapping[str, Array]],
     return {first: part for first, part in loaded.items() if part is not None}
 
 
-def _tasks(values: Mapping[str, Array], members: int, at_once: int, tasks: int) -> list[tuple[int, dict[str, Array]]]:
-    """Return the shares of so many tasks: the first member, and the values of all."""
-    size = at_once * max(1, -(-members // (tasks * at_once)))
+def _tasks(values: Mapping[str, Array], members: int, at_once: int) -> list[tuple[int, dict[str, Array]]]:
+    """Return the shares of tasks: the first member, and the values of all."""
+    size = at_once * max(1, -(-members // (TASKS * at_once)))
     return [(k * size, v) for k, v in enumerate(_shares_of(values, size))]
 
 
@@ -773,7 +776,7 @@ def _one_after_another(parts: Sequence[_GroupRun]) -> tuple[dict[int, str], dict
 
 
 def _traces_of(parts: Sequence[_GroupRun], name: str) -> Array:
-    return parts[0].temperature(name) if len(parts) == 1 else np.concatenate([p.temperature(name) for p in parts], axis=1)
+    return np.concatenate([p.temperature(name) for p in parts], axis=1)
 
 
 def _one_by_one(
