@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import pickle
+
 import numpy as np
 import pytest
 from numpy.typing import NDArray
@@ -75,6 +77,16 @@ def test_any_order_and_any_parts_give_the_same_bits(law: str) -> None:
         whole = joined(parts)
         kept.add(b"".join(x.tobytes() for x in (whole.counts, whole.sums, whole.keys, whole.beyond, *whole.quantiles(SHARES), whole.sd)))
     assert len(kept) == 1
+
+
+def test_a_tally_travels_in_a_quarter_of_its_bytes() -> None:
+    pilot, values = drawn("heavy tails")
+    whole = Tally.of(CountGrid.of(pilot), values)
+    sent = pickle.dumps(whole)
+    again = pickle.loads(sent)
+    assert len(sent) < 0.25 * whole.counts.nbytes + 4 * whole.keys.nbytes
+    assert again.joined(whole).quantiles(SHARES)[0].tobytes() == whole.joined(again).quantiles(SHARES)[0].tobytes()
+    assert np.array_equal(again.counts, whole.counts)
 
 
 def test_a_table_of_many_rows_has_wider_bins_but_not_beyond_a_hundredth_of_the_range(monkeypatch: pytest.MonkeyPatch) -> None:
