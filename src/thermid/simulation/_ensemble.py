@@ -208,6 +208,9 @@ class Ensemble(Result):
         width = max(len(n) for n in self.nodes)
         for n in self.nodes if len(self.failed) < self.members else ():
             lines.append(f"  {n:<{width}}  end {self.mean(n)[-1] - ICE_POINT:9.3f} +/- {self.sd(n)[-1]:.3f} degC")
+        if self._summaries:
+            off = max(float(s.error.max()) for s in self._summaries.values())
+            lines.append(f"  members were counted in bins: quantiles may be {1000.0 * off:.2g} mK off")
         return "\n".join([*lines, *(f"  warning: {w}" for w in self.warnings)])
 
     def _as_traces(self) -> Sequence[PlottedTrace]:

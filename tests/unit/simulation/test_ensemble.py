@@ -221,6 +221,8 @@ def test_kept_quantiles_are_those_of_the_traces_within_half_a_bin(monkeypatch: p
         assert few.highest(node) == pytest.approx(whole.highest(node), abs=1e-5)
         assert not whole.quantile_error(node, 0.5).any()
     assert few.turnings("seam") is None
+    worst = max(few.quantile_error(n, [0.5, 0.05]).max() for n in few.nodes)
+    assert f"{1000.0 * worst:.2g} mK" in str(few)
     with pytest.raises(ScenarioError, match=r"quantile 0\.9 was not stored, only 0\.05, 0\.5\."):
         few.quantile("seam", 0.9)
     with pytest.raises(ScenarioError, match="only quantiles were kept"):

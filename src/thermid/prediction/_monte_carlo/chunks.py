@@ -78,14 +78,13 @@ class Chunk:
     turnings : dict                         Node -> turning points between the times, members counted from `first`; a node is missing where
                                             they were not followed.
     failed : dict                           Member -> why it did not reach the end.
-    version, simd : str                     Of thermid where it was run; the instruction set.
+    simd : str                              Instruction set where it was run.
     """
 
     first: int
     temperatures: Array
     turnings: Mapping[str, MemberTurnings]
     failed: Mapping[int, str]
-    version: str
     simd: str
 
     def highest(self, nodes: Sequence[str], node: str) -> Array:
@@ -96,10 +95,8 @@ class Chunk:
 
 def work(job: Job, first: int, members: int, threads: int = 1) -> Chunk:
     """Return the runs of a chunk of members."""
-    from importlib.metadata import version
-
     chunk = run_members_of(job, job.budget.numbers(job.seed, first, members), threads)
-    return replace(chunk, first=first, failed={first + m: why for m, why in chunk.failed.items()}, version=version("thermid"))
+    return replace(chunk, first=first, failed={first + m: why for m, why in chunk.failed.items()})
 
 
 def run_members_of(job: Job, numbers: Array, threads: int = 1) -> Chunk:
@@ -124,7 +121,7 @@ def run_members_of(job: Job, numbers: Array, threads: int = 1) -> Chunk:
                 turnings[node].append(replace(points, members=members[points.members]))
     variants = len(np.unique(chosen))
     followed = {n: MemberTurnings.joined([(0, p) for p in parts]).sorted() for n, parts in turnings.items() if len(parts) == variants}
-    return Chunk(0, out, followed, failed, "", simd)
+    return Chunk(0, out, followed, failed, simd)
 
 
 @dataclass(frozen=True)
@@ -152,18 +149,17 @@ class ChunkStore:
             why = dict(zip(data["failed"].tolist(), data["why"].tolist(), strict=True))
             names = [n for n in data["followed"].tolist() if n]
             points = {n: MemberTurnings(*(data[f"turnings{k}_{part}"] for part in PARTS)) for k, n in enumerate(names)}
-            return Chunk(first, data["temperatures"], points, why, str(data["version"]), str(data["simd"]))
+            return Chunk(first, data["temperatures"], points, why, str(data["simd"]))
         except (ValueError, KeyError):
             return None
 
     def save(self, chunk: Chunk) -> None:
         """Keep a chunk; the file appears when it is whole."""
         failed, why = np.array(list(chunk.failed), dtype=int), np.array(list(chunk.failed.values()), dtype=str)
-        version, simd = np.array(chunk.version), np.array(chunk.simd)
         points = {f"turnings{k}_{part}": getattr(t, part) for k, t in enumerate(chunk.turnings.values()) for part in PARTS}
         arrays = {"temperatures": chunk.temperatures, "followed": np.array(list(chunk.turnings), dtype=str), **points}
         name = f"members_{chunk.first:07d}_{chunk.temperatures.shape[0]}"
-        self.folder.save(name, {**arrays, "failed": failed, "why": why, "version": version, "simd": simd})
+        self.folder.save(name, {**arrays, "failed": failed, "why": why, "simd": np.array(chunk.simd)})
 
 
 def chunks(job: Job, wanted: Sequence[tuple[int, int]], executor: Workers, threads: int) -> Iterator[Chunk]:
