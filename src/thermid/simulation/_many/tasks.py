@@ -5,6 +5,7 @@ A task carries all that it needs, and may be done twice. Nothing is handed out b
 
 from __future__ import annotations
 
+import signal
 from collections.abc import Callable, Iterator, Sequence
 from concurrent.futures import BrokenExecutor, CancelledError, Executor, as_completed
 from contextlib import ExitStack, contextmanager
@@ -63,7 +64,7 @@ def _pool(workers: Executor | str | int, stack: ExitStack) -> Executor:
         return workers
     if isinstance(workers, int):
         loky = optional("joblib.externals.loky", "a run on several processes")
-        return loky.get_reusable_executor(max_workers=workers, env=ONE_THREAD)  # type: ignore[no-any-return]
+        return loky.get_reusable_executor(max_workers=workers, env=ONE_THREAD, initializer=_leave_interrupts)  # type: ignore[no-any-return]
     if "://" not in workers:
         raise ScenarioError(f"'{workers}' is no address of a scheduler. Write tcp://host:8786, or joblib.")
     distributed = optional("distributed", "a run on several processes")
@@ -88,6 +89,11 @@ def _by(pool: Executor, calls: Sequence[Call], whose: str) -> Iterator[tuple[int
     finally:
         for future in open_:
             future.cancel()
+
+
+def _leave_interrupts() -> None:
+    """Leave the interrupt key to the process that asked: what a worker has begun it ends."""
+    signal.signal(signal.SIGINT, signal.SIG_IGN)
 
 
 @contextmanager
