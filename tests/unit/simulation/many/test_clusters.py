@@ -2,11 +2,14 @@
 
 from __future__ import annotations
 
+import os
+import signal
 import socket
 import subprocess
 import sys
 import time
 from collections.abc import Iterator
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -72,3 +75,20 @@ def test_a_cluster_gives_the_same_bits_while_its_workers_die(cluster: tuple[str,
         time.sleep(0.1)
         assert not many.failed
         assert told == found()[1]
+
+
+def test_the_interrupt_key_ends_in_a_sentence(tmp_path: Path) -> None:
+    """What was finished stays, and no engine's traceback comes with it; the same command goes on."""
+    question = Path(__file__).parents[4] / "examples" / "sisnav" / "macro" / "hold.toml"
+    command = [sys.executable, "-m", "thermid", "hold", str(question), "--members", "4000", "--workers", "2", "--job", str(tmp_path)]
+    with subprocess.Popen(command, stdout=subprocess.PIPE, stderr=subprocess.STDOUT, text=True, start_new_session=True) as process:
+        while not list(tmp_path.rglob("*.npz")):
+            time.sleep(0.1)
+            assert process.poll() is None
+        os.killpg(process.pid, signal.SIGINT)
+        said, _ = process.communicate(timeout=120)
+    assert process.returncode == 3
+    assert "Traceback" not in said
+    assert len(list(tmp_path.rglob("*.npz"))) < 8
+    assert subprocess.run(command, capture_output=True, check=False).returncode == 0
+    assert len(list(tmp_path.rglob("*.npz"))) == 8
