@@ -702,7 +702,9 @@ def run_members(
     ensemble = partial(Ensemble, *titles, times, wanted, members, values)
     if shares:
         found = _all_counted(runs, values, members, executor, job)
-        known = {n: _summary(t, found.extremes[n], shares) for n, t in found.tallies.items()}
+        known = {
+            n: Summary(*t.quantiles(shares), t.mean, t.sd, float(t.grid.centre[0]), found.extremes[n]) for n, t in found.tallies.items()
+        }
         return ensemble(found.failed, shares, found.statistics, network.find, _no_traces, known, {}, warnings)
     if job is not None:
         raise ScenarioError("a job keeps counts of members, not their traces. Give 'quantiles', or use td.qualify.uncertain_runs.", where)
@@ -762,11 +764,6 @@ def _tasks(values: Mapping[str, Array], members: int, at_once: int) -> list[tupl
     """Return the shares of tasks: the first member, and the values of all."""
     size = at_once * max(1, -(-members // (TASKS * at_once)))
     return [(k * size, v) for k, v in enumerate(_shares_of(values, size))]
-
-
-def _summary(tally: Tally, extremes: NDArray[np.float32], shares: Sequence[float]) -> Summary:
-    """Return what is told of a node."""
-    return Summary(*tally.quantiles(shares), tally.mean, tally.sd, float(tally.grid.centre[0]), extremes)
 
 
 def _one_after_another(parts: Sequence[_GroupRun]) -> tuple[dict[int, str], dict[str, MemberTurnings]]:
