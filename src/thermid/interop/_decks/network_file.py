@@ -7,7 +7,7 @@ import os
 import re
 from collections import Counter
 from collections.abc import Iterator, Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from typing import Any, Final
 
 import numpy as np
@@ -141,6 +141,7 @@ class NetworkFile:
     courses : dict                 Boundary -> temperature over time, where it is no constant. [degC]
     start : str                    Where the transient begins, as a scenario says it; empty for the temperatures of the nodes.
     seconds : float                The deck's unit of time. [s]
+    begin : float                  The deck's time at which its transient begins. [s]
     """
 
     title: str
@@ -156,6 +157,7 @@ class NetworkFile:
     zero_and_degree: tuple[float, float] = (-ICE_POINT, 1.0)
     start: str = ""
     seconds: float = 1.0
+    begin: float = 0.0
 
     def __str__(self) -> str:
         """Return what was read in one line, then what was not."""
@@ -233,11 +235,13 @@ class NetworkFile:
 
     def case(self) -> dict[str, Any]:
         """Return the tables of a scenario file: boundaries and starts of the deck, courses of loads, its length."""
-        followed = [(each, each.course) for each in self.loads if each.course is not None]
+        followed = [(each, each.course.beginning(self.begin)) for each in self.loads if each.course is not None]
         held = [node for node in self.nodes if node.held]
         tables = {
             "boundaries": {
-                node.path: self.courses[node.path].table("degC") if node.path in self.courses else f"{node.celsius!r} [degC]"
+                node.path: self.courses[node.path].beginning(self.begin).table("degC")
+                if node.path in self.courses
+                else f"{node.celsius!r} [degC]"
                 for node in held
             },
             "loads": {each.name: course.table("W", each.factor) for each, course in followed if not each.scales},
@@ -405,9 +409,15 @@ class FileCourse:
         if self.period and t[-1] - t[0] > self.period * (1.0 + 1e-9):
             raise DeckError(f"times over {t[-1] - t[0]:g} s exceed the period of {self.period:g} s.", self.where)
 
+    def beginning(self, seconds: float) -> FileCourse:
+        """Return the course with another time as its zero. [s]"""
+        return replace(self, seconds=self.seconds - seconds) if seconds else self
+
     def table(self, unit: str, factor: float = 1.0, offset: float = 0.0) -> dict[str, Any]:
         """Return the course as a table of a scenario."""
         t, v = self.seconds, self.numbers * factor + offset
+        if t.size > 1:  # two values at one time are a step
+            t = np.where(np.append(np.diff(t) == 0.0, False), t - STEP * (t[-1] - t[0]), t)
         if self.period and t.size > 1:
             if t[0] + self.period - t[-1] > STEP * self.period:  # a straight line from the last point to the first of the next period
                 t, v = np.append(t, t[0] + self.period), np.append(v, v[0])
