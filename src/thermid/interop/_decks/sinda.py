@@ -159,15 +159,16 @@ def read_sinda(path: str | Path, units: str = "") -> NetworkFile:
             "with the file",
             dropped=False,
         )
+    begin = deck.control.get("TIMEO", 0.0) * deck.units.time
     parameters = {deck.reading.names[name]: value for name, value in deck.registers.items()}
     return NetworkFile(
         identifier(deck.title), "SINDA", tuple(deck.nodes), tuple(deck.conductors), tuple(_unique(deck.loads)), parameters,
-        (deck.control.get("TIMEND", 0.0) - deck.control.get("TIMEO", 0.0)) * deck.units.time, tuple(deck.reading.remarks), deck.reading.texts,
+        deck.control.get("TIMEND", 0.0) * deck.units.time - begin, tuple(deck.reading.remarks), deck.reading.texts,
         zero_and_degree=(deck.units.zero, deck.units.degree),
         start=_start(deck),
         seconds=deck.units.time,
         courses=deck.courses,
-        begin=deck.control.get("TIMEO", 0.0) * deck.units.time,
+        begin=begin,
     )  # fmt: skip
 
 
