@@ -7,9 +7,10 @@ conductor has a negative number, its heat is ``SIGMA G (T_a^4 - T_b^4)``; a minu
 from __future__ import annotations
 
 import re
-from collections.abc import Generator, Iterator
+from collections.abc import Generator, Iterator, Mapping
 from dataclasses import dataclass, field, replace
 from pathlib import Path
+from types import MappingProxyType
 from typing import Final
 
 import numpy as np
@@ -17,8 +18,19 @@ import numpy as np
 from thermid.base.errors import DeckError, ThermidError
 from thermid.base.units import counted
 from thermid.interop._decks.cards import are_cards, card_blocks
+from thermid.interop._decks.emissivities import read_emissivities
 from thermid.interop._decks.heat_rates import CALL, SUFFIX, CommentedArrays, heat_rates, owner_of
-from thermid.interop._decks.network_file import FileConductor, FileCourse, FileLoad, FileNode, NetworkFile, TextSpan, fortran, identifier
+from thermid.interop._decks.network_file import (
+    FileConductor,
+    FileCourse,
+    FileEmissivity,
+    FileLoad,
+    FileNode,
+    NetworkFile,
+    TextSpan,
+    fortran,
+    identifier,
+)
 from thermid.interop._decks.statements import DeckReading, Line, fields, numbered, stream, with_unit
 from thermid.physics.constants import ICE_POINT, STEFAN_BOLTZMANN
 
@@ -32,6 +44,8 @@ _TIME: Final = {"S": 1.0, "SEC": 1.0, "MIN": 60.0, "HR": HOUR, "H": HOUR}
 _LENGTH: Final = {"M": 1.0, "MM": 1e-3, "CM": 1e-2, "IN": 0.0254, "FT": 0.3048}
 _ZERO: Final = {"K": 0.0, "R": 0.0, "C": -ICE_POINT, "F": -459.67}
 """Absolute zero in a unit of temperature."""
+INSULATION: Final = 20_000
+"""By how much the number of an insulation's node exceeds that of the surface below, as Thermal Desktop numbers them."""
 Cells = list[tuple[str, TextSpan]]
 """What stands between the commas of a row, each with its place."""
 _SILENT: Final = (
@@ -113,6 +127,7 @@ class SindaDeck:
     registers: dict[str, tuple[float | str, TextSpan]] = field(default_factory=dict)
     control: dict[str, float] = field(default_factory=dict)
     courses: dict[str, FileCourse] = field(default_factory=dict)
+    emissivities: dict[str, tuple[float, int]] = field(default_factory=dict)
     logic: list[tuple[str, list[Line]]] = field(default_factory=list)
     steps: list[tuple[str, str, list[Line]]] = field(default_factory=list)
     settles: bool = False
@@ -169,6 +184,7 @@ def read_sinda(path: str | Path, units: str = "") -> NetworkFile:
         seconds=deck.units.time,
         courses=deck.courses,
         begin=begin,
+        emissivities=deck.emissivities,
     )  # fmt: skip
 
 
@@ -195,7 +211,8 @@ def _blocks(deck: SindaDeck, path: Path, text: str, inside: tuple[Path, ...], at
             words.append(row[1:].strip())
             _stated_unit(deck, row)
             continue
-        row = row.split("$", 1)[0].rstrip()
+        row, _, note = row.partition("$")
+        row = row.rstrip()
         if not row.strip() or row.strip().upper() in ("PSTOP", "PSTART"):
             words = [] if not row else words
             continue
@@ -209,7 +226,7 @@ def _blocks(deck: SindaDeck, path: Path, text: str, inside: tuple[Path, ...], at
             yield header, submodel, lines
             header, submodel, lines = " ".join(found[1].upper().split()), found[2].upper(), []
         else:
-            lines.append(replace(line, text=row, before=tuple(words)))
+            lines.append(replace(line, text=row, before=tuple(words), note=note))
         words = []
     yield header, submodel, lines
     return header, submodel
@@ -430,10 +447,11 @@ def _points(deck: SindaDeck, submodel: str, kind: str, word: str, line: Line) ->
 def _conductors(deck: SindaDeck, submodel: str, lines: list[Line]) -> None:
     """Read CONDUCTOR DATA: number, pairs of nodes, value; GEN, SIV and SPV. A contactor named in a comment makes a group of its rows.
 
-    A block of radiation alone, as Thermal Desktop writes one for each group of surfaces that see each other, is one group.
+    A block of radiation alone, as Thermal Desktop writes one for each group of surfaces that see each other, is one group, and its rows
+    follow the emissivities that its comments state. The rows through an insulation are a group for each submodel.
     """
-    rows = [line.text.lstrip() for line in lines]
-    group = _Group(f"radiation_{identifier(submodel)}" if len(rows) > 1 and all(row.startswith("-") for row in rows) else "")
+    block = len(lines) > 1 and all(line.text.lstrip().startswith("-") for line in lines)
+    group = _Group(f"radiation_{identifier(submodel)}" if block else "", _followed(deck, lines) if block else {})
     for line in lines:
         (head, _), *rest = fields(line) or [("", line.where)]
         word, _, first = head.partition(" ")
@@ -454,23 +472,48 @@ def _conductors(deck: SindaDeck, submodel: str, lines: list[Line]) -> None:
             raise DeckError(f"'{line.text.strip()}' is not a conductor. Write number, node, node, value.", str(line.where)) from None
 
 
+def _followed(deck: SindaDeck, lines: list[Line]) -> dict[TextSpan, tuple[FileEmissivity, ...]]:
+    """Return place of a row -> the emissivities that it follows, and keep their values; empty where the files do not say them."""
+    areas = Path(lines[0].where.file).with_suffix(".ar")
+    block = read_emissivities(lines, deck.reading.open(areas)) if areas.is_file() else None
+    if block is None:
+        return {}
+    for name, (value, nodes) in block.values.items():
+        old, n = deck.emissivities.get(name, (value, 0))
+        if old != value:
+            deck.reading.remark(
+                lines[0].where, f"{name} is {value:g} here and {old:g} in another block: its rows follow no emissivity", False
+            )
+            return {}
+        deck.emissivities[name] = (value, n + nodes)
+    if block.between:
+        deck.reading.remark(
+            lines[0].where,
+            f"{counted(block.between, 'node')} of several coatings: counted to the emissivity that is nearest",
+            dropped=False,
+        )
+    return {line.where: row for line, row in zip(lines, block.rows, strict=True)}
+
+
 class _Group:
     """The contactor that comments name, as long as its rows last.
 
     Rows belong to it until their pair of submodels changes; inside one submodel until their first node does.
     """
 
-    def __init__(self, block: str = "") -> None:
-        self.name, self.key, self.block = "", ("", ""), block
+    def __init__(self, block: str = "", followed: Mapping[TextSpan, tuple[FileEmissivity, ...]] = MappingProxyType({})) -> None:
+        self.name, self.key, self.block, self.followed = "", ("", ""), block, followed
 
     def of(self, line: Line, ends: tuple[tuple[str, str], tuple[str, str]]) -> str:
-        (sub_a, a), (sub_b, _) = ends
+        (sub_a, a), (sub_b, b) = ends
         key = (sub_a, sub_b) if sub_a != sub_b else (sub_a, a)
         made = [_contactor(each) for each in line.before if re.match(r"(?:Contact|Conductor) - ", each)]
         if made:
             self.name, self.key = "_and_".join(dict.fromkeys(made)), key
         elif key != self.key:
             self.name = ""
+        if not made and sub_a == sub_b and abs(int(b[1:]) - int(a[1:])) == INSULATION:
+            return f"mli_{identifier(sub_a)}" + ("" if line.text.lstrip().startswith("-") else "_conduction")
         return self.name or self.block
 
 
@@ -508,7 +551,8 @@ def _row(deck: SindaDeck, submodel: str, kind: str, cells: Cells, group: _Group,
             ends = (a, b) if minus_a else (b, a)
             yield FileConductor(name, ends, stream(value, deck.units.power / deck.units.degree), where, group.of(line, (a, b)))
             continue
-        yield FileConductor(name, (a, b), _law(deck, submodel, kind, number, values, line), where, group.of(line, (a, b)))
+        law = _law(deck, submodel, kind, number, values, line)
+        yield FileConductor(name, (a, b), law, where, group.of(line, (a, b)), group.followed.get(line.where, ()))
 
 
 def _law(deck: SindaDeck, submodel: str, kind: str, number: int, values: Cells, line: Line) -> dict[str, object]:
