@@ -125,6 +125,8 @@ _NAMESPACES = {
         "RetunePlan": "campaign.studies",
         "size": "campaign.verdicts",
         "Sizing": "campaign.verdicts",
+        "worst_case": "campaign.verdicts",
+        "WorstCases": "campaign.verdicts",
         "load_study": "campaign.studies",
         "Study": "campaign.studies",
     },
