@@ -214,7 +214,6 @@ _NAMESPACES = {
         "to_esatan": "interop.decks",
         "to_fmu": "interop.fmu",
         "fmu_model": "interop.fmu",
-        "calibrate_fmu": "interop.fmu",
         "equations": "interop.equations",
         "Equations": "interop.equations",
     },

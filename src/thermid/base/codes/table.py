@@ -51,11 +51,6 @@ CODES: Final[Mapping[str, CodeMeaning]] = {
         "An option or argument of a command is unknown, missing, or has a value of another kind.",
         "See `thermid COMMAND --help`.",
     ),
-    "deck.units-not-stated": CodeMeaning(
-        "error",
-        "A deck of SINDA does not state the unit of its temperatures or powers, or a unit is none.",
-        'Give `--units`, such as "BTU h ft F".',
-    ),
     "expression.decimal-comma": CodeMeaning(
         "error",
         "A number has a decimal comma.",

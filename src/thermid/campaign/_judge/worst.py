@@ -145,14 +145,20 @@ def worst_case(
     SolverError     When a run does not come out.
     """
     if runs < 2 * DRAWS:
-        raise ScenarioError(f"{runs} runs are fewer than the {2 * DRAWS} draws that bound what is missed.", "runs")
+        raise ScenarioError(
+            f"{runs} runs are fewer than the {2 * DRAWS} draws that bound what is missed.", "runs", code="value.outside-range"
+        )
     task = _Ranges(model, scenario, ranges, limits)
     if len(task.searched) > SEARCHED_MOST:
         why = f" The corner rule does not apply: {task.declined}." if task.declined else ""
-        raise ScenarioError(f"{len(task.searched)} values would be searched; {SEARCHED_MOST} at most.{why}", ", ".join(task.searched))
+        raise ScenarioError(
+            f"{len(task.searched)} values would be searched; {SEARCHED_MOST} at most.{why}",
+            ", ".join(task.searched),
+            code="value.outside-range",
+        )
     hot, cold = (task.worst(upper, runs // 2, seed) for upper in (True, False))
     if hot is None and cold is None:
-        raise ScenarioError("no operating limit is finite. Give a lower one, an upper one, or both.", "limits")
+        raise ScenarioError("no operating limit is finite. Give a lower one, an upper one, or both.", "limits", code="value.incomplete")
     return WorstCases(hot, cold, task.units, task.one_way, task.searched, task.declined, task.count)
 
 
@@ -178,7 +184,7 @@ class _Ranges:
         }
         foreign = [name for name in ranges if name not in self.units]
         if foreign and isinstance(scenario, Scenario):
-            raise ScenarioError("it is no boundary, load or value of the model.", foreign[0])
+            raise ScenarioError("it is no boundary, load or value of the model.", foreign[0], code="name.unknown")
         self.units |= dict.fromkeys(foreign, "1")
         self.foreign = tuple(foreign)
         self.ends = {name: self._ends(name, pair) for name, pair in ranges.items()}
@@ -192,7 +198,9 @@ class _Ranges:
         slot = "temperature" if name in self.boundaries else self.units[name]
         low, high = (literal(end, slot, f"ranges, {name}") if isinstance(end, str) else float(end) for end in pair)
         if not low < high:
-            raise ScenarioError("the range is empty: its lower end is not below its upper one.", f"ranges, {name}")
+            raise ScenarioError(
+                "the range is empty: its lower end is not below its upper one.", f"ranges, {name}", code="value.outside-range"
+            )
         return low, high
 
     def worst(self, upper: bool, runs: int, seed: int) -> WorstCase | None:

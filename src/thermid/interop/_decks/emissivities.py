@@ -15,12 +15,10 @@ from __future__ import annotations
 import re
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+from itertools import takewhile
 from typing import Final
 
 import numpy as np
-
-from thermid.interop._decks.network_file import FileEmissivity, identifier
-from thermid.interop._decks.statements import Line
 
 FITTED: Final = "fitted, was"
 """Mark of a row that was written back: its exchange factors are those of another emissivity."""
@@ -31,6 +29,28 @@ POSITIVE: Final = 0.9
 _PROPERTY: Final = re.compile(r"(\S.*?)\s+([01]?\.\d+|[01]\.?)\s+[01]?\.?\d*\s*")
 _ROW: Final = re.compile(r"\s*-\d+\s*,\s*([\w.]+)\s*,\s*([\w.]+)\s*,\s*([-+.\deEdD]+)")
 _AREA: Final = re.compile(r"^\s*([\w.]+)\s+([-+.\deE]+)\s*$", re.MULTILINE)
+
+
+@dataclass(frozen=True)
+class FileEmissivity:
+    """An emissivity that a radiation conductor follows: its parameter, its value in the file, and what the conductor loses by it.
+
+    The conductor is divided by 1 + lost u, or times 1 - lost u where that is negative, with u = value/parameter - 1.
+    """
+
+    name: str
+    value: float
+    lost: float
+
+    @property
+    def text(self) -> str:
+        """Return the term lost u without its sign."""
+        return f"{abs(self.lost):.5g}*{self.fall}"
+
+    @property
+    def fall(self) -> str:
+        """Return the name of u."""
+        return self.name.replace("emissivity_", "fall_of_emissivity_", 1)
 
 
 @dataclass(frozen=True)
@@ -49,30 +69,30 @@ class Emissivities:
     between: int
 
 
-def read_emissivities(lines: Sequence[Line], areas: str) -> Emissivities | None:
+def read_emissivities(lines: Sequence[tuple[str, str]], properties: Mapping[str, float], areas: str) -> Emissivities | None:
     """Return how a block of radiation conductors follows emissivities; None when its comments or the areas do not say it.
 
     Parameters
     ----------
-    lines : list    The rows, the comments of the block before the first one.
-    areas : str     Text of the file of areas. [m^2]
+    lines : list        The rows, each with the comment behind it.
+    properties : dict   Name of a parameter -> emissivity, of the optical properties of the block.
+    areas : str         Text of the file of areas. [m^2]
     """
-    known = _properties(lines[0].before)
     area = {node.upper(): float(number) for node, number in _AREA.findall(areas)}
-    pairs = [match.groups() if (match := _ROW.match(line.text)) else None for line in lines]
-    if not known or not area or None in pairs or any(FITTED in line.note for line in lines):
+    pairs = [match.groups() if (match := _ROW.match(text)) else None for text, _ in lines]
+    if not properties or not area or None in pairs or any(FITTED in note for _, note in lines):
         return None
     at: dict[str, int] = {}
     exchange, certain = {}, dict[str, float]()
-    for line, (a, b, number) in zip(lines, pairs, strict=True):  # type: ignore[misc]
+    for (_, note), (a, b, number) in zip(lines, pairs, strict=True):  # type: ignore[misc]
         g = float(number)
-        factors = [float(word) for word in re.split(r"[\s,]+", line.note.strip()) if word]
+        factors = [float(word) for word in re.split(r"[\s,]+", note.strip()) if word]
         for node, factor in zip((a.upper(), b.upper()), factors, strict=False):
             if factor > certain.get(node, 0.0) and node in area:
                 certain[node], exchange[node] = factor, g / factor  # A e, by the factor with most digits
         for node in (a, b):
             at.setdefault(node.upper(), len(at))
-    names, levels = list(known), np.array(list(known.values()))
+    names, levels = list(properties), np.array(list(properties.values()))
     emissivity = {node: g / area[node] for node, g in exchange.items()}
     of = {node: names[int(np.argmin(np.abs(levels - e)))] for node, e in emissivity.items()}
     G = np.zeros((len(at), len(at)))  # noqa: N806  # the letter of the formula
@@ -86,23 +106,18 @@ def read_emissivities(lines: Sequence[Line], areas: str) -> Emissivities | None:
         inner = [node for node in of if of[node] == name]
         k = [at[node] for node in inner]
         lost[name] = (G[:, k] / np.array([exchange[node] for node in inner])) @ G[k] if k else np.zeros_like(G)
-    floor = {name: -POSITIVE / (1.0 - e) if e < 1.0 else -np.inf for name, e in known.items()}
+    floor = {name: -POSITIVE / (1.0 - e) if e < 1.0 else -np.inf for name, e in properties.items()}
     rows = []
     for i, j in ends:
         shares = ((name, max(float(lost[name][i, j] / G[i, j]), floor[name])) for name in names)
-        rows.append(tuple(FileEmissivity(name, known[name], m) for name, m in shares if abs(m) > LEAST_LOST))
+        rows.append(tuple(FileEmissivity(name, properties[name], m) for name, m in shares if abs(m) > LEAST_LOST))
     counts = {name: sum(each == name for each in of.values()) for name in names}
-    between = sum(abs(emissivity[node] - known[of[node]]) > 1e-3 for node in of)
-    return Emissivities({name: (known[name], n) for name, n in counts.items() if n}, rows, between)
+    between = sum(abs(emissivity[node] - properties[of[node]]) > 1e-3 for node in of)
+    return Emissivities({name: (properties[name], n) for name, n in counts.items() if n}, rows, between)
 
 
-def _properties(comments: Sequence[str]) -> dict[str, float]:
-    """Return name of a parameter -> emissivity, of the table of optical properties among the comments of a block."""
-    begin = next((k for k, words in enumerate(comments) if words.startswith("PROPERTY NAME")), None)
-    out: dict[str, float] = {}
-    for words in comments[begin + 1 :] if begin is not None else ():
-        found = _PROPERTY.match(words + " ")
-        if not found:
-            break
-        out[f"emissivity_{identifier(found[1])}"] = float(found[2])
-    return out
+def optical_properties(comments: Sequence[str]) -> dict[str, float]:
+    """Return name -> emissivity of the table of optical properties among the comments of a block."""
+    begin = next((k for k, words in enumerate(comments) if words.startswith("PROPERTY NAME")), len(comments))
+    rows = (_PROPERTY.match(words + " ") for words in comments[begin + 1 :])
+    return {row[1]: float(row[2]) for row in takewhile(bool, rows) if row}

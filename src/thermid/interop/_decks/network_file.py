@@ -15,6 +15,7 @@ import numpy as np
 from thermid.base.errors import DeckError
 from thermid.base.expression import parse
 from thermid.base.units import counted
+from thermid.interop._decks.emissivities import FileEmissivity
 from thermid.model.deck import model_from_dict
 from thermid.model.tree import Model, ParameterSet
 from thermid.physics.constants import ICE_POINT
@@ -82,28 +83,6 @@ class FileNode:
     def path(self) -> str:
         """Path of the node in the model; a boundary stands at the top."""
         return f"{self.submodel}_{self.name}" if self.held else f"{self.submodel}.{self.name}"
-
-
-@dataclass(frozen=True)
-class FileEmissivity:
-    """An emissivity that a radiation conductor follows: its parameter, its value in the file, and what the conductor loses by it.
-
-    The conductor is divided by 1 + lost u, or times 1 - lost u where that is negative, with u = value/parameter - 1.
-    """
-
-    name: str
-    value: float
-    lost: float
-
-    @property
-    def text(self) -> str:
-        """Return the term lost u without its sign."""
-        return f"{abs(self.lost):.5g}*{self.fall}"
-
-    @property
-    def fall(self) -> str:
-        """Return the name of u."""
-        return self.name.replace("emissivity_", "fall_of_emissivity_", 1)
 
 
 @dataclass(frozen=True)

@@ -18,12 +18,11 @@ import numpy as np
 from thermid.base.errors import DeckError, ThermidError
 from thermid.base.units import counted
 from thermid.interop._decks.cards import are_cards, card_blocks
-from thermid.interop._decks.emissivities import read_emissivities
+from thermid.interop._decks.emissivities import FileEmissivity, optical_properties, read_emissivities
 from thermid.interop._decks.heat_rates import CALL, SUFFIX, CommentedArrays, heat_rates, owner_of
 from thermid.interop._decks.network_file import (
     FileConductor,
     FileCourse,
-    FileEmissivity,
     FileLoad,
     FileNode,
     NetworkFile,
@@ -102,7 +101,7 @@ class Units:
                 self.length = _LENGTH[word]
             else:
                 known = ", ".join(("W", *_ENERGY, *_TIME, *_LENGTH, *_ZERO))
-                raise DeckError(f"'{word}' is no unit of a SINDA deck. There are {known}.", "units", code="deck.units-not-stated")
+                raise DeckError(f"'{word}' is no unit of a SINDA deck. There are {known}.", "units", code="value.wrong-kind")
 
     def exchange_area(self) -> float:
         """Return the area that a radiation conductor of 1 exchanges over. [m^2]"""
@@ -402,7 +401,9 @@ def _over_time(deck: SindaDeck, submodel: str, word: str, line: Line) -> FileCou
     """Return an array of pairs as a course over time."""
     values = _array(deck, submodel, word)
     if values is None or len(values) % 2:
-        raise DeckError(f"array {word} is not in ARRAY DATA of {submodel} as pairs of time and value.", str(line.where))
+        raise DeckError(
+            f"array {word} is not in ARRAY DATA of {submodel} as pairs of time and value.", str(line.where), code="value.incomplete"
+        )
     return FileCourse(np.array(values[::2]) * deck.units.time, np.array(values[1::2]), 0.0, str(line.where))
 
 
@@ -475,7 +476,8 @@ def _conductors(deck: SindaDeck, submodel: str, lines: list[Line]) -> None:
 def _followed(deck: SindaDeck, lines: list[Line]) -> dict[TextSpan, tuple[FileEmissivity, ...]]:
     """Return place of a row -> the emissivities that it follows, and keep their values; empty where the files do not say them."""
     areas = Path(lines[0].where.file).with_suffix(".ar")
-    block = read_emissivities(lines, deck.reading.open(areas)) if areas.is_file() else None
+    known = {f"emissivity_{identifier(name)}": e for name, e in optical_properties(lines[0].before).items()}
+    block = read_emissivities([(x.text, x.note) for x in lines], known, deck.reading.open(areas)) if areas.is_file() else None
     if block is None:
         return {}
     for name, (value, nodes) in block.values.items():
@@ -810,7 +812,7 @@ def _read_units(deck: SindaDeck, path: Path) -> None:
             f'the deck does not state {what}. Give its units, as in --units "BTU h ft F" or "W m C", or write ABSZRO (-459.67, -273.15 or '
             "0) and UID (ENG or SI) into CONTROL DATA.",
             str(path),
-            code="deck.units-not-stated",
+            code="value.incomplete",
         )
     if not units.power_stated:
         where = deck.steps[-1][2][0].where if deck.steps[-1][2] else deck.steps[0][2][0].where
