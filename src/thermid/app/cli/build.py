@@ -271,15 +271,15 @@ def worst(
     """
     model = fitted_model(deck, values, keep_values, param)
     standing = model_standing(model).accept(accept or ())
-    asked = {name: (text.split("..")[0].strip(), text.split("..")[-1].strip()) for name, text in pairs(ranges, "--range").items()}
-    found = worst_case(model, _limits(limit), load_scenario(scenario), asked, runs=runs)
-    say(as_json, found.to_dict() | {"standing": standing.to_dict()}, standing.over(str(found)))
+    box = {name: (text.split("..")[0].strip(), text.split("..")[-1].strip()) for name, text in pairs(ranges, "--range").items()}
+    cases = worst_case(model, _limits(limit), load_scenario(scenario), box, runs=runs)
+    say(as_json, cases.to_dict() | {"standing": standing.to_dict()}, standing.over(str(cases)))
     leave(standing)
 
 
-def _limits(given: list[str]) -> list[Limits]:
+def _limits(texts: list[str]) -> list[Limits]:
     """Return limits written NODE=LOW..HIGH."""
-    ranges = {node: _ends(text, node) for node, text in pairs(given, "--limit").items()}
+    ranges = {node: _ends(text, node) for node, text in pairs(texts, "--limit").items()}
     return [Limits(node, node, (Kelvin(low), Kelvin(high))) for node, (low, high) in ranges.items()]
 
 

@@ -111,8 +111,8 @@ class WorstCases(Result):
     def to_dict(self) -> dict[str, Any]:
         """Return it for a file."""
         bound = {"share_worse": SHARE_WORSE, "confidence": CONFIDENCE} if self.searched else {}
-        known = {"one_way": list(self.one_way), "searched": list(self.searched), "declined": self.declined, "runs": self.runs}
-        return {"cases": self._as_rows(), "units": dict(self.units)} | known | bound
+        search = {"one_way": list(self.one_way), "searched": list(self.searched), "declined": self.declined, "runs": self.runs}
+        return {"cases": self._as_rows(), "units": dict(self.units)} | search | bound
 
 
 @takes_objects
@@ -174,13 +174,13 @@ class _Ranges:
         network = compile_network(model)
         self.boundaries = {name for name in ranges if name in network.boundaries}
         self.loads = {load.path for load in network.flat.loads}.intersection(ranges)
-        own = {*self.boundaries, *self.loads}
+        direct = {*self.boundaries, *self.loads}
         powers = {path for load in network.flat.loads for slot, path in load.fields.items() if slot == "power"}
         table = network.flat.parameters
         self.units = {
             name: "K" if name in self.boundaries else "W" if name in self.loads else si_unit(table.dimension(name))
             for name in ranges
-            if name in own or name in table.table
+            if name in direct or name in table.table
         }
         foreign = [name for name in ranges if name not in self.units]
         if foreign and isinstance(scenario, Scenario):
@@ -189,7 +189,7 @@ class _Ranges:
         self.foreign = tuple(foreign)
         self.ends = {name: self._ends(name, pair) for name, pair in ranges.items()}
         self.declined = _not_passive(network)
-        acts = {name for name in ranges if name in own or name in powers}
+        acts = {name for name in ranges if name in direct or name in powers}
         self.one_way = tuple(name for name in ranges if name in acts and not self.declined)
         self.searched = tuple(name for name in ranges if name not in self.one_way)
 
@@ -205,7 +205,7 @@ class _Ranges:
 
     def worst(self, upper: bool, runs: int, seed: int) -> WorstCase | None:
         """Return the worst case of one side of all limits."""
-        if not any(np.isfinite(one.operating[upper]) for one in self.limits):
+        if not any(np.isfinite(limits.operating[upper]) for limits in self.limits):
             return None
         ends = {name: self.ends[name][upper] for name in self.one_way}
 
@@ -213,24 +213,24 @@ class _Ranges:
             between = {name: float(a + (b - a) * s) for (name, s) in zip(self.searched, x, strict=True) for a, b in (self.ends[name],)}
             return {name: (ends | between)[name] for name in self.ends}
 
-        found = searched_worst(lambda x: min(spare for spare, _ in self._spares(values(x), upper)), len(self.searched), runs, seed)
-        spare, by = min(self._spares(values(found), upper))
-        return WorstCase(values(found), spare, by)
+        point = searched_worst(lambda x: min(spare for spare, _ in self._spares(values(x), upper)), len(self.searched), runs, seed)
+        spare, by = min(self._spares(values(point), upper))
+        return WorstCase(values(point), spare, by)
 
     def _spares(self, values: Mapping[str, float], upper: bool) -> Iterator[tuple[float, str]]:
         """Yield what each limit of one side has to spare, and its name. [K]"""
         self.count += 1
-        given = self.scenario if isinstance(self.scenario, Scenario) else self.scenario({name: values[name] for name in self.foreign})
-        boundaries = {**given.boundaries, **{name: Kelvin(values[name]) for name in self.boundaries}}
-        loads = {**given.loads, **{name: f"{values[name]!r} [W]" for name in self.loads}}
+        case = self.scenario if isinstance(self.scenario, Scenario) else self.scenario({name: values[name] for name in self.foreign})
+        boundaries = {**case.boundaries, **{name: Kelvin(values[name]) for name in self.boundaries}}
+        loads = {**case.loads, **{name: f"{values[name]!r} [W]" for name in self.loads}}
         others = [name for name in values if name not in {*self.boundaries, *self.loads, *self.foreign}]
         model = self.model.with_values({name: f"{values[name]!r} [{self.units[name]}]" for name in others})
-        reached = extremes(model, given.with_(boundaries=boundaries, loads=loads))
-        for one in self.limits:
-            limit = float(one.operating[upper])
+        reached = extremes(model, case.with_(boundaries=boundaries, loads=loads))
+        for limits in self.limits:
+            limit = float(limits.operating[upper])
             if np.isfinite(limit):
-                low, high = reached[self.model.canonical(one.node)]
-                yield (limit - high if upper else low - limit), f"{one.point} {'most' if upper else 'least'} {text_of(limit)}"
+                low, high = reached[self.model.canonical(limits.node)]
+                yield (limit - high if upper else low - limit), f"{limits.point} {'most' if upper else 'least'} {text_of(limit)}"
 
 
 def _not_passive(network: Network) -> str:
@@ -275,8 +275,8 @@ def searched_worst(spare: Callable[[Array], float], size: int, runs: int, seed: 
         most = max((runs - points.shape[0]) // len(starts), 0)
         if most <= size + 1:
             continue
-        asked: Any = {"maxfev": most, "initial_simplex": simplex, "xatol": 1e-4, "fatol": 1e-4}
-        found = minimize(spare, points[k], method="Nelder-Mead", bounds=[(0.0, 1.0)] * size, options=asked)
-        if found.fun < least:
-            best, least = found.x, float(found.fun)
+        options: Any = {"maxfev": most, "initial_simplex": simplex, "xatol": 1e-4, "fatol": 1e-4}
+        descent = minimize(spare, points[k], method="Nelder-Mead", bounds=[(0.0, 1.0)] * size, options=options)
+        if descent.fun < least:
+            best, least = descent.x, float(descent.fun)
     return np.asarray(best)
