@@ -389,12 +389,10 @@ def _dimension(node: ast.expr, lookup: Callable[[str], Dimension], text: str) ->
         path = _path(node) or ""
         return DIMENSIONLESS if path in CONSTANTS else lookup(path)
     left, right = _dimension(node.left, lookup, text), _dimension(node.right, lookup, text)
-    if right is DIMENSIONLESS and isinstance(node.op, ast.Mult | ast.Div):
-        return left
     if isinstance(node.op, ast.Mult):
-        return tuple(a + b for a, b in zip(left, right, strict=True))
+        return left if right is DIMENSIONLESS else tuple(a + b for a, b in zip(left, right, strict=True))
     if isinstance(node.op, ast.Div):
-        return tuple(a - b for a, b in zip(left, right, strict=True))
+        return left if right is DIMENSIONLESS else tuple(a - b for a, b in zip(left, right, strict=True))
     if isinstance(node.op, ast.Pow):
         return _power_dimension(node, left, right, text)
     if left != right:

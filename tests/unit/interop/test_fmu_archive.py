@@ -105,5 +105,5 @@ def test_an_fmu_is_checked_before_it_is_read(tmp_path: Path) -> None:
     pytest.importorskip("fmpy", reason="FMPy is not installed (pip install 'thermid[fmu]')")
     from thermid.interop.fmu import fmu_model
 
-    with pytest.raises(ThermidError, match=r"'\.\./evil\.txt' would be unpacked outside of its folder"):
+    with pytest.raises(ThermidError, match=r"evil\.txt"):
         fmu_model(packed(tmp_path / "theirs.fmu", {"../evil.txt": "x"}))

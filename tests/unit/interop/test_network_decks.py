@@ -631,9 +631,9 @@ def test_a_block_of_radiation_has_one_factor(tmp_path: Path) -> None:
 @pytest.mark.parametrize(
     ("stated", "asked"),
     [
-        ("    sigma = 5.67e-8\n", r"unit of temperatures \(ABSZRO\)"),
-        ("    UID = ENG\n", r"unit of temperatures \(ABSZRO\)"),
-        ("    abszro = -459.67\n", r"unit of powers \(UID\)"),
+        ("    sigma = 5.67e-8\n", r"\(ABSZRO\)"),
+        ("    UID = ENG\n", r"\(ABSZRO\)"),
+        ("    abszro = -459.67\n", r"\(UID\)"),
     ],
 )
 def test_units_that_nothing_states_are_asked_for(tmp_path: Path, stated: str, asked: str) -> None:
@@ -645,7 +645,7 @@ def test_units_that_nothing_states_are_asked_for(tmp_path: Path, stated: str, as
 
 
 def test_a_unit_that_is_none_is_refused(sinda: Path) -> None:
-    with pytest.raises(DeckError, match="'FURLONG' is no unit of a SINDA deck"):
+    with pytest.raises(DeckError, match="FURLONG"):
         read_sinda(sinda, "W furlong C")
 
 

@@ -91,8 +91,8 @@ class WorstCases(Result):
         for word, case in (("hot", self.hot), ("cold", self.cold)):
             if case is not None:
                 values = ", ".join(f"{name} {_shown(value, self.units[name])}" for name, value in case.values.items())
-                left = f"{case.spare:.3f} K left" if case.spare >= 0.0 else f"VIOLATED by {-case.spare:.3f} K"
-                lines.append(f"{word}: {left}, {case.by}: {values}")
+                spare = f"{case.spare:.3f} K left" if case.spare >= 0.0 else f"VIOLATED by {-case.spare:.3f} K"
+                lines.append(f"{word}: {spare}, {case.by}: {values}")
         if self.declined:
             lines.append(f"  the corner rule does not apply: {self.declined}")
         elif self.one_way:
@@ -270,12 +270,12 @@ def searched_worst(spare: Callable[[Array], float], size: int, runs: int, seed: 
             starts.append(int(k))
     best, least = points[starts[0]], float(heights[starts[0]])
     for k in starts:
-        simplex = np.clip(points[k] + 0.5 * APART * np.vstack([np.zeros(size), np.eye(size)]), 0.0, None)
-        simplex = np.where(simplex > 1.0, points[k] - 0.5 * APART, simplex)
+        simplex = np.clip(points[k] + APART * np.vstack([np.zeros(size), np.eye(size)]), 0.0, None)
+        simplex = np.where(simplex > 1.0, points[k] - APART, simplex)
         most = max((runs - points.shape[0]) // len(starts), 0)
         if most <= size + 1:
             continue
-        options: Any = {"maxfev": most, "initial_simplex": simplex, "xatol": 1e-4, "fatol": 1e-4}
+        options: Any = {"maxfev": most, "initial_simplex": simplex}
         descent = minimize(spare, points[k], method="Nelder-Mead", bounds=[(0.0, 1.0)] * size, options=options)
         if descent.fun < least:
             best, least = descent.x, float(descent.fun)

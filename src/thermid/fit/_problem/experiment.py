@@ -104,11 +104,16 @@ def corrected(scenario: Scenario, found: Mapping[str, float]) -> Scenario:
 def signal_of(record: Record, channel: Channel, role: str, zero: float) -> Signal:
     """Return a channel of a record as a signal of a run, whose time counts from `zero` [s]."""
     table, samples = record.table(channel.name), channel.samples
-    held = channel.held if channel.interpolation else role != "boundary"
     times = np.asarray(table.times) - zero
     if times.size == 1:
         return Constant(float(table.values[0]))
-    return conducted(TableSignal(times, np.asarray(table.values), held and samples != "average"), {"samples": samples}, record.name)
+    return conducted(
+        TableSignal(
+            times, np.asarray(table.values), (channel.held if channel.interpolation else role != "boundary") and samples != "average"
+        ),
+        {"samples": samples},
+        record.name,
+    )
 
 
 @dataclass(frozen=True)

@@ -22,8 +22,6 @@ import numpy as np
 
 FITTED: Final = "fitted, was"
 """Mark of a row that was written back: its exchange factors are those of another emissivity."""
-LEAST_LOST: Final = 0.01
-"""Share of a conductor's change that is left out: .1 % of it for an emissivity that changes by a tenth."""
 POSITIVE: Final = 0.9
 """Share of a conductor that reflections may lose as an emissivity rises to 1, so that it stays positive."""
 _PROPERTY: Final = re.compile(r"(\S.*?)\s+([01]?\.\d+|[01]\.?)\s+[01]?\.?\d*\s*")
@@ -110,7 +108,7 @@ def read_emissivities(lines: Sequence[tuple[str, str]], properties: Mapping[str,
     rows = []
     for i, j in ends:
         shares = ((name, max(float(lost[name][i, j] / G[i, j]), floor[name])) for name in names)
-        rows.append(tuple(FileEmissivity(name, properties[name], m) for name, m in shares if abs(m) > LEAST_LOST))
+        rows.append(tuple(FileEmissivity(name, properties[name], m) for name, m in shares if m))
     counts = {name: sum(each == name for each in of.values()) for name in names}
     between = sum(abs(emissivity[node] - properties[of[node]]) > 1e-3 for node in of)
     return Emissivities({name: (properties[name], n) for name, n in counts.items() if n}, rows, between)

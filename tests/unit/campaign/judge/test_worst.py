@@ -73,7 +73,7 @@ STEEP = {"kind": "table", "between": ["unit", "base"], "table": {"points": [["0 
 @pytest.mark.parametrize("more", [{"loads": HEATED}, {"conductors": {"foot": STEEP}}], ids=["thermostat", "table"])
 def test_a_network_that_is_not_passive_declines_the_corners(more: dict[str, Any]) -> None:
     wide = {**RANGES, "unit.capacitance": (400.0, 500.0)}
-    with pytest.raises(ScenarioError, match=r"5 values would be searched; 4 at most\. The corner rule does not apply"):
+    with pytest.raises(ScenarioError, match=r"5 values .* corner rule"):
         td.design.worst_case(unit(**more), LIMITS, WARM, wide)
 
 
@@ -92,7 +92,7 @@ def test_a_transient_counts_by_its_extremes() -> None:
 @pytest.mark.parametrize(
     ("ranges", "words"),
     [
-        ({"nobody": (0.0, 1.0)}, "no boundary, load or value of the model"),
+        ({"nobody": (0.0, 1.0)}, "no boundary, load"),
         ({"chips": (3.0, 3.0)}, "the range is empty"),
     ],
 )
