@@ -107,13 +107,8 @@ def signal_of(record: Record, channel: Channel, role: str, zero: float) -> Signa
     times = np.asarray(table.times) - zero
     if times.size == 1:
         return Constant(float(table.values[0]))
-    return conducted(
-        TableSignal(
-            times, np.asarray(table.values), (channel.held if channel.interpolation else role != "boundary") and samples != "average"
-        ),
-        {"samples": samples},
-        record.name,
-    )
+    held = samples != "average" and (channel.held if channel.interpolation else role != "boundary")
+    return conducted(TableSignal(times, np.asarray(table.values), held), {"samples": samples}, record.name)
 
 
 @dataclass(frozen=True)
