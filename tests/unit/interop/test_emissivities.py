@@ -37,11 +37,12 @@ def exchanged(emissivity: np.ndarray) -> np.ndarray:
     sums = np.append(AREAS, 0.03)
     view = enclosure() / sums[:, None]
     absorbed = np.linalg.solve(np.eye(6) - view * (1.0 - e), view * e)
-    return sums[:, None] * e[:, None] * absorbed
+    return np.asarray(sums[:, None] * e[:, None] * absorbed)
 
 
 def _deck(folder: Path, g: np.ndarray, e: np.ndarray) -> Path:
-    rows, nodes = [], "".join(f"  {k + 1}, 300., 5.\n" for k in range(5))
+    rows: list[str] = []
+    nodes = "".join(f"  {k + 1}, 300., 5.\n" for k in range(5))
     for i in range(5):
         for j in range(i + 1, 6):
             b = f"{g[i, j] / (AREAS[i] * e[i]):.6f}" + (f",  {g[j, i] / (AREAS[j] * e[j]):.6f}" if j < 5 else "")

@@ -66,7 +66,7 @@ HOSTILE: dict[str, Callable[[Path], Path]] = {
     "no zip": lambda path: (path.write_bytes(b"MZ nothing"), path)[1],
     "empty": lambda path: (path.write_bytes(b""), path)[1],
     "cut": lambda path: (packed(path), path.write_bytes(path.read_bytes()[:-30]), path)[2],
-    "without description": lambda path: (zipfile.ZipFile(path, "w").close(), path)[1],
+    "without description": lambda path: (path.write_bytes(b"PK\x05\x06" + bytes(18)), path)[1],
     "climbing": lambda path: packed(path, {"../evil.txt": "x"}),
     "climbing inside": lambda path: packed(path, {"resources/../../evil.txt": "x"}),
     "absolute": lambda path: packed(path, {"/etc/evil": "x"}),

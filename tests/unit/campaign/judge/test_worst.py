@@ -15,10 +15,11 @@ from typer.testing import CliRunner
 import thermid as td
 from thermid.app.cli.app import app
 from thermid.base.errors import ScenarioError
+from thermid.base.expression import Kelvin
 from thermid.campaign._judge.worst import DRAWS, searched_worst
 from thermid.model.tree import Model
 
-LIMITS = (td.qualify.Limits("unit", "unit", ("-20 [degC]", "50 [degC]")),)
+LIMITS = (td.qualify.Limits("unit", "unit", (Kelvin(253.15), Kelvin(323.15))),)
 
 
 def unit(**more: Any) -> Model:
