@@ -33,7 +33,7 @@ ARROWS: dict[str, set[str]] = {
     "reporting": {"base", "campaign", "fit", "inference", "measure", "model", "physics", "prediction", "qualify", "simulation", "values"},
     "bench": {"base", "measure"},
     "site": {"base", "measure", "model", "physics", "simulation"},
-    "interop": {"_kernel", "base", "fit", "model", "physics", "simulation"},
+    "interop": {"_kernel", "base", "model", "physics", "simulation"},
 }
 OPTIONAL = {"bench", "site", "interop"}
 """Rooms that none but `app` imports: what they add is announced by entry points."""

@@ -207,7 +207,9 @@ beta = 10
 begin = 20
 faces = { nadir = "nadir", zenith = "zenith" }
 """
-SINDA = """HEADER NODE DATA, MAIN
+SINDA = """HEADER CONTROL DATA, GLOBAL
+ABSZRO = -273.15
+HEADER NODE DATA, MAIN
 10, 20.0, 100.0
 20, 25.0, 50.0
 -99, 20.0, 1.0

@@ -146,7 +146,7 @@ def sinda(folder: Path, more: str = "") -> Path:
 
 
 def imported(path: Path) -> Any:
-    return read_sinda(path)
+    return read_sinda(path, "W m C")
 
 
 def profile(folder: Path) -> Path:

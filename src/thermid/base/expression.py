@@ -390,9 +390,9 @@ def _dimension(node: ast.expr, lookup: Callable[[str], Dimension], text: str) ->
         return DIMENSIONLESS if path in CONSTANTS else lookup(path)
     left, right = _dimension(node.left, lookup, text), _dimension(node.right, lookup, text)
     if isinstance(node.op, ast.Mult):
-        return tuple(a + b for a, b in zip(left, right, strict=True))
+        return left if right is DIMENSIONLESS else tuple(a + b for a, b in zip(left, right, strict=True))
     if isinstance(node.op, ast.Div):
-        return tuple(a - b for a, b in zip(left, right, strict=True))
+        return left if right is DIMENSIONLESS else tuple(a - b for a, b in zip(left, right, strict=True))
     if isinstance(node.op, ast.Pow):
         return _power_dimension(node, left, right, text)
     if left != right:

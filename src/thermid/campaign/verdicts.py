@@ -37,3 +37,4 @@ from thermid.campaign._judge.margins import (
 from thermid.campaign._judge.metrics import largest as largest, metric as metric
 from thermid.campaign._judge.sizing import Sizing as Sizing, size as size
 from thermid.campaign._judge.verdict import Verdict as Verdict, compare as compare, validate as validate
+from thermid.campaign._judge.worst import WorstCase as WorstCase, WorstCases as WorstCases, worst_case as worst_case

@@ -2,4 +2,3 @@
 
 from thermid.interop._fmu.as_model import fmu_model as fmu_model
 from thermid.interop._fmu.export import to_fmu as to_fmu
-from thermid.interop._fmu.fitted import calibrate_fmu as calibrate_fmu

@@ -39,10 +39,30 @@ def averaged(samples: str) -> Record:
 
 def test_averages_are_steps_to_their_stamps() -> None:
     record = averaged("average")
-    drives = signal_of(record, "ROOM", 0.0, held=False)
+    drives = signal_of(record, record["ROOM"], "boundary", 0.0)
     values = record["ROOM"].values
     assert drives.at(np.array([1.0, STEP - 1.0, STEP + 1.0])) == pytest.approx([values[1], values[1], values[2]])
     assert drives.mean_over(0.0, 3 * 3600.0) == pytest.approx(np.mean(values[1:]))
+
+
+@pytest.mark.parametrize(
+    ("role", "target", "asked", "between"),
+    [
+        ("load", "electronics", {}, 2.0),
+        ("load", "electronics", {"interpolation": "linear"}, 3.0),
+        ("boundary", "air", {}, 23.0),
+        ("boundary", "air", {"interpolation": "previous"}, 22.0),
+    ],
+)
+def test_a_column_says_what_holds_between_its_samples(
+    tmp_path: Path, role: str, target: str, asked: dict[str, str], between: float
+) -> None:
+    path = tmp_path / "log.csv"
+    first = {"load": 2, "boundary": 22}[role]
+    path.write_text(f"time_s,X,T\n0,{first},20\n60,{first + 2},20\n", "ascii")
+    record = read_record(path, {"X": {role: target, **asked}, "T": {"node": "case"}})
+    signal = signal_of(record, record["X"], role, 0.0)
+    assert signal.at(30.0) - (273.15 if role == "boundary" else 0.0) == pytest.approx(between)
 
 
 def test_a_fit_says_where_it_matters_that_samples_are_taken_as_instants() -> None:
@@ -61,6 +81,9 @@ def test_channels_say_what_their_samples_are(tmp_path: Path) -> None:
     for channels, why in (
         ({"ROOM": room | {"samples": "mean"}}, "neither 'instant' nor 'average'"),
         ({"T": {"node": "case", "samples": "average"}}, "samples applies to inputs of the model"),
+        ({"ROOM": {"boundary": "air", "interpolation": "cubic"}}, "neither 'linear' nor 'previous'"),
+        ({"T": {"node": "case", "interpolation": "linear"}}, "interpolation applies to inputs of the model"),
+        ({"ROOM": room | {"interpolation": "linear"}}, "averages are steps over their intervals"),
     ):
         with pytest.raises(RecordError, match=why):
             read_record(path, channels)

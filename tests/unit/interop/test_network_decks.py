@@ -18,6 +18,7 @@ from thermid.interop._decks.network_file import NetworkFile
 from thermid.interop._decks.results import Printed, agreement, balance, sinda_print
 from thermid.interop._decks.sinda import read_sinda
 from thermid.interop._decks.written import to_esatan, to_sinda
+from thermid.model.tree import ParameterSet
 
 SIGMA = 5.670374419e-8
 SINDA = """HEADER OPTIONS
@@ -125,8 +126,8 @@ $ENDMODEL UNIT
 """
 
 
-def read_network(path: Path) -> NetworkFile:
-    return read_esatan(path) if b"$MODEL" in path.read_bytes() else read_sinda(path)
+def read_network(path: Path, units: str = "W m K") -> NetworkFile:
+    return read_esatan(path) if b"$MODEL" in path.read_bytes() else read_sinda(path, units)
 
 
 def _write(folder: Path, name: str, text: str) -> Path:
@@ -471,9 +472,11 @@ def test_a_model_of_ones_own_is_written_and_read_back(tmp_path: Path) -> None:
 
 
 PUBLIC = Path(os.environ.get("THERMID_PUBLIC", "/nowhere"))
+CARDS_OF_2008 = "afcarl/Air-Launch-Vehicle-Thermal-Analysis-and-Trade-Study/SINDA/LOX_Liq_12ft_Dia/Rev_A/AL_PLP_a.sin"
 SHA = {
     "bpar907/APSS-2-Thermal-TXRX/case0.cc": "595976262a34c2c2bc118b143d8a87c12484fbae092f1fa545d7e175b9e62cc3",
     "oresat/oresat-thermal/OreSat0.5/case0.cc": "1c9075ed7f0441ac4720e3c1a647fa268120a0a51313df8e2bd4a29b0c56c85f",
+    CARDS_OF_2008: "ebcc8e799d940d14a8140345eaa1a6edcb74549edebe233cdbbc9ce8008adcd3",
     "mlauryn/EsatanOpt/Radiator/radiator.d": "e784683c76b0daefbf6fcf7335faef5ead285ad40de79987dbb4f0bd7ba7ceeb",
 }
 
@@ -591,7 +594,7 @@ def test_a_row_without_a_field_is_refused_with_its_place(tmp_path: Path) -> None
         text = f"HEADER NODE DATA, MAIN\n10, 20.0, 100.0\n{nodes}HEADER CONDUCTOR DATA, MAIN\n{conductors}END OF DATA\n"
         (tmp_path / "net.cc").write_text(text, encoding="utf-8")
         with pytest.raises(DeckError, match=r"'\(\|' is not a (node|conductor)"):
-            read_sinda(tmp_path / "net.cc")
+            read_sinda(tmp_path / "net.cc", "W m C")
 
 
 RADK = """HEADER CONTROL DATA, GLOBAL
@@ -625,10 +628,129 @@ def test_a_block_of_radiation_has_one_factor(tmp_path: Path) -> None:
     assert td.steady(again.model(), again.scenario())["BOX.T1"] == pytest.approx(settled["BOX.T1"], rel=1e-12)
 
 
-def test_a_unit_of_temperature_that_nothing_states_is_said(tmp_path: Path) -> None:
-    network = read_network(_write(tmp_path, "silent.inp", RADK.replace("    abszro = 0.\n", "    sigma = 5.67e-8\n")))
-    assert network.incomplete == ""
-    assert any("ABSZRO" in str(each) for each in network.remarks)
+@pytest.mark.parametrize(
+    ("stated", "asked"),
+    [
+        ("    sigma = 5.67e-8\n", r"\(ABSZRO\)"),
+        ("    UID = ENG\n", r"\(ABSZRO\)"),
+        ("    abszro = -459.67\n", r"\(UID\)"),
+    ],
+)
+def test_units_that_nothing_states_are_asked_for(tmp_path: Path, stated: str, asked: str) -> None:
+    file = _write(tmp_path, "silent.inp", RADK.replace("    abszro = 0.\n", stated))
+    with pytest.raises(DeckError, match=asked) as refused:
+        read_sinda(file)
+    assert refused.value.code == "value.incomplete"
+    assert read_sinda(file, "BTU s F").nodes[0].celsius == pytest.approx((300.0 - 32.0) * 5.0 / 9.0)
+
+
+def test_a_unit_that_is_none_is_refused(sinda: Path) -> None:
+    with pytest.raises(DeckError, match="FURLONG"):
+        read_sinda(sinda, "W furlong C")
+
+
+CARDS = """       BCD 3THERMAL LPCS
+       BCD 9 A PLATE, BTU IN SEC DEG F
+       END
+       BCD 3NODE DATA
+C  the plate
+cc         1, 99., 5.
+           1, 68., 0.01
+       CAL 2, 68., 0.1, 0.2, 3.0, 1.0
+           3, 68., -1.0
+       SIV 4, 68., A7, 0.5
+          -8, 32., 0.
+       SIT -9, 0.0, A2, 0.0
+       END
+       BCD 3SOURCE DATA
+           1, 0.002
+       SIT 2, A1, 2.0
+       END
+       BCD 3CONDUCTOR DATA
+       CAL 1, 1, 3, 2.0, 5.0, 1.E-4, 1.0
+           2, 3, 2, K5
+       CAL -3, 1, 8, 0.9, 3.3063E-15, 36.0, 1.0
+           4, 2, 9, 0.0008
+           6, 1, 4, 0.001
+       CAL 5, 2, 9, 2.0, 5.0, 1.E-4, 3.0
+       END
+       BCD 3CONSTANTS DATA
+           TIMEO = -100., TIMEND, 300.
+           5, 0.002
+       END
+       BCD 3ARRAY DATA
+           1
+             -100.0,0.0,  0.0, 0.0
+             0.0, 0.001, 300., 0.001
+           END
+           2,-100.0,32.0, 300., 72.0,END
+           7
+             0.0, 0.01, 200., 0.03
+           END
+       END
+       BCD 3EXECUTION
+           SNDUFR
+       END
+       BCD 3VARIABLES 1
+M     IF( TIMEN .GE.    0.0 )  G(1) = 0.0
+       END
+       BCD 3VARIABLES 2
+       END
+       BCD 3END OF DATA
+"""
+
+
+def test_a_deck_of_cards_is_the_network_that_it_says(tmp_path: Path) -> None:
+    file = _write(tmp_path, "plate.sin", CARDS)
+    with pytest.raises(DeckError, match="ABSZRO"):
+        read_sinda(file)
+    network = read_sinda(file, "BTU s in F")
+    assert [f"{n.name}{' held' * n.held}" for n in network.nodes] == ["T1", "T2", "T3", "T4", "T8 held", "T9 held"]
+    assert [str(r).split(": ", 1)[1] for r in network.remarks if r.dropped] == [
+        "conductor option CAL: 'CAL 5, 2, 9, 2.0, 5.0, 1.E-4, 3.0'",
+        "logic not taken over (line): 'IF( TIMEN .GE.    0.0 )  G(1) = 0.0'",
+    ]
+    btu, degree = 1055.05585262, 5.0 / 9.0
+    model, case = network.model(), network.scenario()
+    values = ParameterSet(model).evaluate({})
+    assert values["MAIN_G1.conductance"] == pytest.approx(1e-3 * btu / degree)
+    assert values["MAIN.T2.capacitance"] == pytest.approx(0.06 * btu / degree)
+    assert values["MAIN_R3.area"] == pytest.approx(0.9 * 36.0 * 0.0254**2, rel=2e-3)  # by 1.714e-9, not 1.7123e-9
+    assert (network.duration, case.boundaries["MAIN_T9"].at(200.0) - 273.15) == (400.0, pytest.approx(100.0 / 9.0))  # 52 F at 100 s
+    (source,) = case.loads.values()
+    assert [source.at(t) for t in (50.0, 99.9, 100.0, 300.0)] == pytest.approx([0.0, 0.0, 0.002 * btu, 0.002 * btu])
+    back = network.written_back(model.with_values({"k5": 0.004, "MAIN_G1.conductance": 4e-3 * btu / degree}))
+    assert next(iter(back.values())) == CARDS.replace("5, 0.002\n", "5, 0.004 $ fitted, was 0.002\n").replace(
+        "3, 2.0, 5.0, 1.E-4, 1.0\n", "3, 8, 5.0, 1.E-4, 1.0 $ fitted, was 2.0\n"
+    )
+
+
+def test_a_listing_of_cards_is_read_as_the_cards(tmp_path: Path) -> None:
+    page = "(C) COPYRIGHT 1982 SINDA/G VERSION\n  A PLATE\n\n"
+    rows = [f" {row}\n" for row in CARDS.splitlines()]
+    rows = [row + "\n NODAL ANALYSIS, DIFUS = 2\n\n" if row.strip() == "END" and k < 20 else row for k, row in enumerate(rows)]
+    rows[39:39] = [page]
+    listing = read_sinda(_write(tmp_path, "plate.sls", " (C) COPYRIGHT 1982 SINDA/G VERSION\n" + "".join(rows)), "BTU s in F")
+    deck = read_sinda(_write(tmp_path, "plate.sin", CARDS), "BTU s in F")
+    assert [(c.name, c.ends, dict(c.table).get("conductance")) for c in listing.conductors] == [
+        (c.name, c.ends, dict(c.table).get("conductance")) for c in deck.conductors
+    ]
+    assert listing.case() == {**deck.case(), "title": listing.title}
+
+
+def test_cards_of_sinda_g_against_its_own_print(tmp_path: Path) -> None:
+    """From 1000 s, when its steps of 1 s no longer matter, to 4000 s, when logic opens a conductor, which is named.
+
+    Radiation over an array is named too; here it has the array's value below 0 degF, where both its ends are.
+    """
+    file = _public(CARDS_OF_2008)
+    assert read_sinda(file, "BTU s in F").incomplete == "2 statements of SINDA not taken over (conductor option SIV, logic not taken over)"
+    text = file.read_text("latin-1").replace("SIV -90002, 5000,    2,     A15, 1.1936E-12\n", "-90002, 5000, 2, 0.8*1.1936E-12\n")
+    compared = agreement(read_sinda(_write(tmp_path, "a.sin", text), "BTU s in F"), sinda_print(file.with_suffix(".sot")))
+    calm = (compared.times > 1000.0) & (compared.times < 4000.0)
+    assert calm.sum() == 1499
+    assert np.sqrt(np.mean(compared.off[calm] ** 2)) < 0.002
+    assert np.abs(compared.off[calm]).max() < 0.035
 
 
 @pytest.mark.parametrize("more", ["", "  -1, 10., 0.\n  -2, 30., 0.\n"])

@@ -147,8 +147,8 @@ def test_arguments(log, arguments, message):
         (
             {"T1": {"nod": "a"}},
             "bench.csv, channels.T1: no key 'nod'; there are node, boundary, load, command, prescribed, gain, full_scale, noise, "
-            "accuracy, resolution, unit, prompt, samples, power, gain_accuracy, gain_about, correlation_time, lag, lag_accuracy, "
-            "capacitance, mass, specific_heat, lead, certificate, range. "
+            "accuracy, resolution, unit, prompt, samples, interpolation, power, gain_accuracy, gain_about, correlation_time, lag, "
+            "lag_accuracy, capacitance, mass, specific_heat, lead, certificate, range. "
             "Did you mean 'node'?",
         ),
         ({"T1": {"node": "a", "boundary": "b"}}, "bench.csv, channels.T1: it has the roles node and boundary. Give a channel one role."),

@@ -90,6 +90,12 @@ COMMANDS = {
         "Find the window of a design value in which limits hold.",
         ("thermid size unit.toml panel.area --scenario hot.toml --limit 'unit=-20..50' --between '0.01 [m^2]..0.5 [m^2]'",),
     ),
+    "worst": Place(
+        "build.worst",
+        "Build",
+        "Find the worst hot and cold case within ranges.",
+        ("thermid worst unit.toml --scenario orbit.toml --limit 'unit=-20..50' --range chips='2 [W]..9 [W]'",),
+    ),
     "compare": Place(
         "build.compare_versions",
         "Build",

@@ -43,7 +43,7 @@ from thermid.base.extensions import file_kinds, json_schema
 from thermid.base.files import DRAWING, NETCDF, TABLE, check_ending, write_text
 from thermid.base.toml_files import read_toml
 from thermid.campaign.stages import check_campaign
-from thermid.campaign.verdicts import Limits, compare_models, size
+from thermid.campaign.verdicts import Limits, compare_models, size, worst_case
 from thermid.fit.problem import InputTable
 from thermid.model.deck import load_model
 from thermid.model.laws import literal
@@ -241,14 +241,46 @@ def size_value(
     """
     model = fitted_model(deck, values, keep_values, param)
     standing = model_standing(model).accept(accept or ())
-    ranges = {node: _ends(text, node) for node, text in pairs(limit, "--limit").items()}
-    limits = [Limits(node, node, (Kelvin(low), Kelvin(high))) for node, (low, high) in ranges.items()]
     ends = between.split("..") if between is not None else None
     asked = (ends[0], ends[-1]) if ends is not None else None
     scenarios = [load_scenario(each) for each in scenario]
-    found = size(model, value, limits, scenarios, between=asked, margin=margin, spread=pairs(spread, "--spread"))
+    found = size(model, value, _limits(limit), scenarios, between=asked, margin=margin, spread=pairs(spread, "--spread"))
     say(as_json, found.to_dict() | {"standing": standing.to_dict()}, standing.over(str(found)))
     leave(standing)
+
+
+def worst(
+    deck: Deck,
+    scenario: Annotated[Path, typer.Option("--scenario", help="What is done to the hardware beside the ranges.")],
+    limit: Annotated[list[str], typer.Option("--limit", help="NODE=LOW..HIGH or NODE=HIGH, such as 'unit=-20..50'; may be repeated.")],
+    ranges: Annotated[
+        list[str],
+        typer.Option("--range", help="NAME=LOW..HIGH of a boundary, load or value: chips='2 [W]..9 [W]'; may be repeated."),
+    ],
+    runs: Annotated[int, typer.Option("--runs", help="Runs for both cases together.")] = 2000,
+    param: Parameters = [],  # noqa: B006
+    values: ValuesPath = None,
+    keep_values: KeepValues = False,
+    accept: Accept = None,
+    as_json: Json = False,
+) -> None:
+    """Find the worst hot and cold case within ranges.
+
+    Powers and boundaries of a passive network stand at their ends; up to four other values are searched, and the share of their ranges that
+    may be worse is stated.
+    """
+    model = fitted_model(deck, values, keep_values, param)
+    standing = model_standing(model).accept(accept or ())
+    box = {name: (text.split("..")[0].strip(), text.split("..")[-1].strip()) for name, text in pairs(ranges, "--range").items()}
+    cases = worst_case(model, _limits(limit), load_scenario(scenario), box, runs=runs)
+    say(as_json, cases.to_dict() | {"standing": standing.to_dict()}, standing.over(str(cases)))
+    leave(standing)
+
+
+def _limits(texts: list[str]) -> list[Limits]:
+    """Return limits written NODE=LOW..HIGH."""
+    ranges = {node: _ends(text, node) for node, text in pairs(texts, "--limit").items()}
+    return [Limits(node, node, (Kelvin(low), Kelvin(high))) for node, (low, high) in ranges.items()]
 
 
 def _ends(text: str, pattern: str) -> tuple[float, float]:

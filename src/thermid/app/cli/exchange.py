@@ -70,7 +70,7 @@ def _say(text: str, to: Path | None, as_json: bool, kind: FileKind, comment: str
 def import_file(
     file: Annotated[
         Path,
-        typer.Argument(help="A SINDA case (.inp, .cc), an ESATAN deck (.d) or an InitFcn script (.m): name = expression; % comment [unit]"),
+        typer.Argument(help="A SINDA case (.inp, .cc, .sin), ESATAN deck (.d) or InitFcn script (.m): name = expression; % comment [unit]"),
     ],
     to: Annotated[Path | None, typer.Option("--to", help="The deck to write; what was read is only shown without it.")] = None,
     case: Annotated[
@@ -82,6 +82,9 @@ def import_file(
             "--results", help="SINDA's printed output (.out): its runs computed anew, and each node's balance at its steady state."
         ),
     ] = None,
+    units: Annotated[
+        str, typer.Option("--units", help="Units that a SINDA deck leaves open: energy, time, length, temperature, as in 'BTU h ft F'.")
+    ] = "",
     block: Annotated[
         bool,
         typer.Option("--block", help="Of a script: write one mass that convects and is heated around the values, each found by its unit."),
@@ -96,7 +99,7 @@ def import_file(
     if file.suffix.lower() == ".m":
         _import_script(file, to, block, force, as_json)
         return
-    network = _network(file)
+    network = _network(file, units)
     model, judged, more = network.model(), list[str](), dict[str, object]()
     if results is not None:
         prints = sinda_print(results)
@@ -131,6 +134,7 @@ def write_back(
     keep_values: KeepValues = False,
     param: Parameters = [],  # noqa: B006
     accept: Accept = None,
+    units: Annotated[str, typer.Option("--units", help="The units that `thermid import` was given.")] = "",
     force: Force = False,
     as_json: Json = False,
 ) -> None:
@@ -138,7 +142,7 @@ def write_back(
 
     The copies are equal but for the numbers that changed, each with a comment.
     """
-    network = _network(file)
+    network = _network(file, units)
     model = fitted_model(deck, values, keep_values, param)
     standing = model_standing(model).accept(accept or ())
     texts, left = network.written_back(model), network.not_written_back(model)
@@ -158,14 +162,14 @@ def write_back(
     leave(standing)
 
 
-def _network(file: Path) -> NetworkFile:
+def _network(file: Path, units: str = "") -> NetworkFile:
     """Return the network of a deck; its content tells which tool wrote it."""
     head = read_bytes(file)[:1_000_000].decode("latin-1") if file.is_file() else ""
     if re.search(r"^\s*\$MODEL\b", head, re.MULTILINE | re.IGNORECASE):
         return read_esatan(file)
-    if not head or re.search(r"^\s*HEADER\s+\w+", head, re.MULTILINE | re.IGNORECASE):
-        return read_sinda(file)
-    raise DeckError("it has neither $MODEL (ESATAN) nor HEADER (SINDA); an InitFcn script ends with .m.", str(file))
+    if not head or re.search(r"^\s*(?:HEADER\s+\w+|BCD\s+3)", head, re.MULTILINE | re.IGNORECASE):
+        return read_sinda(file, units)
+    raise DeckError("it has neither $MODEL (ESATAN) nor HEADER or BCD 3 (SINDA); an InitFcn script ends with .m.", str(file))
 
 
 def _import_script(script: Path, to: Path | None, block: bool, force: bool, as_json: bool) -> None:

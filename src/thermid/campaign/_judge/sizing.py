@@ -152,6 +152,14 @@ def size(
     return Sizing(task.path, task.unit, (low, high), made, (value, spare_there), str(worst))
 
 
+def extremes(model: Model, scenario: Scenario) -> Mapping[str, tuple[float, float]]:
+    """Return node -> its lowest and highest temperature in a run, or the steady one of a scenario without a duration. [K]"""
+    if scenario.seconds > 0.0:
+        run = simulate(model, scenario)
+        return {n: (float(run[n].kelvin.min()), float(run[n].kelvin.max())) for n in run.nodes}
+    return {n: (t, t) for n, t in steady(model, scenario).items()}
+
+
 class _Task:
     """The model with one value laid over it, and its extremes in scenarios, each computed once."""
 
@@ -177,11 +185,7 @@ class _Task:
         """Return node -> its lowest and highest temperature in a scenario, at a value. [K]"""
         key = (id(scenario), x)
         if key not in self._kept:
-            if scenario.seconds > 0.0:
-                run = simulate(self.at(x), scenario)
-                self._kept[key] = {n: (float(run[n].kelvin.min()), float(run[n].kelvin.max())) for n in run.nodes}
-            else:
-                self._kept[key] = {n: (t, t) for n, t in steady(self.at(x), scenario).items()}
+            self._kept[key] = extremes(self.at(x), scenario)
         return self._kept[key]
 
     def bound(self, end: tuple[float, _LimitSide | None], inward: float, source: Known, spread: Any, width: float) -> Bound:

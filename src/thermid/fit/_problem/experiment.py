@@ -101,13 +101,14 @@ def corrected(scenario: Scenario, found: Mapping[str, float]) -> Scenario:
     return scenario.with_(boundaries=boundaries, loads=loads, initial=initial)
 
 
-def signal_of(record: Record, name: str, zero: float, held: bool) -> Signal:
+def signal_of(record: Record, channel: Channel, role: str, zero: float) -> Signal:
     """Return a channel of a record as a signal of a run, whose time counts from `zero` [s]."""
-    table, samples = record.table(name), record.channel(name).samples
+    table, samples = record.table(channel.name), channel.samples
     times = np.asarray(table.times) - zero
     if times.size == 1:
         return Constant(float(table.values[0]))
-    return conducted(TableSignal(times, np.asarray(table.values), held and samples != "average"), {"samples": samples}, record.name)
+    held = samples != "average" and (channel.held if channel.interpolation else role != "boundary")
+    return conducted(TableSignal(times, np.asarray(table.values), held), {"samples": samples}, record.name)
 
 
 @dataclass(frozen=True)
@@ -700,8 +701,8 @@ def bind(
             if role != "command" and not channel.gain and (noise := _input_noise(channel)).any:
                 noisy[path if role == "boundary" else SCALE + path] = noise
             if role != "command" and not channel.gain and channel.common and errors is None:
-                means |= _of_mean(channel, role, path, signal_of(record, channel.name, zero, held=role != "boundary"))
-            inputs.take(channel, role, path, signal_of(record, channel.name, zero, held=role != "boundary"), errors)
+                means |= _of_mean(channel, role, path, signal_of(record, channel, role, zero))
+            inputs.take(channel, role, path, signal_of(record, channel, role, zero), errors)
     if not observed:
         raise RecordError(
             f"no channel observes a node of {network.title}, so no reading can be compared. Bind one with node = '...'.", record.name

@@ -361,8 +361,8 @@ def _range(values: ParameterSet, path: str, where: str) -> tuple[str, str]:
 
 def _channel_key(c: Channel) -> list[Any]:
     """Return what a fit depends on of a channel beside its numbers in the file, whose hash is of them as they are written."""
-    known = [c.role, c.target, c.gain, c.unit, c.quantity, c.noise, c.accuracy, c.resolution, c.prompt, c.correction, c.samples]
-    return [*known, *([repr(c.part)] if c.part else [])]
+    known = [c.role, c.target, c.gain, c.unit, c.quantity, c.noise, c.accuracy, c.resolution, c.prompt, c.correction]
+    return [*known, c.samples + c.interpolation, *([repr(c.part)] if c.part else [])]
 
 
 def _record_key(r: Record) -> list[Any]:

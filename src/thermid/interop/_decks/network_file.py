@@ -7,7 +7,7 @@ import os
 import re
 from collections import Counter
 from collections.abc import Iterator, Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from typing import Any, Final
 
 import numpy as np
@@ -15,6 +15,7 @@ import numpy as np
 from thermid.base.errors import DeckError
 from thermid.base.expression import parse
 from thermid.base.units import counted
+from thermid.interop._decks.emissivities import FileEmissivity
 from thermid.model.deck import model_from_dict
 from thermid.model.tree import Model, ParameterSet
 from thermid.physics.constants import ICE_POINT
@@ -22,6 +23,8 @@ from thermid.simulation.scenarios import Scenario
 
 GROUP: Final[Mapping[str, float]] = {"value": 1.0, "min": 0.05, "max": 20.0}
 """A factor of all conductors that one statement of the deck's author made: what an analyst correlates."""
+TWOFOLD: Final = 2.0
+"""How far an emissivity may move from its value in the file: conductors follow it to first order."""
 STEP: Final = 1e-9
 """Share of a period over which the end of a cycle steps to its beginning."""
 
@@ -84,13 +87,21 @@ class FileNode:
 
 @dataclass(frozen=True)
 class FileConductor:
-    """A conductor: its table of a deck without ends, the ends as (submodel, name), its group ("" without one)."""
+    """A conductor: its table of a deck without ends, the ends as (submodel, name), its group ("" without one), its emissivities."""
 
     name: str
     ends: tuple[tuple[str, str], tuple[str, str]]
     table: Mapping[str, Any]
     where: TextSpan
     group: str = ""
+    follows: tuple[FileEmissivity, ...] = ()
+
+    def factor(self) -> str:
+        """Return what multiplies the conductor's value: the factor of its group and its change with emissivities."""
+        up = [self.group] if self.group else []
+        up += [f"(1 + {each.text})" for each in self.follows if each.lost < 0.0]
+        down = [each.text for each in self.follows if each.lost > 0.0]
+        return "*".join(up or ["1"] if down else up) + (f"/(1 + {' + '.join(down)})" if down else "")
 
 
 @dataclass(frozen=True)
@@ -141,6 +152,8 @@ class NetworkFile:
     courses : dict                 Boundary -> temperature over time, where it is no constant. [degC]
     start : str                    Where the transient begins, as a scenario says it; empty for the temperatures of the nodes.
     seconds : float                The deck's unit of time. [s]
+    begin : float                  The deck's time at which its transient begins. [s]
+    emissivities : dict            Parameter -> an optical property's emissivity [-], and how many nodes have it.
     """
 
     title: str
@@ -156,6 +169,8 @@ class NetworkFile:
     zero_and_degree: tuple[float, float] = (-ICE_POINT, 1.0)
     start: str = ""
     seconds: float = 1.0
+    begin: float = 0.0
+    emissivities: Mapping[str, tuple[float, int]] = field(default_factory=dict)
 
     def __str__(self) -> str:
         """Return what was read in one line, then what was not."""
@@ -208,12 +223,16 @@ class NetworkFile:
             name: {"use": model_from_dict({"title": name, "offers": list(nodes), "nodes": nodes})} for name, nodes in inner.items()
         }
         groups = {name: {**GROUP, "note": f"factor of {counted(n, 'conductor')}"} for name, n in self.groups().items()}
+        coatings = {
+            name: {"value": e, "min": e / TWOFOLD, "max": min(e * TWOFOLD, 1.0), "note": f"of {counted(n, 'node')}"}
+            for name, (e, n) in self.emissivities.items()
+        } | {FileEmissivity(name, e, 0.0).fall: f"{e!r}/{name} - 1" for name, (e, _) in self.emissivities.items()}
         stated = {name: {"value": value, "source": "derived", "basis": str(span)} for name, (value, span) in self.parameters.items()}
         deck = {
             "title": self.title,
             "incomplete": self.incomplete,
             "needs": [node.path for node in self.nodes if node.held],
-            "parameters": stated | groups,
+            "parameters": stated | groups | coatings,
             "submodels": submodels,
             "set": settings,
             "conductors": {each.name: self._conductor(each, at) for each in self.conductors},
@@ -224,20 +243,23 @@ class NetworkFile:
         return model_from_dict(deck)
 
     def _conductor(self, each: FileConductor, at: Mapping[tuple[str, str], str]) -> dict[str, Any]:
-        """Return the table of a conductor, times the factor of its group."""
+        """Return the table of a conductor, times its factor."""
         table = {"between": [_defined(at, end, "conductor", each) for end in each.ends], **each.table}
         key = SCALED[table["kind"]]
         value = table.get(key, "1")
-        table[key] = {"value": f"{each.group}*{value}" if each.group else value, "source": "derived", "basis": str(each.where)}
+        factor = each.factor()
+        table[key] = {"value": f"{factor}*{value}" if factor else value, "source": "derived", "basis": str(each.where)}
         return table
 
     def case(self) -> dict[str, Any]:
         """Return the tables of a scenario file: boundaries and starts of the deck, courses of loads, its length."""
-        followed = [(each, each.course) for each in self.loads if each.course is not None]
+        followed = [(each, each.course.beginning(self.begin)) for each in self.loads if each.course is not None]
         held = [node for node in self.nodes if node.held]
         tables = {
             "boundaries": {
-                node.path: self.courses[node.path].table("degC") if node.path in self.courses else f"{node.celsius!r} [degC]"
+                node.path: self.courses[node.path].beginning(self.begin).table("degC")
+                if node.path in self.courses
+                else f"{node.celsius!r} [degC]"
                 for node in held
             },
             "loads": {each.name: course.table("W", each.factor) for each, course in followed if not each.scales},
@@ -286,39 +308,40 @@ class NetworkFile:
         """Return the numbers that changed where they stand, and the paths of changed values that have no number of their own."""
         now = ParameterSet(model).evaluate({})
         numbers = {name: float(value) for name, (value, _) in self.parameters.items() if isinstance(value, int | float)}
-        lacking = sorted({*numbers, *self.groups()} - now.keys())
+        factors = (*self.groups(), *self.emissivities)
+        lacking = sorted({*numbers, *factors} - now.keys())
         if lacking:
             raise DeckError(f"the deck has no '{lacking[0]}', so it is no import of this file. Import it again.", self.title)
-        named = {name: float(now[name]) for name in (*numbers, *self.groups())}
-        before = ParameterSet(self.model()).evaluate(named)  # what the files state with the changed parameters and groups
+        named = {name: float(now[name]) for name in (*numbers, *factors)}
+        read = ParameterSet(self.model())
+        before = read.evaluate(named)  # what the files state with the changed parameters and factors
+        rows = read.evaluate({name: named[name] for name in numbers})  # what their rows state
         changed = {p for p in before.keys() | now.keys() if not _same(now.get(p, math.nan), before.get(p, math.nan))}
         out = {self.parameters[n][1]: f"{named[n]:.12g}" for n, value in numbers.items() if not _same(named[n], value)}
         places: dict[TextSpan, dict[str, float]] = {}  # a row that makes several conductors has one number for all of them
-        for path, span, group in self._places():
-            factor = named[group] if group else 1.0
-            ratio = now.get(path, math.nan) / before[path] if path in changed and before[path] else 1.0
-            places.setdefault(span, {})[path] = ratio * factor
+        for path, span in self._places():
+            places.setdefault(span, {})[path] = now.get(path, math.nan) / rows[path] if rows[path] else 1.0
         for span, ratios in places.items():
             ratio = next(iter(ratios.values()))
             text = self.texts[span.file][span.begin : span.end]
             if all(_same(ratio, each) for each in ratios.values()) and _scales(text):
-                changed -= {p for p in ratios if before[p]}
+                changed -= {p for p in ratios if rows[p]}
                 if not _same(ratio, 1.0):
                     out[span] = _times(text, ratio)
             else:
                 changed |= {p for p, each in ratios.items() if not _same(each, 1.0)}
         return out, tuple(sorted(changed))
 
-    def _places(self) -> Iterator[tuple[str, TextSpan, str]]:
-        """Yield the values that stand in the files as a number or expression: path, place, group."""
+    def _places(self) -> Iterator[tuple[str, TextSpan]]:
+        """Yield the values that stand in the files as a number or expression: path, place."""
         for each in self.conductors:
-            yield f"{each.name}.{SCALED[each.table['kind']]}", each.where, each.group
+            yield f"{each.name}.{SCALED[each.table['kind']]}", each.where
         for node in self.nodes:
             if isinstance(node.capacitance, float | str):
-                yield f"{node.path}.capacitance", node.where, ""
+                yield f"{node.path}.capacitance", node.where
         for load in self.loads:
             if load.course is None and not load.more and load.stands:
-                yield f"{load.name}.power", load.where, ""
+                yield f"{load.name}.power", load.where
 
 
 def _same(a: float, b: float) -> bool:
@@ -405,9 +428,15 @@ class FileCourse:
         if self.period and t[-1] - t[0] > self.period * (1.0 + 1e-9):
             raise DeckError(f"times over {t[-1] - t[0]:g} s exceed the period of {self.period:g} s.", self.where)
 
+    def beginning(self, seconds: float) -> FileCourse:
+        """Return the course with another time as its zero. [s]"""
+        return replace(self, seconds=self.seconds - seconds) if seconds else self
+
     def table(self, unit: str, factor: float = 1.0, offset: float = 0.0) -> dict[str, Any]:
         """Return the course as a table of a scenario."""
         t, v = self.seconds, self.numbers * factor + offset
+        if t.size > 1:  # two values at one time are a step
+            t = np.where(np.append(np.diff(t) == 0.0, False), t - STEP * (t[-1] - t[0]), t)
         if self.period and t.size > 1:
             if t[0] + self.period - t[-1] > STEP * self.period:  # a straight line from the last point to the first of the next period
                 t, v = np.append(t, t[0] + self.period), np.append(v, v[0])

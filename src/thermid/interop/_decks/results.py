@@ -11,6 +11,7 @@ import numpy as np
 
 from thermid.base.errors import DeckError
 from thermid.base.units import counted
+from thermid.interop._decks.cards import SUBMODEL
 from thermid.interop._decks.network_file import NetworkFile
 from thermid.interop._decks.statements import DeckReading
 from thermid.model.tree import ParameterSet
@@ -18,8 +19,8 @@ from thermid.physics.constants import ICE_POINT, STEFAN_BOLTZMANN
 from thermid.simulation.runs import simulate, steady
 
 _SUBMODEL = re.compile(r"\s*SUBMODEL NAME = (\w+)")
-_TIME = re.compile(r"^\s*PROBLEM TIME\s+TIMEN\s*=\s*([-+.\dE]+)")
-_PRINT = re.compile(r"\bT\s+(\d+)=\s*([-+.\dE]+)")
+_TIME = re.compile(r"^\s*(?:PROBLEM TIME\s+TIMEN|TIME)\s*=\s*([-+.\dE]+)")
+_PRINT = re.compile(r"\bT\s+(\d+)\s*=\s*([-+.\dE]+)")
 
 
 @dataclass(frozen=True, eq=False)
@@ -94,7 +95,9 @@ def sinda_print(path: str | Path) -> list[Printed]:
         elif found := _SUBMODEL.match(row):
             submodel = found[1]
         elif found := _TIME.search(row):
-            time = float(found[1])
+            time, routine = float(found[1]), "TRANSIENT" if "DTIMEU" in row else routine
+        elif "OUTPUT TEMPERATURES" in row:  # SINDA/G has one submodel
+            submodel = SUBMODEL
         for number, word in _PRINT.findall(row) if submodel else ():
             key = f"{submodel}.T{int(number)}"
             if not numbers or key in numbers or (prints[-1].routine, prints[-1].time) != (routine, time):
@@ -168,7 +171,7 @@ def agreement(network: NetworkFile, prints: Sequence[Printed]) -> Agreement:
     if not nodes:
         raise DeckError("the print has none of the deck's nodes, so it is of another case.", network.title)
     model, scenario = network.model(), network.scenario()
-    times = [each.time * network.seconds for each in moving]
+    times = [each.time * network.seconds - network.begin for each in moving]
     rows = []
     if settled:
         calm = steady(model, scenario, "mean" if network.start == "steady, mean" else 0.0)

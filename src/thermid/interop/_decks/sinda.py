@@ -7,17 +7,29 @@ conductor has a negative number, its heat is ``SIGMA G (T_a^4 - T_b^4)``; a minu
 from __future__ import annotations
 
 import re
-from collections.abc import Generator, Iterator
+from collections.abc import Generator, Iterator, Mapping
 from dataclasses import dataclass, field, replace
 from pathlib import Path
+from types import MappingProxyType
 from typing import Final
 
 import numpy as np
 
 from thermid.base.errors import DeckError, ThermidError
 from thermid.base.units import counted
+from thermid.interop._decks.cards import are_cards, card_blocks
+from thermid.interop._decks.emissivities import FileEmissivity, optical_properties, read_emissivities
 from thermid.interop._decks.heat_rates import CALL, SUFFIX, CommentedArrays, heat_rates, owner_of
-from thermid.interop._decks.network_file import FileConductor, FileCourse, FileLoad, FileNode, NetworkFile, TextSpan, fortran, identifier
+from thermid.interop._decks.network_file import (
+    FileConductor,
+    FileCourse,
+    FileLoad,
+    FileNode,
+    NetworkFile,
+    TextSpan,
+    fortran,
+    identifier,
+)
 from thermid.interop._decks.statements import DeckReading, Line, fields, numbered, stream, with_unit
 from thermid.physics.constants import ICE_POINT, STEFAN_BOLTZMANN
 
@@ -29,8 +41,10 @@ RANKINE: Final = 5.0 / 9.0
 _ENERGY: Final = {"J": 1.0, "KJ": 1e3, "BTU": BTU, "CAL": 4.184, "W-HR": HOUR, "W*S": 1.0}
 _TIME: Final = {"S": 1.0, "SEC": 1.0, "MIN": 60.0, "HR": HOUR, "H": HOUR}
 _LENGTH: Final = {"M": 1.0, "MM": 1e-3, "CM": 1e-2, "IN": 0.0254, "FT": 0.3048}
-COLDEST_START_IN_KELVIN: Final = -120.0
-"""Start of a node below which numbers without a stated unit are taken for other than kelvin. [degC]"""
+_ZERO: Final = {"K": 0.0, "R": 0.0, "C": -ICE_POINT, "F": -459.67}
+"""Absolute zero in a unit of temperature."""
+INSULATION: Final = 20_000
+"""By how much the number of an insulation's node exceeds that of the surface below, as Thermal Desktop numbers them."""
 Cells = list[tuple[str, TextSpan]]
 """What stands between the commas of a row, each with its place."""
 _SILENT: Final = (
@@ -57,7 +71,8 @@ class Units:
     length: float = 1.0
     zero: float = 0.0
     sigma: float | None = None
-    stated: bool = False
+    temperature_stated: bool = False
+    power_stated: bool = False
 
     @property
     def power(self) -> float:
@@ -67,6 +82,26 @@ class Units:
     def celsius(self, number: float) -> float:
         """Return a temperature in degC."""
         return (number - self.zero) * self.degree - ICE_POINT
+
+    def take(self, words: str) -> None:
+        """Take units of energy, time, length and temperature from words such as `BTU s in F`; W is J and s.
+
+        Raises
+        ------
+        DeckError   When a word is none of them, or when no temperature or no power is among them.
+        """
+        for word in re.split(r"[\s,]+", words.strip().upper()):
+            if word in _ZERO:
+                self.zero, self.degree, self.temperature_stated = _ZERO[word], RANKINE if word in "FR" else 1.0, True
+            elif word == "W" or word in _ENERGY:
+                self.energy, self.power_stated = _ENERGY.get(word, 1.0), True
+            elif word in _TIME:
+                self.time = _TIME[word]
+            elif word in _LENGTH:
+                self.length = _LENGTH[word]
+            else:
+                known = ", ".join(("W", *_ENERGY, *_TIME, *_LENGTH, *_ZERO))
+                raise DeckError(f"'{word}' is no unit of a SINDA deck. There are {known}.", "units", code="value.wrong-kind")
 
     def exchange_area(self) -> float:
         """Return the area that a radiation conductor of 1 exchanges over. [m^2]"""
@@ -90,33 +125,46 @@ class SindaDeck:
     owners: dict[tuple[str, str], tuple[str, str]] = field(default_factory=dict)
     registers: dict[str, tuple[float | str, TextSpan]] = field(default_factory=dict)
     control: dict[str, float] = field(default_factory=dict)
+    courses: dict[str, FileCourse] = field(default_factory=dict)
+    emissivities: dict[str, tuple[float, int]] = field(default_factory=dict)
     logic: list[tuple[str, list[Line]]] = field(default_factory=list)
     steps: list[tuple[str, str, list[Line]]] = field(default_factory=list)
     settles: bool = False
     ends: bool = False
 
 
-def read_sinda(path: str | Path) -> NetworkFile:
-    """Return the network of a SINDA deck: a case (.inp) with what it inserts, or one of its files (.cc, .k).
+def read_sinda(path: str | Path, units: str = "") -> NetworkFile:
+    """Return the network of a SINDA deck: a case (.inp) with what it inserts, one of its files (.cc, .k), or cards (.sin).
+
+    Parameters
+    ----------
+    path : path     The file.
+    units : str     Units of energy, time, length and temperature of a deck that does not state them: ``"BTU h ft F"``, ``"W m C"``. What
+                    the deck states holds all the same.
 
     Raises
     ------
-    DeckError   With file and line: a file is missing, includes itself, is binary or too large; a row is no node, no conductor or no number.
+    DeckError   With file and line: a file is missing, includes itself, is binary or too large; a row is no node, no conductor or no number;
+                nothing states the unit of temperatures or of powers.
     """
     path = Path(path)
     deck = SindaDeck()
     text = deck.reading.open(path)
     deck.title = path.stem
-    for header, submodel, lines in _blocks(deck, path, text, ()):
-        deck.steps.append((header, submodel, lines))
+    if units:
+        deck.units.take(units)
+    old = are_cards(text)
+    if old:
+        deck.units.sigma = 1.0
+    deck.steps.extend(card_blocks(numbered(text, str(path))) if old else _blocks(deck, path, text, ()))
     if not any(header.startswith("NODE") for header, _, _ in deck.steps):
         raise DeckError("no HEADER NODE DATA found: this is not a SINDA deck.", str(path))
-    for wanted in ("OPERATION", "CONTROL", "REGISTER", "ARRAY", "CARRAY", "NODE", "CONDUCTOR", "SOURCE", "VARIABLES 0", "VARIABLES 1"):
+    _read_units(deck, path)
+    for wanted in ("OPERATION", "REGISTER", "ARRAY", "CARRAY", "NODE", "CONDUCTOR", "SOURCE", "VARIABLES 0", "VARIABLES 1"):
         for header, submodel, lines in deck.steps:
             if header.startswith(wanted):
                 _READERS[wanted](deck, submodel, lines)
     _name_what_is_left(deck)
-    _question_kelvin(deck)
     if deck.units.sigma is None and any(c.table["kind"] == "radiation" for c in deck.conductors):
         first = next(c for c in deck.conductors if c.table["kind"] == "radiation")
         deck.reading.remark(
@@ -125,13 +173,17 @@ def read_sinda(path: str | Path) -> NetworkFile:
             "with the file",
             dropped=False,
         )
+    begin = deck.control.get("TIMEO", 0.0) * deck.units.time
     parameters = {deck.reading.names[name]: value for name, value in deck.registers.items()}
     return NetworkFile(
         identifier(deck.title), "SINDA", tuple(deck.nodes), tuple(deck.conductors), tuple(_unique(deck.loads)), parameters,
-        deck.control.get("TIMEND", 0.0) * deck.units.time, tuple(deck.reading.remarks), deck.reading.texts,
+        deck.control.get("TIMEND", 0.0) * deck.units.time - begin, tuple(deck.reading.remarks), deck.reading.texts,
         zero_and_degree=(deck.units.zero, deck.units.degree),
         start=_start(deck),
         seconds=deck.units.time,
+        courses=deck.courses,
+        begin=begin,
+        emissivities=deck.emissivities,
     )  # fmt: skip
 
 
@@ -158,7 +210,8 @@ def _blocks(deck: SindaDeck, path: Path, text: str, inside: tuple[Path, ...], at
             words.append(row[1:].strip())
             _stated_unit(deck, row)
             continue
-        row = row.split("$", 1)[0].rstrip()
+        row, _, note = row.partition("$")
+        row = row.rstrip()
         if not row.strip() or row.strip().upper() in ("PSTOP", "PSTART"):
             words = [] if not row else words
             continue
@@ -172,7 +225,7 @@ def _blocks(deck: SindaDeck, path: Path, text: str, inside: tuple[Path, ...], at
             yield header, submodel, lines
             header, submodel, lines = " ".join(found[1].upper().split()), found[2].upper(), []
         else:
-            lines.append(replace(line, text=row, before=tuple(words)))
+            lines.append(replace(line, text=row, before=tuple(words), note=note))
         words = []
     yield header, submodel, lines
     return header, submodel
@@ -202,15 +255,13 @@ def _stated_unit(deck: SindaDeck, row: str) -> None:
         return
     what, unit = found[1], found[2].upper()
     if what == "Energy" and unit in _ENERGY:
-        deck.units.energy = _ENERGY[unit]
+        deck.units.take(unit)
     elif what == "Time" and unit in _TIME:
         deck.units.time = _TIME[unit]
     elif what == "Length" and unit in _LENGTH:
         deck.units.length = _LENGTH[unit] if unit in ("FT", "IN") else 1.0  # radiation conductors stay in m^2 under mm
     elif what == "Temp":
-        deck.units.stated = True
-        deck.units.degree = RANKINE if unit in ("F", "R") else 1.0
-        deck.units.zero = {"C": -ICE_POINT, "F": -459.67}.get(unit, 0.0)
+        deck.units.take(unit)
 
 
 def _control(deck: SindaDeck, _: str, lines: list[Line]) -> None:
@@ -218,15 +269,21 @@ def _control(deck: SindaDeck, _: str, lines: list[Line]) -> None:
     for line in lines:
         for found in re.finditer(r"(\w+)\s*=\s*([^\s,]+)", line.text):
             name, word = found[1].upper(), found[2]
-            deck.units.stated |= name in ("UID", "ABSZRO")
-            if name == "UID" and word.upper().startswith("E"):
-                deck.units.energy, deck.units.time, deck.units.degree, deck.units.length = BTU, HOUR, RANKINE, 0.3048
+            if name == "UID":
+                deck.units.power_stated = True
+                if word.upper().startswith("E"):
+                    deck.units.energy, deck.units.time, deck.units.degree, deck.units.length = BTU, HOUR, RANKINE, 0.3048
                 continue
             try:
                 deck.control[name] = float(fortran(word))
             except ValueError:
                 continue
-    deck.units.zero = deck.control.get("ABSZRO", deck.units.zero)
+    if "TMPZRO" in deck.control:
+        deck.control["ABSZRO"] = -abs(deck.control["TMPZRO"])
+    if "ABSZRO" in deck.control:
+        deck.units.zero, deck.units.temperature_stated = deck.control["ABSZRO"], True
+        if round(deck.units.zero) in (-459, -460):
+            deck.units.degree = RANKINE
     deck.units.sigma = deck.control.get("SIGMA", deck.units.sigma)
 
 
@@ -298,6 +355,10 @@ def _nodes(deck: SindaDeck, submodel: str, lines: list[Line]) -> None:
                 deck.nodes.extend(_generated(deck, submodel, line, cells))
             elif kind in ("SIV", "SPV", "DIV"):
                 deck.nodes.append(_tabulated_node(deck, submodel, line, kind, cells))
+            elif kind == "CAL":
+                deck.nodes.append(_node(deck, submodel, line, [*cells[:2], _product(cells[2:])]))
+            elif kind == "SIT" and cells[0][0].startswith("-") and not any(float(fortran(word)) for word, _ in cells[3:]):
+                deck.nodes.append(_followed_boundary(deck, submodel, line, cells))
             else:
                 deck.reading.remark(line.where, f"node option {kind}: '{line.text.strip()}'")
         except ThermidError:
@@ -320,7 +381,30 @@ def _generated(deck: SindaDeck, submodel: str, line: Line, cells: Cells) -> Iter
     """Yield the nodes of GEN number, count, increment, temperature, capacitance."""
     first, count, step = (int(cells[k][0]) for k in range(3))
     for k in range(count):
-        yield _node(deck, submodel, line, [(str(first + k * step), cells[0][1]), *cells[3:5]])
+        yield _node(deck, submodel, line, [(str(first + k * step), cells[0][1]), cells[3], _product(cells[4:])])
+
+
+def _product(cells: Cells) -> tuple[str, TextSpan]:
+    """Return factors of a row as one, with the place of the first, where a changed value is written back."""
+    return cells[0] if len(cells) == 1 else ("*".join(f"({word})" for word, _ in cells), cells[0][1])
+
+
+def _followed_boundary(deck: SindaDeck, submodel: str, line: Line, cells: Cells) -> FileNode:
+    """Return a boundary whose temperature is an array over time (SIT)."""
+    course = _over_time(deck, submodel, cells[2][0], line)
+    node = _node(deck, submodel, line, [cells[0], cells[1], ("0.0", cells[2][1])])
+    deck.courses[node.path] = replace(course, numbers=np.array([deck.units.celsius(t) for t in course.numbers]))
+    return node
+
+
+def _over_time(deck: SindaDeck, submodel: str, word: str, line: Line) -> FileCourse:
+    """Return an array of pairs as a course over time."""
+    values = _array(deck, submodel, word)
+    if values is None or len(values) % 2:
+        raise DeckError(
+            f"array {word} is not in ARRAY DATA of {submodel} as pairs of time and value.", str(line.where), code="value.incomplete"
+        )
+    return FileCourse(np.array(values[::2]) * deck.units.time, np.array(values[1::2]), 0.0, str(line.where))
 
 
 def _tabulated_node(deck: SindaDeck, submodel: str, line: Line, kind: str, cells: Cells) -> FileNode:
@@ -364,10 +448,11 @@ def _points(deck: SindaDeck, submodel: str, kind: str, word: str, line: Line) ->
 def _conductors(deck: SindaDeck, submodel: str, lines: list[Line]) -> None:
     """Read CONDUCTOR DATA: number, pairs of nodes, value; GEN, SIV and SPV. A contactor named in a comment makes a group of its rows.
 
-    A block of radiation alone, as Thermal Desktop writes one for each group of surfaces that see each other, is one group.
+    A block of radiation alone, as Thermal Desktop writes one for each group of surfaces that see each other, is one group, and its rows
+    follow the emissivities that its comments state. The rows through an insulation are a group for each submodel.
     """
-    rows = [line.text.lstrip() for line in lines]
-    group = _Group(f"radiation_{identifier(submodel)}" if len(rows) > 1 and all(row.startswith("-") for row in rows) else "")
+    block = len(lines) > 1 and all(line.text.lstrip().startswith("-") for line in lines)
+    group = _Group(f"radiation_{identifier(submodel)}" if block else "", _followed(deck, lines) if block else {})
     for line in lines:
         (head, _), *rest = fields(line) or [("", line.where)]
         word, _, first = head.partition(" ")
@@ -376,6 +461,8 @@ def _conductors(deck: SindaDeck, submodel: str, lines: list[Line]) -> None:
         try:
             if kind == "GEN":
                 deck.conductors.extend(_generated_conductors(deck, submodel, cells, group, line))
+            elif kind == "CAL" and len(cells) > 4 and float(fortran(cells[-1][0])) == 1.0:  # X Y Z / W
+                deck.conductors.extend(_row(deck, submodel, "", [*cells[:3], _product(cells[3:-1])], group, line))
             elif kind in ("", "SIV", "SPV") and not (kind and first.lstrip().startswith("-")):
                 deck.conductors.extend(_row(deck, submodel, kind, cells, group, line))
             else:
@@ -386,23 +473,49 @@ def _conductors(deck: SindaDeck, submodel: str, lines: list[Line]) -> None:
             raise DeckError(f"'{line.text.strip()}' is not a conductor. Write number, node, node, value.", str(line.where)) from None
 
 
+def _followed(deck: SindaDeck, lines: list[Line]) -> dict[TextSpan, tuple[FileEmissivity, ...]]:
+    """Return place of a row -> the emissivities that it follows, and keep their values; empty where the files do not say them."""
+    areas = Path(lines[0].where.file).with_suffix(".ar")
+    known = {f"emissivity_{identifier(name)}": e for name, e in optical_properties(lines[0].before).items()}
+    block = read_emissivities([(x.text, x.note) for x in lines], known, deck.reading.open(areas)) if areas.is_file() else None
+    if block is None:
+        return {}
+    for name, (value, nodes) in block.values.items():
+        old, n = deck.emissivities.get(name, (value, 0))
+        if old != value:
+            deck.reading.remark(
+                lines[0].where, f"{name} is {value:g} here and {old:g} in another block: its rows follow no emissivity", False
+            )
+            return {}
+        deck.emissivities[name] = (value, n + nodes)
+    if block.between:
+        deck.reading.remark(
+            lines[0].where,
+            f"{counted(block.between, 'node')} of several coatings: counted to the emissivity that is nearest",
+            dropped=False,
+        )
+    return {line.where: row for line, row in zip(lines, block.rows, strict=True)}
+
+
 class _Group:
     """The contactor that comments name, as long as its rows last.
 
     Rows belong to it until their pair of submodels changes; inside one submodel until their first node does.
     """
 
-    def __init__(self, block: str = "") -> None:
-        self.name, self.key, self.block = "", ("", ""), block
+    def __init__(self, block: str = "", followed: Mapping[TextSpan, tuple[FileEmissivity, ...]] = MappingProxyType({})) -> None:
+        self.name, self.key, self.block, self.followed = "", ("", ""), block, followed
 
     def of(self, line: Line, ends: tuple[tuple[str, str], tuple[str, str]]) -> str:
-        (sub_a, a), (sub_b, _) = ends
+        (sub_a, a), (sub_b, b) = ends
         key = (sub_a, sub_b) if sub_a != sub_b else (sub_a, a)
         made = [_contactor(each) for each in line.before if re.match(r"(?:Contact|Conductor) - ", each)]
         if made:
             self.name, self.key = "_and_".join(dict.fromkeys(made)), key
         elif key != self.key:
             self.name = ""
+        if not made and sub_a == sub_b and abs(int(b[1:]) - int(a[1:])) == INSULATION:
+            return f"mli_{identifier(sub_a)}" + ("" if line.text.lstrip().startswith("-") else "_conduction")
         return self.name or self.block
 
 
@@ -440,7 +553,8 @@ def _row(deck: SindaDeck, submodel: str, kind: str, cells: Cells, group: _Group,
             ends = (a, b) if minus_a else (b, a)
             yield FileConductor(name, ends, stream(value, deck.units.power / deck.units.degree), where, group.of(line, (a, b)))
             continue
-        yield FileConductor(name, (a, b), _law(deck, submodel, kind, number, values, line), where, group.of(line, (a, b)))
+        law = _law(deck, submodel, kind, number, values, line)
+        yield FileConductor(name, (a, b), law, where, group.of(line, (a, b)), group.followed.get(line.where, ()))
 
 
 def _law(deck: SindaDeck, submodel: str, kind: str, number: int, values: Cells, line: Line) -> dict[str, object]:
@@ -473,10 +587,16 @@ def _generated_conductors(deck: SindaDeck, submodel: str, cells: Cells, group: _
 
 
 def _sources(deck: SindaDeck, submodel: str, lines: list[Line]) -> None:
-    """Read SOURCE DATA: node, power."""
+    """Read SOURCE DATA: node, power; SIT node, array over time, factor."""
     for line in lines:
         cells = fields(line)
         try:
+            if found := re.fullmatch(r"SIT\s+(\d+)", cells[0][0], re.IGNORECASE):
+                course = _over_time(deck, submodel, cells[1][0], line)
+                watts = float(fortran(cells[2][0])) * deck.units.power
+                mean, into = float(np.mean(course.numbers)) * watts, (submodel, f"T{int(found[1])}")
+                deck.loads.append(FileLoad(f"{submodel}_Q{int(found[1])}", into, mean, line.where, "", course, factor=watts, stands=False))
+                continue
             node, power = int(cells[0][0]), deck.reading.value(cells[1][0], cells[1][1])
         except ThermidError:
             raise
@@ -674,22 +794,34 @@ def _unique(loads: list[FileLoad]) -> Iterator[FileLoad]:
         yield load if seen[load.name] == 1 else replace(load, name=f"{load.name}_{seen[load.name]}")
 
 
-def _question_kelvin(deck: SindaDeck) -> None:
-    """Name temperatures that are read as kelvin because nothing states their unit; as missing where hardware would be too cold."""
-    coldest = min((node for node in deck.nodes if not node.held), key=lambda node: node.celsius, default=None)
-    if deck.units.stated or coldest is None:
-        return
-    deck.reading.remark(
-        coldest.where,
-        f"unit of temperatures not stated: read as kelvin, {coldest.submodel}.{coldest.name} begins at {coldest.celsius:.4g} degC. Write "
-        "ABSZRO = -459.67 and UID = ENG for degrees Fahrenheit, ABSZRO = -273.15 for degC, or ABSZRO = 0 for kelvin into CONTROL DATA",
-        dropped=coldest.celsius < COLDEST_START_IN_KELVIN,
-    )
+def _read_units(deck: SindaDeck, path: Path) -> None:
+    """Read CONTROL DATA, and ask for the units that neither it nor anything else states.
+
+    Raises
+    ------
+    DeckError   When the unit of temperatures is open, or that of powers beside degrees Fahrenheit.
+    """
+    for header, submodel, lines in deck.steps:
+        if header.startswith("CONTROL"):
+            _control(deck, submodel, lines)
+    units = deck.units
+    fahrenheit = round(units.zero) in (-459, -460)
+    if not units.temperature_stated or (fahrenheit and not units.power_stated):
+        what = "the unit of powers (UID)" if units.temperature_stated else "the unit of temperatures (ABSZRO)"
+        raise DeckError(
+            f'the deck does not state {what}. Give its units, as in --units "BTU h ft F" or "W m C", or write ABSZRO (-459.67, -273.15 or '
+            "0) and UID (ENG or SI) into CONTROL DATA.",
+            str(path),
+            code="value.incomplete",
+        )
+    if not units.power_stated:
+        where = deck.steps[-1][2][0].where if deck.steps[-1][2] else deck.steps[0][2][0].where
+        deck.reading.remark(where, "UID is not stated; W, J and s are assumed", dropped=False)
 
 
 def _name_what_is_left(deck: SindaDeck) -> None:
     """Name the blocks that were not read and are more than printing and solving."""
-    known = tuple(_READERS)
+    known = ("CONTROL", *_READERS)
     for header, submodel, lines in deck.steps:
         if not lines or not header or header.startswith((*known, *_SILENT)):
             continue
@@ -700,7 +832,6 @@ def _name_what_is_left(deck: SindaDeck) -> None:
 _READERS = {
     "OPERATION": _operation,
     "CARRAY": _carrays,
-    "CONTROL": _control,
     "REGISTER": _registers,
     "ARRAY": _arrays,
     "NODE": _nodes,

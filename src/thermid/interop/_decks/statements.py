@@ -19,11 +19,12 @@ ABSOLUTE_ZERO: Final = -273.15
 
 @dataclass(frozen=True)
 class Line:
-    """A line of a deck without its comment: text, place, and the words of the comment lines that stand right before it."""
+    """A line of a deck without its comment: text, place, the words of the comment lines right before it, and of its own comment."""
 
     text: str
     where: TextSpan
     before: tuple[str, ...] = ()
+    note: str = ""
 
     def part(self, begin: int, end: int) -> TextSpan:
         """Return the place of some characters of the text."""

@@ -22,6 +22,7 @@ from thermid.base.errors import OutputError, ThermidError, refuse_unknown
 from thermid.base.files import FileKind, read_bytes, write_bytes
 from thermid.base.units import unit
 from thermid.interop._fmu import image as told
+from thermid.interop._fmu.archive import DESCRIPTION
 from thermid.interop._fmu.description import PLAIN, Described, FmuVariable, build_description, describe, structured
 from thermid.interop._fmu.image import MARK, OPERATIONS, image, still
 from thermid.interop._wired import Formula, identifiers, named, one_line
@@ -142,7 +143,7 @@ def to_fmu(model: Model, scenario: Scenario, to: str | Path, version: str = "3.0
     text = one_line(" ".join([f"{model.title}, {wiring.scenario.title}, by thermid.", *draft.notes]))
     what = Described(model.title, identifier, token, text, wiring.scenario.seconds, compiled)
     files = {
-        "modelDescription.xml": describe(what, draft.variables, version).encode(),
+        DESCRIPTION: describe(what, draft.variables, version).encode(),
         "resources/model.bin": draft.image(token),
         f"binaries/{_folder(version)}/{identifier}{_ENDING}": read_bytes(library),
         "documentation/index.html": _page(model.title, draft.notes).encode(),

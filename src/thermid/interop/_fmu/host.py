@@ -23,6 +23,7 @@ from thermid.base.errors import MissingExtraError, SolverError, ThermidError
 from thermid.base.extensions import missing
 from thermid.base.files import read_bytes, scratch
 from thermid.base.linear_algebra import Array
+from thermid.interop._fmu.archive import DESCRIPTION, check_archive
 
 TOLERANCE: Final = 1e-8
 """Relative tolerance that is asked of CVode, and of the FMU where it integrates itself."""
@@ -121,6 +122,7 @@ class FmuFile:
     def __init__(self, path: Path) -> None:
         self.fmpy, self.path, self.runs = fmpy_package(), path, 0
         read_bytes(path)
+        check_archive(path)
         try:
             self.described = self.fmpy.read_model_description(str(path))
         except Exception as error:  # whatever FMPy finds wrong with it
@@ -142,7 +144,7 @@ class FmuFile:
     def _offers_directions(self) -> bool:
         """Whether model exchange has directional derivatives; FMPy does not read this of FMI 3.0."""
         with zipfile.ZipFile(self.path) as packed:
-            text = packed.read("modelDescription.xml").decode("utf-8", "replace")
+            text = packed.read(DESCRIPTION).decode("utf-8", "replace")
         head = re.search(r"<ModelExchange\b[^>]*>", text)
         return head is not None and re.search(r'providesDirectionalDerivatives?\s*=\s*["\'](true|1)["\']', head[0]) is not None
 

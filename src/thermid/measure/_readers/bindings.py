@@ -10,12 +10,13 @@ from typing import Any, Final
 from thermid.base.errors import NameNotFoundError, RecordError, ThermidError, errors_at, refuse_unknown
 from thermid.base.units import DIMENSIONLESS, TEMPERATURE, describe, require, unit
 from thermid.measure._readers.power_of_columns import POWER_KEYS
-from thermid.measure._record.channel import SAMPLES
+from thermid.measure._record.channel import INTERPOLATIONS, SAMPLES
 from thermid.measure._record.sensor import KEYS, SensorCertificate, SensorPart
 from thermid.measure.amounts import amount
 
 _ROLE_KEYS: Final = ("node", "boundary", "load", "command", "prescribed")
-_KEYS: Final = (*_ROLE_KEYS, "gain", "full_scale", "noise", "accuracy", "resolution", "unit", "prompt", "samples", "power", *KEYS)
+_OF_SAMPLES: Final = ("noise", "accuracy", "resolution", "unit", "prompt", "samples", "interpolation", "power")
+_KEYS: Final = (*_ROLE_KEYS, "gain", "full_scale", *_OF_SAMPLES, *KEYS)
 
 
 @dataclass(frozen=True)
@@ -34,6 +35,7 @@ class Binding:
     unit: str | None = None
     prompt: bool = False
     samples: str = ""
+    interpolation: str = ""
     power: object = None
     part: SensorPart | None = None
     certificate: SensorCertificate | None = None
@@ -116,14 +118,18 @@ def _one(key: str, given: object, where: str) -> Binding:
             code="record.does-not-apply",
         )
     refuse_unknown([given.get("samples", "instant")], SAMPLES, where, "samples = '{}' is neither 'instant' nor 'average'.")
-    if "samples" in given and role in ("auto", "node"):
-        raise RecordError(
-            "samples applies to inputs of the model only: a boundary, load, command or prescribed node.",
-            where,
-            code="record.does-not-apply",
-        )
-    words = ("gain", "full_scale", "noise", "accuracy", "resolution", "unit", "prompt", "samples", "power")
-    rest = {word: given[word] for word in words if word in given}
+    between = given.get("interpolation", INTERPOLATIONS[0])
+    refuse_unknown([between], INTERPOLATIONS, where, "interpolation = '{}' is neither 'linear' nor 'previous'.")
+    for word in ("samples", "interpolation"):
+        if word in given and role in ("auto", "node"):
+            raise RecordError(
+                f"{word} applies to inputs of the model only: a boundary, load, command or prescribed node.",
+                where,
+                code="record.does-not-apply",
+            )
+    if given.get("samples") == "average" and "interpolation" in given:
+        raise RecordError("averages are steps over their intervals. Give samples or interpolation.", where, code="value.incomplete")
+    rest = {word: given[word] for word in ("gain", "full_scale", *_OF_SAMPLES) if word in given}
     certificate = SensorCertificate.read(given["certificate"], f"{where}, certificate") if "certificate" in given else None
     return Binding(key, key, role, given[role] if roles else None, **rest, part=SensorPart.read(given, where), certificate=certificate)
 
@@ -225,6 +231,7 @@ def channel_schema() -> dict[str, Any]:
         "prompt": {"type": "boolean"},
         "power": {"anyOf": [text, table_of_power]},
         "samples": {"enum": list(SAMPLES)},
+        "interpolation": {"enum": list(INTERPOLATIONS)},
         "lead": table(("conductance", "to"), ("conductance", "to")),
         "certificate": table(("offset", "uncertainty", "at", "date"), ("offset", "uncertainty")),
         "range": {"type": "array", "items": amount_, "minItems": 2, "maxItems": 2},

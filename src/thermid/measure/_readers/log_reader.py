@@ -182,6 +182,7 @@ def _channel(cells: Cells, binding: Binding, parsed: list[FloatArray | int], tim
         assumed=not stated and not column.endswith(("_C", "_W")),
         prompt=binding.prompt or column in cells.prompt,
         samples=binding.samples,
+        interpolation=binding.interpolation,
     )
     return _masked(made, cells.reasons.get(column, {}))
 
@@ -223,6 +224,7 @@ def _power(cells: Cells, binding: Binding, parsed: list[FloatArray | int], times
         unit="W",
         prompt=binding.prompt,
         samples=binding.samples or read.samples,
+        interpolation=binding.interpolation,
         masks={RESTARTED: read.restarted} if read.restarted.any() else {},
         noise=size(binding.noise, "noise"),
         accuracy=size(binding.accuracy, "accuracy"),

@@ -29,6 +29,9 @@ HELD: Final = frozenset({"power", "command"})
 SAMPLES: Final = ("instant", "average")
 """What a sample of a log may be: the value at its stamp, or the mean over the interval that ends there."""
 
+INTERPOLATIONS: Final = ("linear", "previous")
+"""What holds between two samples: a straight line, or the sample before."""
+
 _SI: Final = {"temperature": "K", "power": "W", "command": "1"}
 
 
@@ -103,6 +106,8 @@ class Channel(Shown):
     prompt : bool                   Whether a power or command has a sample at every change, so that the log has its moment.
     samples : str                   Of what drives a model: ``instant`` or ``average`` (the mean over the interval up to the stamp), as
                                     somebody said; empty where nobody did, which is taken as instants.
+    interpolation : str             Between samples: ``linear`` or ``previous``, which keeps a sample until the next; empty for previous of
+                                    powers and commands, and linear of temperatures.
     assumed : bool                  Whether nothing said its unit, so that the usual one was taken.
     common : float or None          Standard deviation of an error that all samples share and no other record has, as that of a mean. [SI]
 
@@ -128,6 +133,7 @@ class Channel(Shown):
     part: SensorPart | None = None
     prompt: bool = False
     samples: str = ""
+    interpolation: str = ""
     assumed: bool = False
     common: float | None = None
 
@@ -146,6 +152,7 @@ class Channel(Shown):
                 masks[reason] = frozen(masks.get(reason, False) | (bare & part), np.bool_)
         if self.samples not in ("", *SAMPLES):
             raise RecordError(f"its samples are 'instant' or 'average', not '{self.samples}'.", where, code="value.wrong-kind")
+        refuse_unknown([self.interpolation], ("", *INTERPOLATIONS), where, "no interpolation '{}'; it is one of {known}.", RecordError)
         refuse_unknown([self.role], ROLES, where, "no role '{}'; it is one of {known}.", RecordError)
         for word, size, least in (
             ("noise", self.noise, "above"),
@@ -200,7 +207,7 @@ class Channel(Shown):
     @property
     def held(self) -> bool:
         """Whether a sample holds until the next one."""
-        return self.quantity in HELD
+        return self.quantity in HELD if not self.interpolation else self.interpolation == "previous"
 
     def masked(self, where: ArrayLike, reason: str) -> Channel:
         """Return the same channel with some valid samples masked.

@@ -6,7 +6,6 @@ here. Figures to meet: ML values and errors as pySIP and CTSM-R find them, last 
 
 from __future__ import annotations
 
-import csv
 import hashlib
 import os
 from pathlib import Path
@@ -16,7 +15,6 @@ import pytest
 
 import thermid as td
 from thermid.fit._estimation.estimation import Estimation
-from thermid.model.laws import TableSignal
 
 from .house import ICE, house
 
@@ -29,24 +27,23 @@ FIGURES = {
     "Ci": (1.637e6, 0.067e6),
     "armadillo: initial.wall": (ICE + 26.59, 0.13),
     "noise of wall": (1.777e-3, 0.047 / np.sqrt(86400.0)),
-    "reading noise of indoor": (0.0343, 0.0023),
+    "reading noise of T_int": (0.0343, 0.0023),
 }
 """Value and standard error. [SI]"""
 
 
 @pytest.fixture(scope="module")
-def found() -> Estimation:
+def found(tmp_path_factory: pytest.TempPathFactory) -> Estimation:
     folder = os.environ.get("THERMID_PUBLIC")
     path = Path(folder or "") / FILE
     if not folder or not path.is_file():
         pytest.skip(f"THERMID_PUBLIC does not hold {FILE}")
     assert hashlib.sha256(path.read_bytes()).hexdigest() == SHA256
-    with path.open(encoding="utf-8") as stream:
-        rows = list(csv.DictReader(stream))[:-1]
-    t, outside, power, indoor = (np.array([float(r[k]) for r in rows]) for k in ("Time", "T_ext", "P_hea", "T_int"))
-    record = td.Record.from_arrays("armadillo", t, {"indoor": indoor + ICE, "out": outside + ICE}, unit="K", synthetic=False)
-    # first-order hold of the heater too: a log's own column would hold until the next sample
-    scenario = td.Scenario("armadillo", loads={"heater": TableSignal(t, power)}, initial={"indoor": "26.7 [degC]"})
+    log = tmp_path_factory.mktemp("armadillo") / "armadillo.csv"
+    log.write_text("".join(path.read_text(encoding="utf-8").splitlines(keepends=True)[:-1]), encoding="utf-8")
+    columns = {"T_int": {"node": "indoor"}, "T_ext": {"boundary": "out"}, "P_hea": {"load": "heater", "interpolation": "linear"}}
+    record = td.read_record(log, columns, time="Time", units={"T_int": "degC", "T_ext": "degC", "P_hea": "W"})
+    scenario = td.Scenario("armadillo", initial={"indoor": "26.7 [degC]"})
     return td.inference.estimate(
         house({"Ro": 1e-2, "Ri": 1e-3, "Cw": 1e7, "Ci": 1e6}),
         record,
