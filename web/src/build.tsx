@@ -69,7 +69,7 @@ function Build() {
     <div class="build" data-ready onDragOver={(e) => e.preventDefault()} onDrop={(e) => { e.preventDefault(); void dropped(e.dataTransfer?.files); }}>
       <header>
         <h1>{state.title}</h1><span class="soft">{state.file}{state.unsaved.length > 0 && " · not saved"}</span>
-        <nav aria-label="Pages"><a href="/start">Start</a><a href="/build" aria-current="page">Build</a><a href="/">Tune, Scenarios, Bench</a></nav>
+        <nav aria-label="Pages"><a href="/start">Start</a><a href="/build" aria-current="page">Build</a><a href="/">Correlate, Scenarios, Watch</a></nav>
         <span class="grow" />
         <button id="undo" type="button" disabled={!state.undo} onClick={() => command({ do: "undo" })}>Undo</button><button id="redo" type="button" disabled={!state.redo} onClick={() => command({ do: "redo" })}>Redo</button>
         <button id="save" type="button" class="main" disabled={!state.unsaved.length} onClick={compare}>Save …</button>

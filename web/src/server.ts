@@ -13,7 +13,7 @@ export interface Draft {
   unsaved: string[]; changed: string[]; log: Log | null; logs: string[]; parameters: Parameter[]; decks: string[]; missing: number;
   refused?: Fault; made?: string; table?: string;
 }
-export interface Curve { name: string; node: string; times: Float32Array; simulated: Float32Array; seen?: Float32Array; measured?: Float32Array; rmse?: number }
+export interface Curve { name: string; node: string; times: Float32Array; simulated: Float32Array; seen?: Float32Array; measured?: Float32Array; apart?: Float32Array; left?: Float32Array; rmse?: number | null; bias?: number | null; largest?: number | null; count?: number; sigma?: number | null }
 export interface Result {
   runs?: { name: string; curves: Curve[] }[]; fitted?: Record<string, { value: number; unit: string; error: number | null }>; warnings?: string[];
   standing?: { word?: string; standing?: string; text?: string };

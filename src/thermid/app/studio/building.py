@@ -328,7 +328,7 @@ class Building:
         """Begin a run of the draft as it is."""
 
         def job(j: JobState) -> None:
-            j.result = curves_object(self.desk(), {}, "air")
+            j.result = curves_object(self.desk(), {})
 
         return self.jobs.start("run", str(self.draft.deck.content["title"]), job)
 
@@ -337,13 +337,13 @@ class Building:
         request = self.request()
 
         def job(j: JobState) -> None:
-            result = fit(request, j.tell)
+            result = fit(request, j.tell, stoppable=True)
             shown = fit_object(result)
             self.fitted = shown["values"]
             desk = Desk(request.name, result.model, result.problem, (), result)
-            j.result = {**shown, "fitted": self.fitted, **curves_object(desk, {}, "air")}
+            j.result = {**shown, "fitted": self.fitted, **curves_object(desk, {})}
 
-        return self.jobs.start("fit", request.name, job)
+        return self.jobs.start("fit", request.name, job, keeps=True)
 
     def conditions(self) -> dict[str, Any]:
         """Return what may be changed of the draft's run."""
