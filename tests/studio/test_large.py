@@ -22,14 +22,14 @@ slider.dispatchEvent(new Event('change', { bubbles: true })); await pause(800); 
 return [gaps.slice(2), studio.frames.splice(0), studio.latencies.splice(0)];
 """
 ZOOM = """
-const host = document.getElementById('chart'); studio.frames.length = 0;
+const host = document.querySelector('#tiles .plot'); studio.frames.length = 0;
 for (const key of ['+', '+', 'ArrowRight', 'ArrowRight', 'ArrowLeft', '-', '+', 'ArrowRight', '0']) {
   host.dispatchEvent(new KeyboardEvent('keydown', { key, bubbles: true })); await pause(120);
 }
 await pause(800); return studio.frames.splice(0);
 """
 SHOWN = """
-const { s } = await import('/static/state.js'); const c = s.desk.runs[0].curves.find((c) => c.name === 'T3');
+const c = studio.state.runs[0].curves.find((c) => c.name === 'T3');
 return [Math.max(...c.measured), c.measured.length, Math.max(...c.left.map(Math.abs)), c.largest];
 """
 
@@ -51,9 +51,9 @@ def test_ten_thousand_points_and_twelve_sensors_follow_a_slider(tmp_path: Path) 
         assert np.percentile(paints, 10) < 16.7
         assert np.percentile(zoomed, 10) < 16.7
         shown.wait(
-            "document.getElementById('chart').dispatchEvent(new KeyboardEvent('keydown', { key: '+', bubbles: true })); await pause(900);"
+            "document.querySelector('#tiles .plot').dispatchEvent(new KeyboardEvent('keydown', { key: '+', bubbles: true })); await pause(900);"
         )
-        inside = shown.wait("const { s } = await import('/static/state.js'); return s.window && s.desk.runs[0].curves[0].times.length")
+        inside = shown.wait("return studio.state.window && studio.state.runs[0].curves[0].times.length")
         assert inside is not None
         shown.clean()
 

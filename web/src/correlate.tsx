@@ -3,7 +3,7 @@ import { useComputed } from "@preact/signals";
 import { useEffect, useMemo, useRef } from "preact/hooks";
 import { Plot, colour, css, dash, hour, nearest, scheme, zoomed, type Line } from "./plot";
 import { ask, nice, shown, type Curve } from "./server";
-import { FEW, at, choose, chosen, cursor, desk, diff, drawn, folded, given, look, misfit, order, picture, pin, pinFile, pinned, project, redo, run, runs, stage, status, time, tried, undo, undone, done, values, valueOf, whole, zoom, type Desk } from "./project";
+import { FEW, at, choose, chosen, cursor, desk, diff, drawn, folded, given, look, misfit, order, picture, pin, pinFile, pinned, project, refresh, run, runs, stage, status, time, tried, values, valueOf, whole, zoom, type Desk } from "./project";
 import { StageDetail, Levels } from "./stages";
 import { Found, Tuning, Values, findValue } from "./values";
 
@@ -27,11 +27,11 @@ function Tile({ name, worst }: { name: string; worst: boolean }) {
     if (c.measured?.length) out.push({ x: c.seen!, y: c.measured, kind: "points", colour: css("--soft") }, { x: c.apart!, y: c.left!, kind: "line", colour: css("--accent"), width: 1, strip: true });
     if (a) out.push({ x: a.times, y: a.simulated, kind: "line", colour: css("--warn"), width: 1.5, dash: [2, 3] });
     return [...out, { x: c.times, y: c.simulated, kind: "line", colour: css("--accent"), width: 2 }];
-  }, [c, a, tint]);
+  }, [c?.simulated, c?.left, c?.measured, a, tint]);
   if (!c) return null;
   return (
     <figure class="tile" data-tile={name} data-worst={worst || undefined}>
-      <figcaption><strong>{name}</strong>{c.node !== name && <span class="soft"> {c.node}</span>} <Readout c={c} /></figcaption>
+      <figcaption><div class="head"><strong>{name}</strong>{c.node !== name && <span class="soft"> {c.node}</span>}</div><Readout c={c} /></figcaption>
       <Plot lines={lines} label={`${name}: ${c.measured?.length ? "measured, simulated and residual" : "simulated"} over time`} sigma={c.measured?.length ? c.sigma || 0 : undefined} window={zoom.value} onWindow={look} onTime={hover} />
     </figure>
   );
@@ -135,10 +135,9 @@ export function Correlate() {
         <Picture />
         <section id="tuning" aria-label="Values">
           <Tuning />
-          <div class="bar"><button id="undo" type="button" disabled={!done.value.length} onClick={undo}>Undo</button><button id="redo" type="button" disabled={!undone.value.length} onClick={redo}>Redo</button><span class="grow" />
-            <button id="write-back" type="button" onClick={() => tried(async () => { diff.value = (await ask<{ diff: string }>("difference", { stage: stage.value, values: values.value })).diff; })}>Write into the deck …</button></div>
-          <form id="save" class="bar" onSubmit={(e) => { e.preventDefault(); const name = String(new FormData(e.currentTarget).get("name")); void tried(async () => { const got = await ask<{ file: string }>("save", { stage: stage.value, values: values.value, name }); status.value = `Saved as results/${got.file}.`; }); }}>
-            <label class="grow">Name <input id="save-name" name="name" type="text" defaultValue="by hand" maxLength={60} required /></label><button type="submit">Save values</button></form>
+          <form id="save" class="bar" onSubmit={(e) => { e.preventDefault(); const name = String(new FormData(e.currentTarget).get("name")); void tried(async () => { const got = await ask<{ file: string }>("save", { stage: stage.value, values: values.value, name }); status.value = `Saved as results/${got.file}.`; await refresh(); }); }}>
+            <label class="grow">Name <input id="save-name" name="name" type="text" defaultValue="by hand" maxLength={60} required /></label><button type="submit">Save values</button>
+            <button id="write-back" type="button" onClick={() => tried(async () => { diff.value = (await ask<{ diff: string }>("difference", { stage: stage.value, values: values.value })).diff; })}>Write into the deck …</button></form>
           <Difference /><Found /><Values />
         </section>
         <Tables now={now} /><Levels parts={now.parts} />

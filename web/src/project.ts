@@ -23,7 +23,7 @@ export const pinned = signal<{ label: string; values: Values; runs: Record<numbe
 export const view = signal<"correlate" | "scenarios" | "watch">("correlate"), status = signal("");
 export const found = signal<{ title: string; values: Record<string, Fitted>; warnings: string[]; text: string } | null>(null), diff = signal("");
 export const after = new Map<string, (job: Doing) => Promise<void> | void>(), entered = new Set<() => unknown>();
-export const studio = { errors, latencies: [] as number[], frames: [] as number[], ready: false, begun: 0, outcomes: 0, looks: 0, get state() { return { values: values.value, stage: stage.value, runs: runs.value, desk: desk.value, window: zoom.value }; } };
+export const studio = { errors, project, latencies: [] as number[], frames: [] as number[], ready: false, begun: 0, outcomes: 0, looks: 0, get state() { return { values: values.value, stage: stage.value, runs: runs.value, desk: desk.value, window: zoom.value }; } };
 export const busy = computed(() => project.value?.job.ended === false);
 export const current = computed(() => project.value?.stages.find((x) => x.name === stage.value) ?? null);
 export const whole = computed<Pair>(() => { const all = runs.value[run.value]?.curves ?? []; return [0, Math.max(1, ...all.map((c) => c.times[c.times.length - 1] ?? 0))]; });
@@ -43,7 +43,8 @@ const keep = (name: string, what: Kept) => sessionStorage.setItem(drawer(name), 
 export const forget = (name: string) => sessionStorage.removeItem(drawer(name));
 effect(() => { const now = { values: values.value, done: done.value, undone: undone.value }; if (desk.value && desk.value.title === stage.peek()) keep(stage.peek(), now); });
 
-export const points = () => Math.round(Math.min(1200, Math.max(300, innerWidth)) / 2) * 2;
+// two for each pixel of a tile
+export const points = () => Math.min(1200, Math.max(300, 2 * (document.querySelector("#tiles .plot")?.clientWidth ?? 600)));
 const sort = () => { const all = runs.value[run.value]?.curves ?? []; order.value = [...all].sort((a, b) => misfit(b) - misfit(a)).map((c) => c.name); };
 
 export async function open(name: string) {
@@ -85,11 +86,19 @@ export async function move(measured = false) {
   const got = await tried(() => ask<{ runs: Run[] }>("curves", sent));
   if (got && mine === stage.value) {
     const fresh = got.runs[0]!, before = runs.value[at]!;
-    runs.value = runs.value.map((r, k) => (k === at ? { ...fresh, name: r.name, curves: fresh.curves.map((c, i) => ({ ...before.curves[i]!, ...c })) } : r));
+    runs.value = runs.value.map((r, k) => (k === at ? { ...fresh, name: r.name, curves: fresh.curves.map((c, i) => ({ ...before.curves[i]!, ...c, ...still(before.curves[i]!, c) })) } : r));
     if (begun) requestAnimationFrame(() => studio.latencies.push(performance.now() - begun));
   }
   asking = false;
   if (again) { again = false; await move(); }
+}
+// what a screen cannot show is not drawn again: the arrays stay where the curve moved by less than a fifth of a pixel of its tile
+function still(a: Curve, b: Curve): Partial<Curve> {
+  if (a.times.length !== b.times.length || a.times[a.times.length - 1] !== b.times[b.times.length - 1] || a.times[0] !== b.times[0]) return {};
+  let low = Infinity, high = -Infinity, most = 0;
+  for (let k = 0; k < a.times.length; k++) { const v = a.simulated[k]!; low = Math.min(low, v); high = Math.max(high, v); most = Math.max(most, Math.abs(v - b.simulated[k]!)); }
+  const rest = a.measured?.length ? Math.max(2 * (a.sigma ?? 0), a.largest ?? 0) : Infinity;
+  return most < Math.min((high - low) / 1000, rest / 150) ? { times: a.times, simulated: a.simulated, apart: a.apart, left: a.left } : {};
 }
 // the hand left the slider: tiles are put in order, the map is drawn
 export function settle() { if (asking) { setTimeout(settle, 40); return; } sort(); void picture(); }

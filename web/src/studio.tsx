@@ -63,9 +63,8 @@ function Page() {
       <header>
         <h1 id="title">{p.title}</h1><span class="soft" id="note">{[p.file, p.note].filter(Boolean).join(" — ")}</span>
         <div id="views" role="group" aria-label="Views">{VIEWS.map((v) => <button key={v} type="button" data-view={v} aria-pressed={view.value === v} onClick={() => { view.value = v; }}>{v[0]!.toUpperCase() + v.slice(1)}</button>)}</div>
-        <nav aria-label="Pages"><a href="/build">Build</a><a href="/start">Start</a></nav><span class="grow" /><Doing />
+        <nav aria-label="Pages"><a href="/build">Build</a><a href="/start">Start</a></nav><span id="banner" class="banner" hidden={!desk.value?.synthetic}>Synthetic data: no reading here was measured.</span><span class="grow" /><Doing />
       </header>
-      <p id="banner" class="banner" hidden={!desk.value?.synthetic}>Synthetic data: no reading here was measured.</p>
       <p id="error" class="error" role="alert" hidden={!error.value}>{nice(error.value)}</p>
       <div class="work"><Stages />{view.value === "correlate" ? <Correlate /> : view.value === "scenarios" ? <Scenarios /> : <Watch />}</div>
     </div>

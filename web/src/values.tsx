@@ -2,7 +2,7 @@
 import { signal, useComputed } from "@preact/signals";
 import { ask, nice, shown } from "./server";
 import { error } from "./state";
-import { become, busy, chosen, desk, fit, found, move, pinned, remember, run, settle, stage, studio, ticked, values, type Track } from "./project";
+import { become, busy, chosen, desk, done, fit, found, move, pinned, redo, remember, run, settle, stage, studio, ticked, undo, undone, values, type Track } from "./project";
 
 const FEW = 12; // values up to which all groups are open
 const search = signal(""), opened = signal<ReadonlySet<string>>(new Set()), moved = signal<{ path: string; text: string } | null>(null);
@@ -87,7 +87,8 @@ export function Tuning() {
     <div class="bar" role="group" aria-label="Tuning">
       <button id="fit" type="button" class="main" disabled={busy.value || !now.measured} onClick={fit}>Fit {count}</button>
       <button id="tick-stage" type="button" onClick={() => { ticked.value = stages(); }}>stage's own</button><button id="tick-none" type="button" onClick={() => { ticked.value = new Set(); }}>none</button>
-      <span class="grow" /><button id="reset" type="button" disabled={!Object.keys(values.value).length} onClick={() => { remember(); void become({}); }}>Reset</button>
+      <span class="grow" /><button id="undo" type="button" disabled={!done.value.length} onClick={undo}>Undo</button><button id="redo" type="button" disabled={!undone.value.length} onClick={redo}>Redo</button>
+      <button id="reset" type="button" disabled={!Object.keys(values.value).length} onClick={() => { remember(); void become({}); }}>Reset</button>
     </div>
   );
 }

@@ -16,7 +16,7 @@ from thermid.base.units import from_si, in_si, unit
 from thermid.fit.calibration import Calibration, in_place
 from thermid.fit.problem import Bench, Problem, Sums, Unknown
 from thermid.model.tree import Entry, Model, deck_text, parameter_table
-from thermid.reporting.diagrams import parts_of
+from thermid.reporting.diagrams import network_map, parts_of
 from thermid.simulation.network import compile_network
 from thermid.simulation.runs import Simulator, Solution, prepare
 from thermid.simulation.scenarios import Scenario
@@ -43,6 +43,12 @@ class Moment:
     temperatures: Mapping[str, float]
     flows: Mapping[str, float]
     powers: Mapping[str, float]
+
+    def drawn(self, folded: Sequence[str] = ()) -> str:
+        """Return it as SVG, submodels of these paths folded into one mass each."""
+        return network_map(
+            self.model, temperatures=self.temperatures, flows=self.flows, powers=self.powers, folded=folded, marked=True
+        )
 
 
 @dataclass(frozen=True, eq=False)

@@ -80,7 +80,7 @@ class Follower:
         Parameters
         ----------
         asked : dict    ``file`` (empty for the one of the command line), ``rule``, ``since`` and ``slowest`` [h], ``reference``,
-                        ``channel`` that is looked at, ``window`` [s], ``known``; ``boundaries``, ``within`` and ``limits`` as `LiveWatch` takes them.
+                        ``channel`` that is looked at, ``window`` [s], ``known``; and what `LiveWatch` takes.
 
         Raises
         ------
@@ -203,7 +203,7 @@ def _forecast(record: Record, name: str, rule: StabilityRule, asked: Mapping[str
 
 
 def _fan(outlook: Forecast) -> dict[str, Array]:
-    """Return what readings will say until the rule holds, for half to twice as long as was watched: times [s], value and interval [degC]."""
+    """Return what readings will say until the rule holds, at most twice as long as was watched: times [s], value, interval [degC]."""
     watched = outlook.now - outlook.start
     last = min(max(outlook.holds or 0.0, outlook.now + 0.5 * watched), outlook.now + 2.0 * watched)
     times = np.linspace(outlook.now, last, FAN_POINTS)

@@ -20,7 +20,6 @@ from thermid.app.studio.project import Project
 from thermid.app.studio.work import Work
 from thermid.base.errors import DeckError, refuse_unknown
 from thermid.base.linear_algebra import Array
-from thermid.reporting.diagrams import network_map
 from thermid.reporting.objects import campaign_standing, clean, swap_object
 from thermid.values.store import model_standing
 
@@ -188,10 +187,9 @@ def picture(desk: Desk, values: Mapping[str, float], asked: Mapping[str, Any]) -
     """Return the model as SVG and as a table, at a time of one of its runs, submodels folded as asked."""
     folded = texts_of(asked, "folded")
     refuse_unknown(folded, desk.parts, desk.title, "unknown part '{}'.", DeckError)
-    now = desk.moment(values, _run_of(desk, asked), number_of(asked, "time"))
-    svg = network_map(now.model, temperatures=now.temperatures, flows=now.flows, powers=now.powers, folded=folded, marked=True)
+    now = desk.moment(values, _run_of(desk, asked), number_of({"time": 0.0, **asked}, "time"))
     table = {"temperatures": {n: v - ICE for n, v in now.temperatures.items()}, "flows": now.flows, "powers": now.powers}
-    return {"svg": svg, "table": table}
+    return {"svg": now.drawn(folded), "table": table}
 
 
 def shelf_object(shelf: Shelf, desk: Desk) -> dict[str, Any]:

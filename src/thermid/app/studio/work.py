@@ -16,7 +16,7 @@ from thermid.reporting.objects import fit_object
 
 @dataclass
 class JobState:
-    """What is running, or ran last; a job that `keeps` ends with the best values so far where it is stopped, and `path` is what it tried."""
+    """What is running, or ran last; one that `keeps` ends with the best values so far where it is stopped, `path` is what it tried."""
 
     what: str
     stage: str
