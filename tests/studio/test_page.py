@@ -174,7 +174,7 @@ def test_what_was_moved_comes_back_with_the_page(shown: Page) -> None:
     shown.open()
     assert shown.wait(values) == before
     shown.click("[data-stage=EleGFO]")
-    shown.until("document.querySelector('#curves [data-sensor=T_ELE]') && !document.querySelector('[data-sensor=T_PROC]')")
+    shown.until("document.querySelector('#metrics [data-sensor=T_ELE]') && !document.querySelector('[data-sensor=T_PROC]')")
     assert shown.wait(values) == {}
     shown.click("[data-stage=m_PrE]")
     shown.until("document.querySelector('[data-sensor=T_PROC]')")

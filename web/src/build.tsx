@@ -75,7 +75,7 @@ function Build() {
         <button id="save" type="button" class="main" disabled={!state.unsaved.length} onClick={compare}>Save …</button>
       </header>
       <div role="alert" class="error" id="error" hidden={!error.value}>{error.value}</div>
-      <div class="banner" role="status" hidden={!state.notice && !state.changed.length}>{state.notice} {state.changed.length > 0 && <>{state.changed.join(", ")} changed on disk since it was opened, and is not overwritten. <button type="button" id="restart" onClick={() => command({ do: "restart" })}>Take the file, drop my edits</button></>}</div>
+      <div class="banner" role="status" hidden={!state.notice && !state.changed.length}>{state.notice} {state.changed.length > 0 && <>{state.changed.join(", ")} changed on disk since it was opened, and is not overwritten. <button type="button" id="merge" onClick={() => command({ do: "merge" })}>Merge with my edits</button> <button type="button" id="restart" onClick={() => command({ do: "restart" })}>Take the file, drop my edits</button></>}</div>
       <aside class="palette" aria-label="Palette">{state.palette.map((s) => (
         <button key={s.name} type="button" data-shape={s.name} aria-pressed={armed?.shape.name === s.name} title={s.words} disabled={s.name === "submodel" && !state.decks.length} onClick={() => arm(s, free())}><span class={`icon ${s.name}`} aria-hidden="true" />{s.name}<kbd>{s.key.toUpperCase()}</kbd></button>
       ))}</aside>

@@ -56,10 +56,10 @@ export const over = (marks: Marks, lines: Line[]) => (u: uPlot) => {
   const label = (text: string, x0: number, y0: number, colour: string) => {
     const w = g.measureText(text).width + 6 * r;
     let best: [number, number] = [x0, y0], least = Infinity;
-    for (const off of [11, -11, 26, -26]) for (let n = 0; n <= 10 && least > 0; n++) {
+    for (const off of [11, -11, 26, -26]) for (let n = 0; n <= 10 && least > 2 * n; n++) {
       const x = Math.min(Math.max(left + 2, x0 + n / 10 * Math.max(right - w - x0, 0)), right - w - 2), y = y0 + off * r;
       if (y < top + 8 * r || y > foot - 8 * r) continue;
-      const hides = clear(x, y, w);
+      const hides = clear(x, y, w) + 2 * n; // far from its place it says less
       if (hides < least) { least = hides; best = [x, y]; }
     }
     taken.push([...best, w]);

@@ -65,7 +65,7 @@ function Form() {
   const s = shelf.value, a = asked.value, kind = course()?.kind, told = profile.value, isProfile = kind === "profile", groups = new Map<string, Course[]>();
   for (const c of s?.courses ?? []) groups.set(c.group, [...(groups.get(c.group) ?? []), c]);
   const bare = (t: string) => (t || "not given").replace(/ \[.*\]$/, ""), written = (t: string) => nice(t.replace(/ \[1\]/, "").replace(/\[([^\]]*)\]/g, "$1"));
-  const both = () => { if ((a.lowest === "") === (a.highest === "")) void describe(); };
+  const both = (more: Partial<Asked>) => { set(more, false); if ((asked.value.lowest === "") === (asked.value.highest === "")) void describe(); };
   const numbers = told ? LEVELS.filter((n) => n in told.numbers || n === "hot" || n === "cold").filter((n) => told.kind !== "humidity" || n in told.numbers) : [];
   return (
     <section aria-labelledby="scenario-form-title">
@@ -73,7 +73,7 @@ function Form() {
       <form id="scenario-form" onSubmit={(e) => { e.preventDefault(); running.value = true; outcome.value = null; void tried(() => begin("scenario", body())).finally(() => { running.value = false; }); }}>
         <label>Profile, scenario or test <select id="course" value={a.course} onChange={(e) => set({ course: e.currentTarget.value, numbers: {}, lowest: "", highest: "" })}>{[...groups].map(([name, list]) => <optgroup key={name} label={name}>{list.map((c) => <option key={c.key} value={c.key}>{c.title}</option>)}</optgroup>)}</select></label>
         {isProfile && <>
-          <div class="pair"><label>lowest predicted [°C] <input id="lowest" type="number" step="any" value={a.lowest} onInput={(e) => set({ lowest: e.currentTarget.value }, false)} onChange={both} /></label><label>highest predicted [°C] <input id="highest" type="number" step="any" value={a.highest} onInput={(e) => set({ highest: e.currentTarget.value }, false)} onChange={both} /></label></div>
+          <div class="pair"><label>lowest predicted [°C] <input id="lowest" type="number" step="any" value={a.lowest} onChange={(e) => both({ lowest: e.currentTarget.value })} /></label><label>highest predicted [°C] <input id="highest" type="number" step="any" value={a.highest} onChange={(e) => both({ highest: e.currentTarget.value })} /></label></div>
           <div id="numbers" class="pair">{numbers.map((n) => <label key={`${a.course} ${n}`}>{n}{UNITS[n] && ` [${UNITS[n]}]`} <input type="text" data-number={n} autocomplete="off" value={a.numbers[n] ?? ""} placeholder={bare(told!.numbers[n]?.text ?? "")} onChange={(e) => set({ numbers: { ...a.numbers, [n]: e.currentTarget.value } })} /></label>)}</div>
           <fieldset><legend>Chamber</legend><div id="chamber">{s!.boundaries.map((b) => <label key={b}><input type="checkbox" value={b} checked={!a.off.includes(b)} onChange={(e) => set({ off: e.currentTarget.checked ? a.off.filter((x) => x !== b) : [...a.off, b] }, false)} /> {b}</label>)}</div></fieldset>
           <label>Levels hold <select id="base" value={a.base} onChange={(e) => set({ base: e.currentTarget.value }, false)}><option value="">the chamber's</option>{s!.nodes.map((n) => <option key={n} value={n}>at {n}</option>)}</select></label></>}

@@ -36,7 +36,7 @@ async function look(fresh: boolean) {
     if (fresh) error.value = "";
   } catch (e) { error.value = String((e as Error).message ?? e); }
   busy = false;
-  if (told?.same) { if (found.value) found.value = { ...found.value, age: told.age }; } else if (told?.waiting) { found.value = null; waits.value = told.waiting; } else if (told) { waits.value = ""; found.value = told; studio.looks++; }
+  if (told?.same) { if (found.value) found.value = { ...found.value, age: told.age }; } else if (told?.waiting) { found.value = null; waits.value = told.waiting; } else if (told) { waits.value = ""; found.value = told; studio.look = told.watch; studio.looks++; }
   if (again) { again = false; void look(true); return; }
   // a long log takes longer to read, and is asked for less often
   if (told && view.value === "watch" && follows.value) timer = window.setTimeout(() => look(false), Math.max(1000, 2000 * (told.seconds ?? 0)));

@@ -300,6 +300,7 @@ class Building:
         "free": _free,
         "take fit": _take_fit,
         "restart": _restart,
+        "merge": lambda s, b: s.draft.merged(),
     }
 
     # ---- run, fit, save ---------------------------------------------------------------------------------------------------------
@@ -358,7 +359,8 @@ class Building:
         return compared(self.desk(), body, with_finish)
 
     def difference(self) -> dict[str, Any]:
-        """Return what saving would change, as a unified diff."""
+        """Return what saving would change, as a unified diff, with what somebody else changed in the files merged into it first."""
+        self._take(self.draft.merged())
         return {"diff": self.draft.diff(), "files": [d.path.name for d in self.draft.to_save().values()]}
 
     def save(self, confirmed: str) -> dict[str, Any]:

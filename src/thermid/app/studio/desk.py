@@ -46,9 +46,7 @@ class Moment:
 
     def drawn(self, folded: Sequence[str] = ()) -> str:
         """Return it as SVG, submodels of these paths folded into one mass each."""
-        return network_map(
-            self.model, temperatures=self.temperatures, flows=self.flows, powers=self.powers, folded=folded, marked=True
-        )
+        return network_map(self.model, temperatures=self.temperatures, flows=self.flows, powers=self.powers, folded=folded, marked=True)
 
 
 @dataclass(frozen=True, eq=False)
