@@ -121,9 +121,9 @@ def test_a_long_run_is_stopped(shown: Page) -> None:
     shown.until("document.querySelector('[data-number=cycles]')")
     shown.run(SET, "[data-number=cycles]", "400")
     shown.click("#scenario-run")
-    shown.until("!document.getElementById('stop').hidden")
+    shown.until("document.getElementById('stop')")
     shown.click("#stop")
-    shown.until("document.getElementById('stop').hidden && document.getElementById('error').textContent.includes('was stopped')")
+    shown.until("!document.getElementById('stop') && document.getElementById('error').textContent.includes('was stopped')")
     assert shown.text("#verdict") == ""
     shown.clean()
 
@@ -134,10 +134,10 @@ def test_a_humidity_course_is_stopped_in_its_balance(shown: Page) -> None:
     shown.run(CHOOSE, "SMC-S-016 unit humidity")
     shown.until("document.querySelector('#profile-numbers table')")
     shown.click("#scenario-run")
-    shown.until("document.getElementById('status').textContent.includes('all its steps') || document.getElementById('stop').hidden")
-    if shown.run("return !document.getElementById('stop').hidden"):
+    shown.until("document.getElementById('status').textContent.includes('all its steps') || !document.getElementById('stop')")
+    if shown.run("return document.getElementById('stop')"):
         shown.click("#stop")
-        shown.until("document.getElementById('stop').hidden && document.getElementById('error').textContent.includes('was stopped')")
+        shown.until("!document.getElementById('stop') && document.getElementById('error').textContent.includes('was stopped')")
         assert shown.text("#verdict") == ""
     run_course(shown, "SMC-S-016 unit thermal cycle, acceptance")  # and another begins at once
     shown.clean()
