@@ -179,7 +179,7 @@ class Page:
     def clean(self) -> None:
         """Fail when the console noted an error or anything outside this studio was asked for."""
         self.listen()
-        assert self.said == []
+        assert self.said == [], self.said
         assert self.run("return window.studio.errors") == []
         own = self.address.partition("?")[0]
         assert [url for url in self.asked if url.startswith(("http", "ws", "ftp")) and not url.startswith(own)] == []

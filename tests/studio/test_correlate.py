@@ -111,6 +111,7 @@ def test_a_narrow_window_and_twice_the_size_need_no_sideways_scrolling(rack: Pag
         rack.driver.execute_cdp_cmd("Emulation.clearDeviceMetricsOverride", {})
 
 
+SET = "const i = document.getElementById(arguments[0]); i.value = arguments[1]; i.dispatchEvent(new Event('change'))"
 FASTER = 600.0
 """How many times faster a log is replayed; sixty takes six minutes."""
 
@@ -137,15 +138,13 @@ def test_a_log_of_six_hours_is_watched_as_the_command_watches_it(tmp_path: Path,
     file = tmp_path / "run.csv"
     file.write_text("".join(whole[:20]), encoding="utf-8")
     with studio(str(tmp_path / "rig.toml"), "--log", str(file)) as address, page(address) as shown:
-        shown.run("const i = document.getElementById('watch-boundaries'); i.value = 'air=22'; i.dispatchEvent(new Event('change'))")
+        shown.run(SET, "watch-boundaries", "air=22")
         writer = threading.Thread(target=replay, args=(whole[20:], file))
         writer.start()
         looks: dict[float, dict[str, Any]] = {}
-        fans = 0
         while writer.is_alive() or len(looks) < 2:
             time.sleep(0.4)
-            look, fan = shown.run("return [studio.look, document.querySelectorAll('[data-fan]').length]")
-            fans += fan
+            look = shown.run("return studio.look")
             if look and look.get("model"):
                 looks[look["at_s"]] = look
         writer.join()
@@ -153,6 +152,10 @@ def test_a_log_of_six_hours_is_watched_as_the_command_watches_it(tmp_path: Path,
         last = shown.run("return studio.look")
         alarm = shown.run("return [...document.querySelectorAll('[data-alarm]')].map((e) => e.textContent)")
         advice = shown.run("return document.getElementById('bench-watch').dataset.advice")
+        if not fault:  # by the readings alone, of a unit whose slowest part is known, the forecast is a fan
+            for where, value in (("watch-boundaries", ""), ("slowest", "0.5")):
+                shown.run(SET, where, value)
+            shown.until("document.querySelectorAll('[data-fan]').length === 2", 30)
         shown.clean()
     times = sorted(looks)
     print(f"{len(times)} looks over {(times[-1] - times[0]) / 3600.0:.1f} h of the log, {FASTER:g} times faster")
@@ -171,6 +174,3 @@ def test_a_log_of_six_hours_is_watched_as_the_command_watches_it(tmp_path: Path,
         assert advice == last["advice"] == "stop"
         assert alarm == []
         assert np.isfinite(last["ends"]["chip"]["final_C"])
-        assert fans > 0
-
-

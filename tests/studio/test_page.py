@@ -149,13 +149,7 @@ def test_everything_is_reached_by_the_keyboard(shown: Page) -> None:
     seen: set[str] = set()
     for _ in range(70):
         ActionChains(shown.driver, duration=0).send_keys(Keys.TAB).perform()
-        seen.add(
-            str(
-                shown.run(
-                    "const e = document.activeElement; return e.id || e.dataset.stage || e.tagName"
-                )
-            )
-        )
+        seen.add(str(shown.run("const e = document.activeElement; return e.id || e.dataset.stage || e.tagName")))
     for name in ("fit", "undo", "save-name", "find", "time", "run", "pin", "fold", "picture", "m_PrE", "s-stack.gap.htc"):
         assert name in seen
     before = shown.text("[data-sensor=T_ELE] td.num")

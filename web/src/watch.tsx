@@ -57,7 +57,7 @@ const gaps = (c: Channel) => { const by = new Map<string, number>(); for (const 
 const limitsOf = (name: string) => form.value.limits.split(",").map((t) => t.split("=")).filter(([n]) => n?.trim() === name).map(([, v]) => parseFloat(v ?? "")).filter(Number.isFinite);
 
 function Tile({ c, l }: { c: Channel; l: Look }) {
-  const f = foreseen(c, l), tint = scheme.value, own = limitsOf(c.name), fan = f?.final != null ? c.forecast?.fan : undefined, span = l.end - l.begin, until = fan ? fan.times[fan.times.length - 1]! : l.end + 0.25 * span;
+  const f = foreseen(c, l), tint = scheme.value, own = limitsOf(c.name), fan = f && f === c.forecast && f.final !== null ? f.fan : undefined, span = l.end - l.begin, until = fan ? fan.times[fan.times.length - 1]! : l.end + 0.25 * span;
   const [lines, marks] = useMemo<[Line[], Marks]>(() => {
     const made: Line[] = [{ x: c.times, y: c.values, kind: "line", colour: css("--ink"), width: 1.5 }];
     if (fan) made.unshift({ x: fan.times, y: fan.value, low: fan.low, high: fan.high, kind: "band", colour: css("--accent") }, { x: fan.times, y: fan.value, kind: "line", colour: css("--accent"), dash: [6, 4] });
@@ -100,7 +100,7 @@ function Advice({ w }: { w: Seen }) {
   return (
     <div id="bench-watch" aria-live="polite" data-advice={w.advice}>
       {w.alarms.map((a) => <p key={`${a.kind} ${a.suspect}`} class="verdict" data-word="not met" data-alarm={a.suspect}><strong>✗ ALARM {a.kind}: {a.suspect}</strong> since {hour(a.since_s)}. {nice(a.because)}</p>)}
-      <p class="verdict" data-word={mark}><strong>{word}</strong>{left !== null && <span id="remaining"> {left > 0 ? `The rule holds in about ${hour(left)}.` : "The rule holds."}</span>} {nice(w.because)}{w.model && ` Model: ${w.model}${w.like ? `, columns as in record ${w.like}` : ""}.`}</p>
+      <p class="verdict" data-word={mark}><strong>{word}</strong>{left !== null && left > 0 && <span id="remaining">, the rule holds in about {hour(left)}</span>}: {nice(w.because)}{w.model && ` Model: ${w.model}${w.like ? `, columns as in record ${w.like}` : ""}.`}</p>
       {hidden.length > 0 && <table id="hidden"><caption>Nodes without a sensor, by the model</caption><tbody>{hidden.map(([n, v]) => <tr key={n}><th scope="row">{n}</th><td class="num">{v.value_C.toFixed(2)} ± {v.half_K.toFixed(2)} °C</td></tr>)}</tbody></table>}
       {w.assumed.length > 0 && <p class="soft">Assumed: {w.assumed.map(nice).join("; ")}.</p>}{w.unused && <p class="soft">{nice(w.unused)}.</p>}
     </div>
@@ -113,7 +113,7 @@ function Shown({ l }: { l: Look }) {
     <>
       <div id="bench-verdict"><p class="verdict" data-word={l.verdict.word}><strong>{MARKS[l.verdict.word]} {l.verdict.word}</strong> {nice(l.verdict.text)}<br />{ends(own, foreseen(own, l), l)}</p></div>
       <Advice w={l.watch} />
-      <p class="keys"><span><i style={{ borderTopColor: css("--ink") }} />readings</span><span><i style={{ borderTopColor: css("--accent"), borderTopStyle: "dashed" }} />forecast, with its interval as a fan or as a bar at its end</span>{zoom.value && <button type="button" onClick={() => { zoom.value = null; void look(true); }}>Show all</button>}</p>
+      <p class="keys"><span><i style={{ borderTopColor: "var(--ink)" }} />readings</span><span><i style={{ borderTopColor: "var(--accent)", borderTopStyle: "dashed" }} />forecast, with its interval as a fan or as a bar at its end</span>{zoom.value && <button type="button" onClick={() => { zoom.value = null; void look(true); }}>Show all</button>}</p>
       <div id="bench-result" class="sensors">{l.channels.map((c) => <Tile key={c.name} c={c} l={l} />)}</div>
       <div class="scroll" tabIndex={0} role="group" aria-label="Channels"><table id="channels"><caption>Channels; faulty readings and silences are gaps in the curves, hatched at the foot of the chart</caption><thead><tr>{["Channel", "Latest [°C]", "Rate [K/h]", "Settled", "Ends at [°C]", "Gaps"].map((t, k) => <th key={t} scope="col" class={[1, 2, 4].includes(k) ? "num" : ""}>{t}</th>)}</tr></thead>
         <tbody>{l.channels.map((c) => { const f = foreseen(c, l); return <tr key={c.name} data-channel={c.name}><th scope="row">{c.name}</th><td class="num">{c.latest === null ? "–" : c.latest.toFixed(2)}</td><td class="num">{c.rate === null ? "–" : `${c.rate >= 0 ? "+" : ""}${c.rate.toFixed(2)} ± ${c.error!.toFixed(2)}`}</td><td>{MARKS[c.verdict]} {c.verdict}{c.since !== null && ` since ${hour(c.since)}`}{c.why && `: ${c.why}`}</td><td class="num">{f && f.final !== null ? `${f.final.toFixed(2)} (${f.low.toFixed(2)} to ${f.high.toFixed(2)})` : f ? "declined" : "–"}</td><td>{gaps(c)}</td></tr>; })}</tbody></table></div>
