@@ -70,6 +70,7 @@ function Build() {
       <header>
         <h1>{state.title}</h1><span class="soft">{state.file}{state.unsaved.length > 0 && " · not saved"}</span>
         <nav aria-label="Pages"><a href="/start">Start</a><a href="/build" aria-current="page">Build</a><a href="/">Correlate, Scenarios, Watch</a></nav>
+        {state.stages.length > 1 && <label>Stage <select id="stage" value={state.stage} onChange={(e) => { chosen.value = ""; job.value = {}; void command({ do: "stage", name: e.currentTarget.value }); }}>{state.stages.map((s) => <option key={s} value={s}>{s}</option>)}</select></label>}
         <span class="grow" />
         <button id="undo" type="button" disabled={!state.undo} onClick={() => command({ do: "undo" })}>Undo</button><button id="redo" type="button" disabled={!state.redo} onClick={() => command({ do: "redo" })}>Redo</button>
         <button id="save" type="button" class="main" disabled={!state.unsaved.length} onClick={compare}>Save …</button>

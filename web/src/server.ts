@@ -11,7 +11,7 @@ export interface Draft {
   file: string; title: string; text: string; notice: string; elements: Element[]; others: Record<string, number>;
   places: Record<string, [number, number]>; palette: Shape[]; sources: string[]; faults: Fault[]; undo: number; redo: number;
   unsaved: string[]; changed: string[]; log: Log | null; logs: string[]; parameters: Parameter[]; decks: string[]; missing: number;
-  refused?: Fault; made?: string; table?: string;
+  stages: string[]; stage: string; inherited: { path: string; words: string }[]; refused?: Fault; made?: string; table?: string;
 }
 export interface Curve { name: string; node: string; times: Float32Array; simulated: Float32Array; seen?: Float32Array; measured?: Float32Array; apart?: Float32Array; left?: Float32Array; rmse?: number | null; bias?: number | null; largest?: number | null; count?: number; sigma?: number | null }
 export interface Result {

@@ -49,16 +49,18 @@ class Draft:
     past : tuple        For each step the documents that it changed, the last one last.
     future : tuple      For each step that was undone, the next one last.
     base : dict         Name -> text of its file when it was read or last saved; empty for none.
+    stage : int         Place of the stage in the campaign; -1 is the last one.
     """
 
     documents: Mapping[str, DeckDocument]
     past: tuple[tuple[str, ...], ...] = field(default=())
     future: tuple[tuple[str, ...], ...] = field(default=())
     base: Mapping[str, str] = field(default_factory=dict)
+    stage: int = -1
 
     @classmethod
-    def opened(cls, path: Path) -> Draft:
-        """Return the draft of a deck, or of a campaign with the deck of its last stage; a deck that is not there yet is empty.
+    def opened(cls, path: Path, stage: int = -1) -> Draft:
+        """Return the draft of a deck, or of a campaign with the deck of a stage; a deck that is not there yet is empty.
 
         Raises
         ------
@@ -66,17 +68,17 @@ class Draft:
         """
         content = read_toml(path)[0] if path.exists() else {}
         if "stages" in content:
-            campaign, deck = path, path.parent / str(content["stages"][-1]["model"])
+            campaign, deck = path, path.parent / str(content["stages"][stage]["model"])
         else:
             campaign, deck = path.with_name(f"{path.stem}_campaign.toml"), path
         title = deck.stem.replace("_", " ")
-        stage = f'[[stages]]\nname = {json.dumps(title)}\nmodel = "{deck.name}"\nrecords = []\nfree = []\n'
+        first = f'[[stages]]\nname = {json.dumps(title)}\nmodel = "{deck.name}"\nrecords = []\nfree = []\n'
         documents = {
             DECK: _document(deck, f"title = {json.dumps(title)}\n"),
-            CAMPAIGN: _document(campaign, f"title = {json.dumps(title)}\n\n[records]\n\n{stage}", _campaign),
+            CAMPAIGN: _document(campaign, f"title = {json.dumps(title)}\n\n[records]\n\n{first}", _campaign),
             VIEW: _document(deck.with_suffix(".view.toml"), f"# Where the studio draws the nodes of {deck.name}.\n", _view),
         }
-        return cls(documents, base={name: _text_of(d) for name, d in documents.items()})
+        return cls(documents, base={name: _text_of(d) for name, d in documents.items()}, stage=stage)
 
     @property
     def deck(self) -> DeckDocument:
@@ -120,7 +122,7 @@ class Draft:
         changed = tuple(name for name, d in documents.items() if d.text != self.documents[name].text)
         if not changed:
             return self
-        return Draft({**self.documents, **{name: documents[name] for name in changed}}, (*self.past, changed), (), self.base)
+        return Draft({**self.documents, **{name: documents[name] for name in changed}}, (*self.past, changed), (), self.base, self.stage)
 
     def undo(self) -> Draft:
         """Return it before the last step; itself where there is none."""
@@ -134,7 +136,7 @@ class Draft:
         if not steps:
             return self
         past, future = then(steps, steps[-1])
-        return Draft({n: how(d) if n in steps[-1] else d for n, d in self.documents.items()}, past, future, self.base)
+        return Draft({n: how(d) if n in steps[-1] else d for n, d in self.documents.items()}, past, future, self.base, self.stage)
 
     def to_save(self) -> dict[str, DeckDocument]:
         """Return the documents that differ from their files; a campaign or a view that says nothing yet needs none."""
@@ -177,7 +179,7 @@ class Draft:
         texts = {n: _text_of(d) for n, d in self.documents.items()}
         there = {n: replace(d, text=texts[n] or d.text, past=(), future=(), new=not texts[n]) for n, d in self.documents.items()}
         mine = {n: merged_text(self.base.get(n, ""), d.text, texts[n] or d.text, d.path.name) for n, d in self.documents.items()}
-        return Draft(there, base=texts)._then({n: there[n].rewritten(text) for n, text in mine.items()})
+        return Draft(there, base=texts, stage=self.stage)._then({n: there[n].rewritten(text) for n, text in mine.items()})
 
     def moved_on(self) -> tuple[str, ...]:
         """Return the names of files that somebody else changed."""
@@ -239,17 +241,17 @@ def keep(draft: Draft) -> None:
         write_bytes(journal_of(draft.deck.path), text.encode(), OWN)
 
 
-def recalled(path: Path) -> tuple[Draft, str]:
+def recalled(path: Path, stage: int = -1) -> tuple[Draft, str]:
     """Return the draft of a deck with the edits of its journal, and what is to be said of them; without a journal that of its files.
 
     A journal that does not read is dropped, and so is one without an edit that waits when somebody else changed a file since.
     """
-    plain = Draft.opened(path)
+    plain = Draft.opened(path, stage)
     try:
         journal = json.loads(read_text(journal_of(plain.deck.path)))
         documents = {name: plain.documents[name].with_history(**of) for name, of in journal["documents"].items()}
         past, future = (tuple(map(tuple, journal[key])) for key in ("past", "future"))
-        draft = Draft(documents, past, future, dict(journal["base"]))
+        draft = Draft(documents, past, future, dict(journal["base"]), stage)
         for document in documents.values():
             document.check(document.path, document.content)
     except (OSError, ValueError, KeyError, TypeError, ThermidError):

@@ -10,10 +10,13 @@ from typing import Any
 import numpy as np
 import pytest
 
+from planted import campaign
 from thermid.app.studio.building import Building
 from thermid.app.studio.draft import journal_of, merged_text
+from thermid.app.studio.project import Project
+from thermid.app.studio.room import Room
 from thermid.app.studio.shapes import PALETTE
-from thermid.base.errors import DeckError, ThermidError
+from thermid.base.errors import DeckError, MissingDataError, NameNotFoundError, ThermidError
 from thermid.campaign.stages import check_campaign
 from thermid.fit.calibration import calibrate
 from thermid.measure.readers import read_record
@@ -279,3 +282,33 @@ def test_the_run_of_a_draft_is_that_of_simulate(tmp_path: Path) -> None:
     solution = simulate(load_model(_saved(building)), scenario, times=curve["times"])
     assert np.abs(solution[curve["node"]].celsius - curve["simulated"]).max() < 1e-9
     assert model_from_dict(building.draft.deck.content).title == "box"
+
+
+def test_a_stage_is_built_on_what_it_inherits(tmp_path: Path) -> None:
+    """Its fit is that of the campaign, with values of the stages below; before those ran, it says which one is missing."""
+    project = Project(campaign(tmp_path, planted=False))
+    room = Room(tmp_path, project)
+    building = room.built()
+    state = building.state()
+    assert (state["stage"], state["stages"]) == ("whole", ["part", "pair", "whole"])
+    assert "which has not been run" in state["inherited"][0]["words"]
+    with pytest.raises(MissingDataError, match="Run it in Correlate first"):
+        building.fit()
+    for name in project.stages:
+        project.look(name)
+        project.run(name)
+    inherited = {v["path"]: v["words"] for v in building.state()["inherited"]}
+    assert inherited
+    assert all("stage '" in words for words in inherited.values())
+    building.fit()
+    building.jobs.wait()
+    assert building.jobs.state()["error"] == ""
+    known = project.done["whole"].values
+    assert {p: v["value"] for p, v in building.fitted.items()} == pytest.approx({p: known[p].value for p in building.fitted}, rel=1e-6)
+    state = do(building, "stage", name="part")
+    assert (state["stage"], state["inherited"]) == ("part", [])
+    building.run()
+    building.jobs.wait()
+    assert building.jobs.state()["error"] == ""
+    with pytest.raises(NameNotFoundError):
+        do(building, "stage", name="parts")
