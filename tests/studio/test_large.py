@@ -51,7 +51,8 @@ def test_ten_thousand_points_and_twelve_sensors_follow_a_slider(tmp_path: Path) 
         assert np.percentile(paints, 10) < 16.7
         assert np.percentile(zoomed, 10) < 16.7
         shown.wait(
-            "document.querySelector('#tiles .plot').dispatchEvent(new KeyboardEvent('keydown', { key: '+', bubbles: true })); await pause(900);"
+            "document.querySelector('#tiles .plot').dispatchEvent(new KeyboardEvent('keydown', { key: '+', bubbles: true }));"
+            "await pause(900);"
         )
         inside = shown.wait("return studio.state.window && studio.state.runs[0].curves[0].times.length")
         assert inside is not None

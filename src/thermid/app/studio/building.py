@@ -154,8 +154,8 @@ class Building:
             return None
         table = content["records"][name]
         try:
-            seen = look(self._inside(table["file"]), time=table.get("time")).as_object()
-            looked = {k: seen[k] for k in ("problem", "rows", "columns", "questions", "notes", "sampling", "clock")}
+            looked = look(self._inside(table["file"]), time=table.get("time")).as_object()
+            looked = {k: looked[k] for k in ("problem", "rows", "columns", "questions", "notes", "sampling", "clock")}
         except ThermidError as error:
             looked = {"problem": error.message, "rows": 0, "columns": [], "questions": [], "notes": []}
         return {"record": name, "file": table["file"], "channels": table["channels"], "others": len(content["records"]) - 1, **looked}
@@ -300,10 +300,6 @@ class Building:
         values = {p: f"{v['value']:.7g} [{v['unit']}]" for p, v in self.fitted.items()}
         return self.draft.with_values(values, f"fitted to {', '.join(self._stage()['records'])}")
 
-    def _restart(self, body: Body) -> Draft:
-        """Return the draft of the files as they are; what was not saved is gone."""
-        return Draft.opened(self.path, self.draft.stage)
-
     _commands: Final[Mapping[str, Callable[[Building, Body], Any]]] = {
         "add": _add,
         "set": lambda s, b: s.draft.edited(
@@ -327,7 +323,7 @@ class Building:
         "bind": _bind,
         "free": _free,
         "take fit": _take_fit,
-        "restart": _restart,
+        "restart": lambda s, b: Draft.opened(s.path, s.draft.stage),
         "merge": lambda s, b: s.draft.merged(),
     }
 

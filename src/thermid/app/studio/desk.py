@@ -158,7 +158,15 @@ class Desk:
         chosen = range(len(self.runs)) if runs is None else runs
         if self.problem is None:
             values_si = {**self._starts, **self.si(values)}
-            return tuple(_of_scenario(self._simulators[i], values_si, window, points) for i in chosen)
+            solutions = {i: self._simulators[i].run(self._simulators[i].with_units(values_si)) for i in chosen}
+            return tuple(
+                RunCurves(
+                    self.runs[i],
+                    tuple(ThinnedCurve(n, n, *thinned_curve(s.times, s[n].celsius, window, points)) for n in self.nodes),
+                    tuple(s.warnings),
+                )
+                for i, s in solutions.items()
+            )
         return tuple(self._of_record(i, values, window, points) for i in chosen)
 
     @cached_property
@@ -292,18 +300,6 @@ def _tables(solution: Solution) -> dict[str, Mapping[str, Array]]:
     """Return temperatures [K], heat flows and powers [W] over time, by name."""
     temperatures = {n: solution[n].kelvin for n in solution.nodes}
     return {"temperatures": temperatures, "flows": solution.heat_flows, "powers": solution.load_powers}
-
-
-def _of_scenario(simulator: Simulator, si: Mapping[str, float], window: Window, points: int) -> RunCurves:
-    """Return the curves of a scenario, those of every mass."""
-    solution = simulator.run(simulator.with_units(si))
-    return RunCurves(
-        simulator.wiring.scenario.title, _curves_of(solution, simulator.wiring.network.nodes, window, points), tuple(solution.warnings)
-    )
-
-
-def _curves_of(solution: Solution, nodes: Sequence[str], window: Window, points: int) -> tuple[ThinnedCurve, ...]:
-    return tuple(ThinnedCurve(n, n, *thinned_curve(solution.times, solution[n].celsius, window, points)) for n in nodes)
 
 
 def _bias(problem: Problem, sensor: str, fitted: Array) -> float:

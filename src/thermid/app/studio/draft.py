@@ -200,21 +200,20 @@ def merged_text(base: str, mine: str, theirs: str, name: str) -> str:
     DeckError   When both changed the same lines, each in its own way.
     """
     old = base.splitlines(keepends=True)
-    pieces = {(i, j, tuple(new)) for text in (mine, theirs) for i, j, new in _changed_lines(old, text.splitlines(keepends=True))}
+    pieces = set()
+    for new in (text.splitlines(keepends=True) for text in (mine, theirs)):
+        ways = difflib.SequenceMatcher(None, old, new, autojunk=False).get_opcodes()
+        pieces |= {(i, j, tuple(new[a:b])) for way, i, j, a, b in ways if way != "equal"}
     out, at = [], 0
-    for i, j, new in sorted(pieces):
-        if i < at or (i == at and any(p[:2] == (i, j) and p[2] != new for p in pieces)):
-            why = f"line {i + 1} was changed here and by somebody else: {''.join(new).strip()!r}. Take the file, or undo your change of it."
+    for i, j, lines in sorted(pieces):
+        if i < at or (i == at and any(p[:2] == (i, j) and p[2] != lines for p in pieces)):
+            why = (
+                f"line {i + 1} was changed here and by somebody else: {''.join(lines).strip()!r}. Take the file, or undo your change of it."
+            )
             raise DeckError(why, name, code="output.changed-meanwhile")
-        out += [*old[at:i], *new]
+        out += [*old[at:i], *lines]
         at = j
     return "".join([*out, *old[at:]])
-
-
-def _changed_lines(old: Sequence[str], new: Sequence[str]) -> list[tuple[int, int, Sequence[str]]]:
-    """Return the stretches of lines, from and to, that another text has in another way, and what it has there."""
-    ways = difflib.SequenceMatcher(None, old, new, autojunk=False).get_opcodes()
-    return [(i, j, new[a:b]) for way, i, j, a, b in ways if way != "equal"]
 
 
 def _document(path: Path, empty: str, check: Callable[[Path, Mapping[str, Any]], object] | None = None) -> DeckDocument:

@@ -207,8 +207,8 @@ def _fan(outlook: Forecast) -> dict[str, Array]:
     watched = outlook.now - outlook.start
     last = min(max(outlook.holds or 0.0, outlook.now + 0.5 * watched), outlook.now + 2.0 * watched)
     times = np.linspace(outlook.now, last, FAN_POINTS)
-    seen = [outlook.reading(float(t)) for t in times]
-    return {"times": times} | {n: np.array([getattr(r, n) for r in seen]) - ICE_POINT for n in ("value", "low", "high")}
+    readings = [outlook.reading(float(t)) for t in times]
+    return {"times": times} | {n: np.array([getattr(r, n) for r in readings]) - ICE_POINT for n in ("value", "low", "high")}
 
 
 def _channel(channel: Channel, times: Array, window: Window) -> dict[str, Any]:

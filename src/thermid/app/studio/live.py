@@ -97,15 +97,15 @@ def _within(asked: Mapping[str, Any]) -> float:
     return float(within)
 
 
-def _temperatures(asked: Mapping[str, Any], key: str) -> dict[str, str]:
+def _temperatures(body: Mapping[str, Any], key: str) -> dict[str, str]:
     """Return name -> temperature with its unit, of a text such as ``air=22, plate=30``."""
-    return {n: with_unit(t, "degC") for n, t in pairs(filter(str.strip, str(asked.get(key) or "").split(",")), "watch").items()}
+    return {n: with_unit(t, "degC") for n, t in pairs(filter(str.strip, str(body.get(key) or "").split(",")), "watch").items()}
 
 
-def _bare(rule: StabilityRule, asked: Mapping[str, Any], slowest: float | None, since: float | None) -> WatchRequest:
+def _bare(rule: StabilityRule, body: Mapping[str, Any], slowest: float | None, since: float | None) -> WatchRequest:
     """Return how a log is watched where its readings are all that is known."""
-    limits = tuple(TemperatureLimit(n, False, literal(t, TEMPERATURE, "limit")) for n, t in _temperatures(asked, "limits").items())
-    return WatchRequest(BoundColumns(), rule, _within(asked), limits, slowest=slowest, since="start" if since is None else since)
+    limits = tuple(TemperatureLimit(n, False, literal(t, TEMPERATURE, "limit")) for n, t in _temperatures(body, "limits").items())
+    return WatchRequest(BoundColumns(), rule, _within(body), limits, slowest=slowest, since="start" if since is None else since)
 
 
 def _bound(path: Path, known: Model | Campaign | None, asked: Mapping[str, Any], bare: WatchRequest) -> _Bound:

@@ -11,7 +11,6 @@ from typing import Any
 
 import numpy as np
 
-from thermid.app.studio.conditions import conditions_object
 from thermid.app.studio.courses import Shelf, outcome_object, profile_for, profile_object
 from thermid.app.studio.curves import POINTS, ThinnedCurve, Window, number_of, text_of, texts_of, window_of
 from thermid.app.studio.desk import ICE, Desk
@@ -40,7 +39,6 @@ def questions(project: Project, work: Work, follower: Follower) -> dict[str, Cal
         "job": lambda q: work.state(),
         "fresh": lambda q: work.fresh(),
         "logs": lambda q: follower.offered(),
-        "conditions": lambda q: conditions_object(project.desk(stage(q))),
     }
 
 
@@ -161,8 +159,8 @@ def curves_object(
     ------
     ThermidError    When a run is refused or cannot be finished.
     """
-    found = desk.curves(values, window, runs, min(max(points // 2 * 2, FEWEST), POINTS))
-    return {"runs": [{"name": r.name, "remarks": r.remarks, "curves": [_curve(c, measured) for c in r.curves]} for r in found]}
+    curves = desk.curves(values, window, runs, min(max(points // 2 * 2, FEWEST), POINTS))
+    return {"runs": [{"name": r.name, "remarks": r.remarks, "curves": [_curve(c, measured) for c in r.curves]} for r in curves]}
 
 
 def _curve(curve: ThinnedCurve, measured: bool) -> dict[str, Any]:
@@ -170,14 +168,14 @@ def _curve(curve: ThinnedCurve, measured: bool) -> dict[str, Any]:
     return {k: getattr(curve, k) for k in (*still, "times", "simulated", "apart", "left", "rmse", "bias", "largest")}
 
 
-def _run_of(desk: Desk, asked: Mapping[str, Any]) -> int:
+def _run_of(desk: Desk, body: Mapping[str, Any]) -> int:
     """Return the run that a page asks for, the first where it names none.
 
     Raises
     ------
     DeckError   When there is none of that number.
     """
-    run = asked.get("run", 0)
+    run = body.get("run", 0)
     if not isinstance(run, int) or isinstance(run, bool) or not 0 <= run < len(desk.runs):
         raise DeckError("give a run as a whole number and a time as a number.", "studio")
     return run

@@ -35,7 +35,7 @@ from thermid.model.tree import Model, ParameterSet, parameter_table
 from thermid.reporting.pages import Table, levels
 from thermid.simulation.network import compile_network
 from thermid.simulation.scenarios import Scenario, load_scenario
-from thermid.values.fitted import load_values, save_store
+from thermid.values.fitted import load_store, save_store
 from thermid.values.store import Store
 
 Told = Callable[[int, float], None]
@@ -339,8 +339,8 @@ class Project:
         NameNotFoundError   When there is no such file.
         """
         refuse_unknown([file], self.kept_files(), self.results.name, "no values file '{}'.", NameNotFoundError)
-        kept, sliders = load_values(self.results / file), self.desk(name).sliders
-        return {s.path: from_si(kept[s.path].value, s.unit) for s in sliders if s.path in kept}
+        states = load_store(self.results / file)[0].states
+        return {s.path: from_si(states[s.path].value, s.unit) for s in self.desk(name).sliders if s.path in states}
 
     def written_back(self, name: str, values: Mapping[str, float]) -> tuple[DeckDocument, str]:
         """Return a stage's deck with all values in force in it, and what is changed, as a unified diff; nothing is written.
