@@ -15,6 +15,7 @@ interface Props {
 const STRIP = 0.3; // part of the height that residuals have
 const dark = matchMedia("(prefers-color-scheme: dark)");
 export const scheme = signal(dark.matches);
+export const frames: number[] = []; // how long redraws took [ms]
 dark.addEventListener("change", () => { scheme.value = dark.matches; });
 const colours = new Map<string, string>();
 export function css(name: string): string {
@@ -95,6 +96,7 @@ function trace(u: uPlot, line: Line, s: Shown) {
 
 // everything on a canvas is drawn by uPlot's order of things: axes, what lies under, the lines, what lies over
 function options(host: HTMLElement, now: { p: Props; s: Shown }): uPlot.Options {
+  let begun = 0;
   const ink = () => css("--soft"), grid = { stroke: () => css("--edge"), width: 1 }, font = "11px system-ui, sans-serif", mark = { show: false };
   const strip = now.p.sigma !== undefined, path = (u: uPlot, k: number) => { const g = u.ctx, b = u.bbox; g.save(); g.beginPath(); g.rect(b.left, b.top, b.width, b.height); g.clip(); trace(u, now.p.lines[k - 1]!, now.s); g.restore(); return null; };
   const axis = { stroke: ink, font, grid, ticks: mark };
@@ -113,7 +115,7 @@ function options(host: HTMLElement, now: { p: Props; s: Shown }): uPlot.Options 
       bind: { dblclick: () => () => { now.p.onWindow?.(null); return null; } },
     },
     hooks: {
-      drawClear: [(u) => { now.p.under?.(u, now.s); }],
+      drawClear: [(u) => { begun = performance.now(); now.p.under?.(u, now.s); }],
       drawAxes: [(u) => {
         const g = u.ctx, r = devicePixelRatio || 1, { left, top, width } = u.bbox;
         g.fillStyle = css("--soft"); g.font = `${11 * r}px system-ui, sans-serif`; g.textBaseline = "alphabetic"; g.textAlign = "right"; g.fillText(now.p.unit ?? "°C", left - 4 * r, top - 5 * r);
@@ -122,7 +124,7 @@ function options(host: HTMLElement, now: { p: Props; s: Shown }): uPlot.Options 
         g.textAlign = "left"; g.fillText("K", left + width + 4 * r, y(now.s.rest) - 4 * r);
         g.fillStyle = css("--accent"); g.globalAlpha = 0.13; g.fillRect(left, y(2 * sigma), width, y(-2 * sigma) - y(2 * sigma)); g.globalAlpha = 1;
       }],
-      draw: [(u) => { now.p.over?.(u, now.s); }],
+      draw: [(u) => { now.p.over?.(u, now.s); frames.push(performance.now() - begun); if (frames.length > 2000) frames.splice(0, 1000); }],
       setSelect: [(u) => { if (u.select.width > 6) now.p.onWindow?.([u.posToVal(u.select.left, "x"), u.posToVal(u.select.left + u.select.width, "x")]); u.setSelect({ left: 0, width: 0, top: 0, height: 0 }, false); }],
       setCursor: [(u) => { if (u.cursor.event && u.cursor.left! >= 0) now.p.onTime?.(u.posToVal(u.cursor.left!, "x")); }],
     },

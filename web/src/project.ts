@@ -1,5 +1,6 @@
 // What the page of a project knows: its stages, one of them open with its values and curves, and what can be undone.
 import { computed, effect, signal } from "@preact/signals";
+import { frames } from "./plot";
 import { ask, type Curve } from "./server";
 import { error, errors } from "./state";
 
@@ -23,7 +24,7 @@ export const pinned = signal<{ label: string; values: Values; runs: Record<numbe
 export const view = signal<"correlate" | "scenarios" | "watch">("correlate"), status = signal("");
 export const found = signal<{ title: string; values: Record<string, Fitted>; warnings: string[]; text: string } | null>(null), diff = signal("");
 export const after = new Map<string, (job: Doing) => Promise<void> | void>(), entered = new Set<() => unknown>();
-export const studio = { errors, project, latencies: [] as number[], frames: [] as number[], ready: false, begun: 0, outcomes: 0, looks: 0, look: null as unknown, get state() { return { values: values.value, stage: stage.value, runs: runs.value, desk: desk.value, window: zoom.value }; } };
+export const studio = { errors, project, latencies: [] as number[], frames, ready: false, begun: 0, outcomes: 0, looks: 0, look: null as unknown, get state() { return { values: values.value, stage: stage.value, runs: runs.value, desk: desk.value, window: zoom.value }; } };
 export const busy = computed(() => project.value?.job.ended === false);
 export const current = computed(() => project.value?.stages.find((x) => x.name === stage.value) ?? null);
 export const whole = computed<Pair>(() => { const all = runs.value[run.value]?.curves ?? []; return [0, Math.max(1, ...all.map((c) => c.times[c.times.length - 1] ?? 0))]; });
