@@ -21,7 +21,7 @@ sys.path.insert(0, str(ROOT))
 from tests.studio.browser import CHROMIUM, DRIVER, Page, logs_of, studio  # noqa: E402
 
 EXAMPLES = ROOT / "examples"
-WIDTHS = {1600: 1000, 1024: 900, 390: 844}
+WIDTHS = {1600: 1000, 1000: 900, 390: 844}
 COURSE = "SMC-S-016 unit thermal cycle, acceptance"
 CHOOSE = "const c = document.querySelector(arguments[0]); c.value = arguments[1]; c.dispatchEvent(new Event('change'));"
 
@@ -41,16 +41,16 @@ def shoot(page: Page, folder: Path, name: str) -> None:
     page.driver.execute_cdp_cmd("Emulation.clearDeviceMetricsOverride", {})
 
 
-def tune(page: Page) -> None:
-    """Run all stages, fit, lay a run without convection beside it, and ask what a swap costs."""
+def correlate(page: Page) -> None:
+    """Run all stages, fit, compare with the deck, and ask what a swap costs."""
     page.click("[data-stage=m_PrE]")
     page.until("document.getElementById('run-stage')")
     page.click("#run-stage")
     page.until("[...document.querySelectorAll('nav [data-stage]')].every((b) => b.dataset.state === 'done')", 300)
-    page.until("document.querySelector('[data-sensor=T_ELE]') && document.querySelector('#picture svg')")
+    page.until("document.querySelector('[data-tile=T_ELE]') && document.querySelector('#picture svg')")
     page.click("#fit")
     page.until("document.getElementById('fit-result').textContent.includes('evaluations')", 120)
-    page.run(CHOOSE, "#gas", "printed")
+    page.run(CHOOSE, "#pin", "deck")
     page.run(CHOOSE, "#swap-part", "ele")
     page.run(CHOOSE, "#swap-deck", "EleGFO_v2.toml")
     page.click("#swap button")
@@ -64,13 +64,21 @@ def scenario(page: Page) -> None:
     page.until("document.querySelector('[data-number=cycles]')")
     for where, value in (("[data-number=cycles]", "2"), ("#lowest", "-5"), ("#highest", "65")):
         page.run(CHOOSE, where, value)
+        page.wait("await pause(300)")
     page.click("#scenario-run")
     page.until("studio.outcomes", 300)
 
 
-def bench(page: Page) -> None:
+def watch(page: Page) -> None:
     """Look at a log."""
     page.until("studio.looks", 120)
+
+
+def build(page: Page) -> None:
+    """Open the deck of the last stage on the canvas, and choose a part of it."""
+    page.driver.get(page.address.partition("?")[0] + "build")
+    page.until("window.studio && window.studio.ready && document.querySelector('[data-node]')")
+    page.run("document.querySelector('[data-node]').dispatchEvent(new KeyboardEvent('keydown', { key: 'Enter', bubbles: true }))")
 
 
 @dataclass(frozen=True)
@@ -103,8 +111,8 @@ def prepared() -> Iterator[Work]:
         yield Work(folder / "04_campaign" / "campaign.toml", unit, logs / "stack_bench.csv", folder / "page.html")
 
 
-VIEWS = ("tune", "scenario", "bench", "report")
-"""The views in the order in which they are taken: the bench and the report find the stages run by the first."""
+VIEWS = ("correlate", "scenario", "watch", "build", "report")
+"""The views in the order in which they are taken: those after the first find the stages that it ran."""
 
 
 @contextlib.contextmanager
@@ -124,9 +132,10 @@ def view(name: str, work: Work) -> Iterator[Page]:
             yield page
         return
     arguments, ready = {
-        "tune": ((str(work.campaign),), tune),
+        "correlate": ((str(work.campaign),), correlate),
+        "build": ((str(work.unit),), build),
         "scenario": ((str(work.unit),), scenario),
-        "bench": ((str(work.campaign), "--log", str(work.log)), bench),
+        "watch": ((str(work.campaign), "--log", str(work.log)), watch),
     }[name]
     with studio(*arguments) as address, contextlib.closing(Page(address)) as page:
         ready(page.open())

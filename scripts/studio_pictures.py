@@ -12,14 +12,15 @@ import sys
 from pathlib import Path
 
 PARTS = {
-    "studio": ("tune", "body", "The studio: stages, model, curves, parameters"),
-    "stages": ("tune", "nav", "Stages of the campaign"),
-    "model": ("tune", "#model", "The model at one time: temperatures, heat flows, powers"),
-    "curves": ("tune", "#curves", "Measured and simulated readings with residuals"),
-    "parameters": ("tune", "#tuning", "One track for each parameter"),
-    "levels": ("tune", "#levels", "Coefficients by level"),
+    "studio": ("correlate", "body", "The studio: stages, a tile for every sensor, map, values"),
+    "stages": ("correlate", ".stages", "Stages of the campaign"),
+    "model": ("correlate", "#model", "The model at one time: temperatures, heat flows, powers"),
+    "curves": ("correlate", "#curves", "Measured and simulated readings with residuals"),
+    "parameters": ("correlate", "#tuning", "One track for each parameter"),
+    "levels": ("correlate", "#levels", "Coefficients by level"),
     "scenario": ("scenario", "body", "A profile of a standard, run on the model with its limits"),
-    "bench": ("bench", "body", "A log as it grows"),
+    "build": ("build", "body", "A model on the canvas, with its values and its log"),
+    "watch": ("watch", "body", "A log as it grows"),
     "report": ("report", "body", "The first screen of a report"),
 }
 """Name of a picture -> the view, the part of it, and what it shows."""

@@ -16,7 +16,7 @@ rmSync(bundle, { recursive: true, force: true });
 mkdirSync(bundle, { recursive: true });
 await build({
   absWorkingDir: here,
-  entryPoints: ["src/start.tsx", "src/build.tsx"],
+  entryPoints: ["src/start.tsx", "src/build.tsx", "src/studio.tsx"],
   bundle: true,
   splitting: true,
   format: "esm",
@@ -28,5 +28,6 @@ await build({
   outdir: bundle,
   chunkNames: "piece-[hash]",
 });
+cpSync(join(here, "node_modules", "uplot", "dist", "uPlot.min.css"), join(bundle, "plot.css"));
 for (const name of readdirSync(join(here, "src"))) if (/\.(html|css)$/.test(name)) cpSync(join(here, "src", name), join(bundle, name));
 writeFileSync(join(bundle, "sources.txt"), `${digest.digest("hex")}\n`);

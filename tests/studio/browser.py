@@ -159,13 +159,16 @@ class Page:
         return found
 
     def serious(self, dark: bool) -> list[Any]:
-        """Return what axe-core calls serious or critical in the page as it stands, in the light or the dark."""
+        """Return what axe-core calls serious or critical in the page as it stands, sizes of targets too, in the light or the dark."""
         pytest.importorskip("selenium_axe_python", reason="selenium-axe-python is not installed (extra test)")
         scheme = [{"name": "prefers-color-scheme", "value": "dark" if dark else "light"}]
         self.driver.execute_cdp_cmd("Emulation.setEmulatedMedia", {"features": scheme})
         if not self.run("return Boolean(window.axe)"):
             self.run(files("selenium_axe_python").joinpath("axe-core/axe.min.js").read_text(encoding="utf-8"))
-        found = self.wait("return (await axe.run()).violations.map((v) => [v.impact, v.id, v.nodes.map((n) => n.html.slice(0, 120))])")
+        rules = "{ rules: { 'target-size': { enabled: true } } }"  # of WCAG 2.2, which axe leaves out by itself
+        found = self.wait(
+            f"return (await axe.run(document, {rules})).violations.map((v) => [v.impact, v.id, v.nodes.map((n) => n.html.slice(0, 120))])"
+        )
         return [v for v in found if v[0] in ("serious", "critical")]
 
     def listen(self) -> None:
@@ -179,7 +182,7 @@ class Page:
     def clean(self) -> None:
         """Fail when the console noted an error or anything outside this studio was asked for."""
         self.listen()
-        assert self.said == []
+        assert self.said == [], self.said
         assert self.run("return window.studio.errors") == []
         own = self.address.partition("?")[0]
         assert [url for url in self.asked if url.startswith(("http", "ws", "ftp")) and not url.startswith(own)] == []

@@ -17,7 +17,9 @@ from thermid.campaign.stages import check_campaign
 from thermid.fit.calibration import calibrate
 from thermid.measure.readers import read_record
 from thermid.model.deck import load_model
-from two_masses import write_log
+from thermid.simulation.runs import simulate
+from thermid.simulation.scenarios import Scenario
+from two_masses import PAIR, write_log, write_pair_log
 
 from .browser import Page, needed, studio
 
@@ -216,6 +218,92 @@ def test_two_masses_are_built_and_fitted_by_keys_alone(page: Page, folder: Path)
     person.press(Keys.ENTER)
     page.until("document.getElementById('save').disabled", 15)
     check_result(page, folder, person.actions)
+
+
+@pytest.mark.campaign
+def test_the_documents_pair_is_built_tuned_fitted_saved_and_flown(page: Page, folder: Path, tmp_path: Path) -> None:
+    """Processor over power supply: from nothing to a vacuum run, by hand and by a fit, with its log dropped on the page."""
+    log, person = write_pair_log(tmp_path / "pair test.csv"), Person(page)
+    choose = "const c = document.querySelector(arguments[0]); c.value = arguments[1]; c.dispatchEvent(new Event('change'))"
+    person.fill("#new-name", "pair")
+    page.until("window.studio && window.studio.ready", 15)
+    for name, mass in (("proc", "1.53"), ("supply", "0.78")):
+        person.click("[data-shape=mass]")
+        person.fill("#sheet-name", name)
+        page.run(choose, "#sheet-heat", "mass")
+        page.until("document.querySelector('#field-mass')", 15)
+        page.run("document.querySelector('[aria-label=\"Unit of mass\"]').value = 'kg'")
+        page.run("document.querySelector('[aria-label=\"Unit of mass\"]').dispatchEvent(new Event('change'))")
+        person.settle()
+        person.fill("#field-mass", mass)
+        person.fill("#field-specific_heat", "960")
+    person.click("[data-shape=boundary]")
+    person.fill("#sheet-name", "air")
+    proc, supply, air = (f"[data-node={n}] rect" for n in ("proc", "supply", "air"))
+    person.click("[data-shape=contact]", proc, supply)
+    person.fill("#field-area", "25")
+    for node, area in ((proc, "627"), (supply, "200")):
+        person.click("[data-shape=convection]", node, air)
+        person.fill("#field-area", area)
+    for node, name in ((proc, "electronics"), (supply, "converter")):
+        person.click("[data-shape=load]", node)
+        person.fill("#sheet-name", name)
+    person.give("#log-file", log)
+    page.until("document.querySelector('#columns')", 15)
+    free = ("proc_supply.contact_conductance", "proc_air.effective_htc", "supply_air.effective_htc")
+    person.click(*(f"[data-path='{path}']" for path in free), "#save", "#write")
+    page.until("document.getElementById('save').disabled", 15)
+
+    front = page.address.partition("?")[0]
+    page.driver.get(front)  # tuned by hand: the slider is moved by keys, and what it says is written into the deck
+    page.until("window.studio && studio.ready && document.querySelectorAll('#tiles canvas').length === 3", 30)
+    slider = person.element("[id='s-proc_supply.contact_conductance']")
+    before = page.run("return studio.state.runs[0].curves.map((c) => c.rmse)")
+    slider.send_keys("\ue012" * 40)
+    page.until(f"studio.state.runs[0].curves[0].rmse !== {before[0]} && !document.getElementById('undo').disabled")
+    person.click("#write-back")
+    page.until("document.querySelector('#write-now')", 15)
+    person.click("#write-now")
+    page.until("document.getElementById('status').textContent.includes('Written: pair.toml')")
+    page.clean()
+    by_hand = page.run("return studio.state.values['proc_supply.contact_conductance']")
+    deck = folder / "pair.toml"
+    assert load_model(deck).conductors["proc_supply"].fields["contact_conductance"].expression.literal.value == pytest.approx(by_hand)  # type: ignore[union-attr]
+
+    page.driver.get(f"{front}build")
+    page.until("document.querySelector('#fit')", 15)
+    if page.run("return Boolean(document.querySelector('.banner:not([hidden]) #merge'))"):
+        person.click("#merge")  # the deck was written meanwhile
+    person.click("#fit")
+    page.until("document.querySelector('#fitted')", 30)
+    person.click("#take-fit", "#save", "#write")
+    page.until("document.getElementById('save').disabled", 15)
+    model = load_model(deck)
+    true = (PAIR["conductors"]["joint"]["contact_conductance"], *(PAIR["surfaces"][n]["effective_htc"] for n in ("top", "rim")))  # type: ignore[index]
+    for path, text in zip(free, true, strict=True):
+        name, _, field = path.partition(".")
+        literal = (model.surfaces[name] if name in model.surfaces else model.conductors[name]).fields[field].expression.literal
+        assert literal is not None
+        assert literal.value == pytest.approx(float(str(text).split()[0]), rel=0.05)
+
+    person.click("[data-pane=if]")
+    page.until("document.querySelector('#if-gas')", 15)
+    page.run(choose, "#if-gas", "vacuum")
+    person.click("#if-run")
+    page.until("document.querySelector('#if-refused')", 15)  # radiation hides in the coefficients: a finish is asked for
+    page.run(choose, "#if-finish", "aluminium, polished")
+    person.click("#if-give")
+    page.until("document.querySelectorAll('.whatif .tile').length >= 2", 30)
+    person.click("#save", "#write")
+    page.until("document.getElementById('save').disabled", 15)
+    flown = load_model(deck)
+    assert deck.read_text(encoding="utf-8").count('finish = "aluminium, polished"') == 2
+    room = Scenario("room", boundaries={"air": "24 [degC]"}, start="24 [degC]", duration="8 [h]")
+    hot, cool = (float(simulate(flown, s)["proc"].celsius[-1]) for s in (room.vacuum(), room))
+    assert hot > cool + 2.0
+    print(f"{person.actions:.0f} actions")
+    page.listen()
+    assert page.said == []
 
 
 @pytest.mark.campaign

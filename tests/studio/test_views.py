@@ -78,7 +78,7 @@ def run_course(shown: Page, key: str) -> None:
 
 
 def open_log(shown: Page) -> None:
-    shown.click("[data-view=bench]")
+    shown.click("[data-view=watch]")
     shown.run("document.getElementById('log').value = 'run.csv'")
     shown.click("#bench-open")
     shown.until("(studio.looks || 0) > 0")
@@ -106,7 +106,7 @@ def test_a_profile_is_run_and_its_worst_part_named(shown: Page) -> None:
 
 
 def test_a_stretch_of_a_run_is_zoomed_by_keys(shown: Page) -> None:
-    shown.run("document.getElementById('scenario-chart').focus()")
+    shown.run("document.querySelector('#scenario-chart .plot').focus()")
     press = "document.activeElement.dispatchEvent(new KeyboardEvent('keydown', { key: arguments[0], bubbles: true }))"
     asked = "performance.getEntriesByType('resource').filter((e) => e.name.endsWith('/api/outcome')).length"
     before = shown.run(f"return {asked}")
@@ -121,9 +121,9 @@ def test_a_long_run_is_stopped(shown: Page) -> None:
     shown.until("document.querySelector('[data-number=cycles]')")
     shown.run(SET, "[data-number=cycles]", "400")
     shown.click("#scenario-run")
-    shown.until("!document.getElementById('stop').hidden")
+    shown.until("document.getElementById('stop')")
     shown.click("#stop")
-    shown.until("document.getElementById('stop').hidden && document.getElementById('error').textContent.includes('was stopped')")
+    shown.until("!document.getElementById('stop') && document.getElementById('error').textContent.includes('was stopped')")
     assert shown.text("#verdict") == ""
     shown.clean()
 
@@ -134,10 +134,10 @@ def test_a_humidity_course_is_stopped_in_its_balance(shown: Page) -> None:
     shown.run(CHOOSE, "SMC-S-016 unit humidity")
     shown.until("document.querySelector('#profile-numbers table')")
     shown.click("#scenario-run")
-    shown.until("document.getElementById('status').textContent.includes('all its steps') || document.getElementById('stop').hidden")
-    if shown.run("return !document.getElementById('stop').hidden"):
+    shown.until("document.getElementById('status').textContent.includes('all its steps') || !document.getElementById('stop')")
+    if shown.run("return document.getElementById('stop')"):
         shown.click("#stop")
-        shown.until("document.getElementById('stop').hidden && document.getElementById('error').textContent.includes('was stopped')")
+        shown.until("!document.getElementById('stop') && document.getElementById('error').textContent.includes('was stopped')")
         assert shown.text("#verdict") == ""
     run_course(shown, "SMC-S-016 unit thermal cycle, acceptance")  # and another begins at once
     shown.clean()
@@ -155,7 +155,7 @@ def test_hostile_names_of_profiles_and_channels_stay_text(shown: Page) -> None:
 
 
 def test_a_log_outside_the_project_is_refused(shown: Page) -> None:
-    shown.click("[data-view=bench]")
+    shown.click("[data-view=watch]")
     shown.run("document.getElementById('log').value = '../../../../../../../etc/passwd'")
     shown.click("#bench-open")
     shown.until("document.getElementById('error').textContent.includes('lies outside the project')")
@@ -179,7 +179,7 @@ def test_a_log_that_grows_is_followed(folder: Path) -> None:
     with studio(str(folder / "unit.toml"), "--log", str(file)) as address, page(address) as shown:
         shown.until("(studio.looks || 0) > 0")
         assert "not stable" in shown.text("#bench-verdict")
-        assert "Where T_CASE will end is not said yet" in shown.text("#bench-verdict")
+        assert "Where T_CASE will end is not known yet" in shown.text("#bench-verdict")
         rows = "Number(document.getElementById('bench-title').textContent.match(/([0-9]+) rows/)[1])"
         writer = threading.Thread(target=grow)
         writer.start()
@@ -206,11 +206,11 @@ def test_the_views_are_reached_by_the_keyboard(shown: Page) -> None:
     run_course(shown, "SMC-S-016 unit thermal cycle, acceptance")
     open_log(shown)
     for view, wanted in (
-        ("scenarios", {"course", "lowest", "highest", "base", "state", "scenario-run", "focus", "scenario-chart"}),
-        ("bench", {"log", "bench-open", "rule", "since", "slowest", "reference", "bench-focus", "follow"}),
+        ("scenarios", {"course", "lowest", "highest", "base", "state", "scenario-run", "focus"}),
+        ("watch", {"log", "bench-open", "rule", "since", "slowest", "reference", "bench-focus", "watch-limits", "follow"}),
     ):
         shown.click(f"[data-view={view}]")
-        shown.run("document.querySelector('[data-view=tune]').focus()")
+        shown.run("document.querySelector('[data-view=correlate]').focus()")
         seen: set[str] = set()
         for _ in range(45):
             ActionChains(shown.driver, duration=0).send_keys(Keys.TAB).perform()
@@ -221,7 +221,7 @@ def test_the_views_are_reached_by_the_keyboard(shown: Page) -> None:
 
 @pytest.mark.parametrize("dark", [False, True])
 def test_axe_finds_nothing_serious_in_the_views(shown: Page, dark: bool) -> None:
-    for view in ("scenarios", "bench"):
+    for view in ("scenarios", "watch"):
         shown.click(f"[data-view={view}]")
         assert shown.serious(dark) == []
         for width in shown.widths():

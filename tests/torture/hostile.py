@@ -29,7 +29,7 @@ PATIENCE = 60.0
 GROWTH = 64.0
 """Memory that the second half of the requests may add. [MB]"""
 ASKED: Final[dict[str, Any]] = {
-    "curves": {"stage": "unit", "values": {"bolt.conductance": 0.3}, "gas": "air", "measured": True, "window": [0, 1800]},
+    "curves": {"stage": "unit", "values": {"bolt.conductance": 0.3}, "run": 0, "points": 300, "measured": True, "window": [0, 1800]},
     "picture": {"stage": "unit", "values": {}, "folded": [], "time": 600, "run": 0},
     "profile": {"stage": "unit", "course": "x", "lowest": -10, "highest": 40.0, "numbers": {"cycles": "2"}},
     "outcome": {"window": [0, 600]},
@@ -46,8 +46,8 @@ TOKENS: Final[dict[int, str]] = {}
 READ = ("project", "desk", "shelf", "job", "fresh", "logs")
 QUERIES = ("", "?stage=unit", "?stage=", "?stage=%00", "?stage=" + "x" * 5000, "?stage=unit&stage=x", "?a[b]=%ff%fe", "?%", "?stage=../..")
 PATHS = (
-    "/", "/static/studio.js", "/static/../server.py", "/static/%2e%2e%2fserver.py", "//etc/passwd", "/static/%00", "/api/", "/api/nothing",
-    "/static/" + "x" * 3000, "/%ff%fe", "/api/desk/", "*", "http://127.0.0.1/",
+    "/", "/bundle/studio.js", "/bundle/../server.py", "/bundle/%2e%2e%2fserver.py", "//etc/passwd", "/bundle/%00", "/api/", "/api/nothing",
+    "/bundle/" + "x" * 3000, "/%ff%fe", "/api/desk/", "*", "http://127.0.0.1/",
 )  # fmt: skip
 
 

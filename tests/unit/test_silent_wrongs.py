@@ -78,7 +78,7 @@ def test_a_lead_and_every_other_kind_is_drawn(tmp_path: Path) -> None:
     file = tmp_path / "box.toml"
     save_model(model, file)
     project = Project(file)
-    assert "k_lead" in project.desk(project.title).drawn({}, 0, 60.0, ())
+    assert "k_lead" in project.desk(project.title).moment({}, 0, 60.0).drawn()
 
 
 # absolute zero ------------------------------------------------------------------------------------------------------------------------

@@ -69,13 +69,14 @@ function Build() {
     <div class="build" data-ready onDragOver={(e) => e.preventDefault()} onDrop={(e) => { e.preventDefault(); void dropped(e.dataTransfer?.files); }}>
       <header>
         <h1>{state.title}</h1><span class="soft">{state.file}{state.unsaved.length > 0 && " · not saved"}</span>
-        <nav aria-label="Pages"><a href="/start">Start</a><a href="/build" aria-current="page">Build</a><a href="/">Tune, Scenarios, Bench</a></nav>
+        <nav aria-label="Pages"><a href="/start">Start</a><a href="/build" aria-current="page">Build</a><a href="/">Correlate, Scenarios, Watch</a></nav>
+        {state.stages.length > 1 && <label>Stage <select id="stage" value={state.stage} onChange={(e) => { chosen.value = ""; job.value = {}; void command({ do: "stage", name: e.currentTarget.value }); }}>{state.stages.map((s) => <option key={s} value={s}>{s}</option>)}</select></label>}
         <span class="grow" />
         <button id="undo" type="button" disabled={!state.undo} onClick={() => command({ do: "undo" })}>Undo</button><button id="redo" type="button" disabled={!state.redo} onClick={() => command({ do: "redo" })}>Redo</button>
         <button id="save" type="button" class="main" disabled={!state.unsaved.length} onClick={compare}>Save …</button>
       </header>
       <div role="alert" class="error" id="error" hidden={!error.value}>{error.value}</div>
-      <div class="banner" role="status" hidden={!state.notice && !state.changed.length}>{state.notice} {state.changed.length > 0 && <>{state.changed.join(", ")} changed on disk since it was opened, and is not overwritten. <button type="button" id="restart" onClick={() => command({ do: "restart" })}>Take the file, drop my edits</button></>}</div>
+      <div class="banner" role="status" hidden={!state.notice && !state.changed.length}>{state.notice} {state.changed.length > 0 && <>{state.changed.join(", ")} changed on disk since it was opened, and is not overwritten. <button type="button" id="merge" onClick={() => command({ do: "merge" })}>Merge with my edits</button> <button type="button" id="restart" onClick={() => command({ do: "restart" })}>Take the file, drop my edits</button></>}</div>
       <aside class="palette" aria-label="Palette">{state.palette.map((s) => (
         <button key={s.name} type="button" data-shape={s.name} aria-pressed={armed?.shape.name === s.name} title={s.words} disabled={s.name === "submodel" && !state.decks.length} onClick={() => arm(s, free())}><span class={`icon ${s.name}`} aria-hidden="true" />{s.name}<kbd>{s.key.toUpperCase()}</kbd></button>
       ))}</aside>

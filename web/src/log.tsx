@@ -52,10 +52,11 @@ export function Log() {
           <thead><tr><th scope="col">Column</th><th scope="col" class="num">Range</th><th scope="col">Unit</th><th scope="col">Looks like</th><th scope="col">Is</th></tr></thead>
           <tbody>{log.columns.filter((c) => c.guess !== "time").map((c) => { const b = log.channels[c.name]; return <Row key={c.name} column={c} bound={typeof b === "string" ? { node: b } : b} />; })}</tbody></table></div>
       </>}
+      {state.inherited.length > 0 && <details id="inherited" open={state.inherited.length < 6}><summary>{state.inherited[0]!.path ? `${state.inherited.length} values come from stages below` : "Values come from stages below"}</summary><ul class="detail">{state.inherited.map((v) => <li key={v.path}>{v.path && <strong>{v.path} </strong>}{nice(v.words)}</li>)}</ul></details>}
       <fieldset id="free"><legend>A fit finds</legend>{state.parameters.map((p) => (
         <label class="tick" key={p.path}><input type="checkbox" checked={p.free} data-path={p.path} onChange={(e) => command({ do: "free", paths: e.currentTarget.checked ? [...ticked, p.path] : ticked.filter((t) => t !== p.path) })} /> {p.path} <span class="soft">{nice(p.text)}</span></label>
       ))}{!state.parameters.length && <span class="soft">Nothing to find yet.</span>}</fieldset>
-      <div class="bar"><button id="run" type="button" disabled={running} onClick={() => begin("run")}>Run</button><button id="fit" type="button" class="main" disabled={running || !bound || !ticked.length} onClick={() => begin("fit")}>Fit {ticked.length || ""}</button>
+      <div class="bar"><button id="run" type="button" disabled={running} onClick={() => begin("run")}>Run</button><button id="fit" type="button" class="main" disabled={running || !(bound || state.inherited.length) || !ticked.length} onClick={() => begin("fit")}>Fit {ticked.length || ""}</button>
         <span class="soft">{state.missing > 0 && `${state.missing} values are numbers of the palette and not yours (red). `}{!bound && "Without a log a run is five hours in a room of 24 °C."}</span></div>
     </div>
   );

@@ -11,9 +11,9 @@ export interface Draft {
   file: string; title: string; text: string; notice: string; elements: Element[]; others: Record<string, number>;
   places: Record<string, [number, number]>; palette: Shape[]; sources: string[]; faults: Fault[]; undo: number; redo: number;
   unsaved: string[]; changed: string[]; log: Log | null; logs: string[]; parameters: Parameter[]; decks: string[]; missing: number;
-  refused?: Fault; made?: string; table?: string;
+  stages: string[]; stage: string; inherited: { path: string; words: string }[]; refused?: Fault; made?: string; table?: string;
 }
-export interface Curve { name: string; node: string; times: Float32Array; simulated: Float32Array; seen?: Float32Array; measured?: Float32Array; rmse?: number }
+export interface Curve { name: string; node: string; times: Float32Array; simulated: Float32Array; seen?: Float32Array; measured?: Float32Array; apart?: Float32Array; left?: Float32Array; rmse?: number | null; bias?: number | null; largest?: number | null; count?: number; sigma?: number | null }
 export interface Result {
   runs?: { name: string; curves: Curve[] }[]; fitted?: Record<string, { value: number; unit: string; error: number | null }>; warnings?: string[];
   standing?: { word?: string; standing?: string; text?: string };
@@ -36,12 +36,12 @@ export async function upload(name: string, data: Blob): Promise<{ file: string }
 }
 
 async function read<T>(answer: Response): Promise<T> {
-  const found = JSON.parse(await answer.text(), (_, v) => (v?.f4 !== undefined ? numbers(v.f4, 4) : v?.f8 !== undefined ? numbers(v.f8, 8) : v));
+  const found = JSON.parse(await answer.text(), (_, v) => (typeof v?.f4 === "string" ? numbers(v.f4, 4) : typeof v?.f8 === "string" ? numbers(v.f8, 8) : v));
   if (found.error) throw new Error(found.where && !found.error.includes(found.where) ? `${found.where}: ${found.error}` : found.error);
   return found as T;
 }
 
-// arrays come as bytes, little endian as every browser has them
+// arrays come as bytes, little endian as every browser has them; a node may be called f4 too, and has a number
 function numbers(text: string, size: 4 | 8): Float32Array | Float64Array {
   const bytes = Uint8Array.from(atob(text), (c) => c.charCodeAt(0));
   return size === 4 ? new Float32Array(bytes.buffer) : new Float64Array(bytes.buffer);

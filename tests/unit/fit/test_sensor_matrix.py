@@ -207,7 +207,7 @@ def foreseen(c: Cell) -> None:
 def shown(c: Cell) -> None:
     for name in c.studio.stages:
         desk = c.studio.desk(name)
-        for answer in (desk_object(desk), curves_object(desk, {}, "air"), fit_object(c.studio.done[name])):
+        for answer in (desk_object(desk), curves_object(desk, {}), fit_object(c.studio.done[name])):
             as_json(answer)
         rmse = desk.curves({})[0].curves[0].rmse
         assert rmse == pytest.approx(c.campaign[name].statistics[desk.curves({})[0].name]["T"].rmse, rel=1e-2, abs=1e-3)
@@ -216,9 +216,10 @@ def shown(c: Cell) -> None:
 
 def drawn(c: Cell) -> None:
     for name in c.studio.stages:
-        for time in (None, 0.0, 3600.0):
-            assert "<svg" in picture(c.studio.desk(name), {}, {"run": 0, "time": time})["svg"]
-        curves_object(c.studio.desk(name), {}, "vacuum")
+        desk = c.studio.desk(name)
+        for time in (0.0, 3600.0):
+            assert "<svg" in picture(desk, {}, {"run": 0, "time": time})["svg"]
+        as_json([*(q.simulated for q in desk.given(0)), *(desk.moves(s.path, {}, 0) for s in desk.sliders[:2])])
 
 
 def swapped(c: Cell) -> None:

@@ -21,7 +21,7 @@ def studio(
     file: Annotated[Path | None, typer.Argument(help="A deck or a campaign (TOML); without one the start page.")] = None,
     data: Data = None,
     results: Annotated[Path | None, typer.Option("--results", help="Folder of finished stages; 'results' beside the file.")] = None,
-    log: Annotated[Path | None, typer.Option("--log", help="A log that grows, to be followed in the view Bench.")] = None,
+    log: Annotated[Path | None, typer.Option("--log", help="A log that grows, to be followed in the view Watch.")] = None,
     port: Annotated[int, typer.Option("--port", min=0, max=65535, help="Port on this machine; any free one where it is 0.")] = 0,
     browser: Annotated[bool, typer.Option("--browser/--no-browser", help="Whether to open the page in a browser.")] = True,
 ) -> None:

@@ -18,9 +18,10 @@ from thermid.app.studio.work import Jobs, JobState
 from thermid.base.errors import DeckError, MissingDataError, NameNotFoundError, ThermidError, refuse_unknown
 from thermid.base.files import OWN, read_bytes, write_bytes
 from thermid.base.toml_files import read_toml, resolve_inside
+from thermid.base.units import from_si
 from thermid.campaign.stages import request_of
 from thermid.campaign.start import word
-from thermid.fit.calibration import fit
+from thermid.fit.calibration import Calibration, fit
 from thermid.fit.problem import Request, build_problem
 from thermid.model.deck import Edit
 from thermid.model.tree import Model, parameter_table
@@ -46,11 +47,13 @@ class Building:
     Parameters
     ----------
     path : Path     The deck, or a campaign; a deck that is not there yet is begun.
+    below : callable    Return stage -> its fit, of those that are done: what the stage inherits.
+    stage : int         Place of the stage in the campaign; -1 is the last one.
     """
 
-    def __init__(self, path: Path) -> None:
-        self.path = path
-        self.draft, self.notice = recalled(path)
+    def __init__(self, path: Path, below: Callable[[], Mapping[str, Calibration]] = dict, stage: int = -1) -> None:
+        self.path, self._below = path, below
+        self.draft, self.notice = recalled(path, stage)
         self.jobs = Jobs()
         self._model: tuple[str, Model] | None = None
         self.fitted: dict[str, dict[str, Any]] = {}
@@ -69,8 +72,10 @@ class Building:
             **{"elements": elements, "others": others, "places": self._places(elements), "palette": palette(), "sources": SOURCES},
             **{"faults": self.faults(), "undo": len(draft.past), "redo": len(draft.future), "unsaved": [*draft.to_save()]},
             **{"changed": list(draft.moved_on()), "log": log, "parameters": self._parameters(), "decks": self._decks()},
-            "logs": Follower(draft.deck.path.parent).offered()["logs"],
+            "logs": Follower(draft.documents[CAMPAIGN].path.parent).offered()["logs"],
             "missing": sum(f["missing"] for e in elements for f in e["fields"]),
+            **{"stages": [s["name"] for s in draft.documents[CAMPAIGN].content["stages"]], "stage": self._stage()["name"]},
+            "inherited": self._inherited(),
         }
 
     @property
@@ -128,7 +133,18 @@ class Building:
         return sorted(f.name for f in folder.glob("*.toml") if f != self.draft.deck.path and not f.name.endswith(".view.toml"))
 
     def _stage(self) -> dict[str, Any]:
-        return dict(self.draft.documents[CAMPAIGN].content["stages"][-1])
+        return dict(self.draft.documents[CAMPAIGN].content["stages"][self.draft.stage])
+
+    def _inherited(self) -> list[dict[str, Any]]:
+        """Return the values that the stage takes from others, in their units, or why it has none yet."""
+        if not self._stage().get("inherit"):
+            return []
+        try:
+            states = self.request().store.states.values()
+        except ThermidError as error:
+            return [{"path": "", "words": error.message}]
+        shown = ((s.path, from_si(s.value, s.unit), s) for s in states if s.kind == "parameter")
+        return [{"path": path, "words": f"{value:.4g} [{s.unit}], {s.origin}"} for path, value, s in shown]
 
     def _bound(self) -> dict[str, Any] | None:
         """Return the log of the stage with its columns and what they are bound to; None where there is none."""
@@ -137,12 +153,15 @@ class Building:
         if name is None or "file" not in content["records"][name]:
             return None
         table = content["records"][name]
-        looked = look(self._inside(table["file"]), time=table.get("time")).as_object()
-        looked = {k: looked[k] for k in ("problem", "rows", "columns", "questions", "notes", "sampling", "clock")}
+        try:
+            looked = look(self._inside(table["file"]), time=table.get("time")).as_object()
+            looked = {k: looked[k] for k in ("problem", "rows", "columns", "questions", "notes", "sampling", "clock")}
+        except ThermidError as error:
+            looked = {"problem": error.message, "rows": 0, "columns": [], "questions": [], "notes": []}
         return {"record": name, "file": table["file"], "channels": table["channels"], "others": len(content["records"]) - 1, **looked}
 
     def _inside(self, name: str) -> Path:
-        return resolve_inside(self.draft.deck.path.parent, name, "log")
+        return resolve_inside(self.draft.documents[CAMPAIGN].path.parent, name, "log")
 
     # ---- commands -----------------------------------------------------------------------------------------------------------------
 
@@ -189,7 +208,7 @@ class Building:
         """
         content = self.draft.deck.content
         nodes = [*content.get("needs", []), *content.get("nodes", {})]
-        needs = list(read_toml(self._inside(deck))[0].get("needs", []))
+        needs = list(read_toml(resolve_inside(self.draft.deck.path.parent, deck, "palette"))[0].get("needs", []))
         if needs and not nodes:
             raise DeckError(f"'{deck}' needs {', '.join(needs)}. Add a node or boundary for it first.", "palette", code="value.incomplete")
         return {"use": deck} | ({"bind": {n: n if n in nodes else nodes[0] for n in needs}} if needs else {})
@@ -211,7 +230,7 @@ class Building:
         ]
         free = self._stage().get("free", [])
         new = [name + p[len(keys[1]) :] if p.startswith(f"{keys[1]}.") else p for p in free]
-        freed = [Edit(("stages", len(bound["stages"]) - 1, "free"), new)] if new != free else []
+        freed = [Edit(("stages", self._place_of_stage(), "free"), new)] if new != free else []
         return self.draft.edited({DECK: edits, VIEW: places, CAMPAIGN: [*channels, *freed]})
 
     def _remove(self, body: Body) -> Draft:
@@ -235,15 +254,23 @@ class Building:
         return self.draft.edited({CAMPAIGN: edits})
 
     def _free(self, body: Body) -> Draft:
-        content = self.draft.documents[CAMPAIGN].content
-        return self.draft.edited({CAMPAIGN: [Edit(("stages", len(content["stages"]) - 1, "free"), list(texts_of(body, "paths")))]})
+        return self.draft.edited({CAMPAIGN: [Edit(("stages", self._place_of_stage(), "free"), list(texts_of(body, "paths")))]})
+
+    def _place_of_stage(self) -> int:
+        return self.draft.stage % len(self.draft.documents[CAMPAIGN].content["stages"])
+
+    def _open_stage(self, body: Body) -> Draft:
+        """Return the draft of another stage of the campaign; edits of this one that were not saved stay in its journal."""
+        names = [s["name"] for s in self.draft.documents[CAMPAIGN].content["stages"]]
+        refuse_unknown([text_of(body, "name")], names, "campaign", "no stage '{}'.", NameNotFoundError)
+        draft, self.notice = recalled(self.path, names.index(text_of(body, "name")))
+        return draft
 
     def _log(self, body: Body) -> Draft:
         """Return the draft with a log of the folder as its record, its columns bound as their names and units suggest."""
         file = text_of(body, "file")
         looked = look(self._inside(file)).as_object()
-        name, content = word(Path(file).name.partition(".")[0]), self.draft.documents[CAMPAIGN].content
-        stage = len(content["stages"]) - 1
+        name, stage = word(Path(file).name.partition(".")[0]), self._place_of_stage()
         records = [*(r for r in self._stage().get("records", []) if r != name), name]
         table = {"file": file, "channels": self._proposed(looked["columns"])}
         edits = [Edit(("records", name), table), Edit(("stages", stage, "records"), records)]
@@ -273,10 +300,6 @@ class Building:
         values = {p: f"{v['value']:.7g} [{v['unit']}]" for p, v in self.fitted.items()}
         return self.draft.with_values(values, f"fitted to {', '.join(self._stage()['records'])}")
 
-    def _restart(self, body: Body) -> Draft:
-        """Return the draft of the files as they are; what was not saved is gone."""
-        return Draft.opened(self.path)
-
     _commands: Final[Mapping[str, Callable[[Building, Body], Any]]] = {
         "add": _add,
         "set": lambda s, b: s.draft.edited(
@@ -295,32 +318,40 @@ class Building:
         "text": lambda s, b: s.draft.rewritten(text_of(b, "text")),
         "undo": lambda s, b: s.draft.undo(),
         "redo": lambda s, b: s.draft.redo(),
+        "stage": _open_stage,
         "log": _log,
         "bind": _bind,
         "free": _free,
         "take fit": _take_fit,
-        "restart": _restart,
+        "restart": lambda s, b: Draft.opened(s.path, s.draft.stage),
+        "merge": lambda s, b: s.draft.merged(),
     }
 
     # ---- run, fit, save ---------------------------------------------------------------------------------------------------------
 
     def request(self) -> Request:
-        """Return what the stage asks of the draft as it is.
+        """Return what the stage asks of the draft as it is, with what it inherits.
 
         Raises
         ------
-        ThermidError   When no log is bound, or it does not fit.
+        ThermidError   When no log is bound, it does not fit, or a stage below was not run.
         """
-        source = self.draft.source
-        k = len(source.content.stages) - 1
-        return request_of(source, source.content.stages[k], k, {}, self.model)
+        return self._request_with(self.model)
+
+    def _request_with(self, model: Model) -> Request:
+        source, k, done = self.draft.source, self._place_of_stage(), self._below()
+        stage = source.content.stages[k]
+        missing = [n for i in stage.inherit.values() for n in i.stages if n not in done]
+        if missing:
+            raise MissingDataError(f"needs values of stage '{missing[0]}', which has not been run. Run it in Correlate first.", stage.name)
+        return request_of(source, stage, k, done, model)
 
     def desk(self) -> Desk:
         """Return the draft ready to run: on its record, or in a room where no log is bound."""
         log, title = self._bound(), str(self.draft.deck.content["title"])
-        if log is not None and log["channels"]:
+        if log["channels"] if log is not None else self._stage().get("records"):
             request = self.request()
-            return Desk(title, self.model, build_problem(request))
+            return Desk(title, request.model, build_problem(request))
         boundaries = dict.fromkeys(compile_network(self.model).boundaries, "24 [degC]")
         return Desk(title, self.model, None, (Scenario("24 °C, five hours", boundaries=boundaries, start="24 [degC]", duration="5 [h]"),))
 
@@ -328,7 +359,7 @@ class Building:
         """Begin a run of the draft as it is."""
 
         def job(j: JobState) -> None:
-            j.result = curves_object(self.desk(), {}, "air")
+            j.result = curves_object(self.desk(), {})
 
         return self.jobs.start("run", str(self.draft.deck.content["title"]), job)
 
@@ -337,13 +368,13 @@ class Building:
         request = self.request()
 
         def job(j: JobState) -> None:
-            result = fit(request, j.tell)
+            result = fit(request, j.tell, stoppable=True)
             shown = fit_object(result)
             self.fitted = shown["values"]
             desk = Desk(request.name, result.model, result.problem, (), result)
-            j.result = {**shown, "fitted": self.fitted, **curves_object(desk, {}, "air")}
+            j.result = {**shown, "fitted": self.fitted, **curves_object(desk, {})}
 
-        return self.jobs.start("fit", request.name, job)
+        return self.jobs.start("fit", request.name, job, keeps=True)
 
     def conditions(self) -> dict[str, Any]:
         """Return what may be changed of the draft's run."""
@@ -353,12 +384,14 @@ class Building:
         """Return the run of the draft as it is and with other conditions."""
 
         def with_finish(surfaces: Sequence[str], finish: str) -> Model:
-            return self.draft.edited({DECK: finished(surfaces, finish)}).model
+            model = self.draft.edited({DECK: finished(surfaces, finish)}).model
+            return self._request_with(model).model if self._stage().get("inherit") else model
 
         return compared(self.desk(), body, with_finish)
 
     def difference(self) -> dict[str, Any]:
-        """Return what saving would change, as a unified diff."""
+        """Return what saving would change, as a unified diff, with what somebody else changed in the files merged into it first."""
+        self._take(self.draft.merged())
         return {"diff": self.draft.diff(), "files": [d.path.name for d in self.draft.to_save().values()]}
 
     def save(self, confirmed: str) -> dict[str, Any]:
@@ -386,7 +419,7 @@ class Building:
         plain = Path(name.replace("\\", "/")).name
         if not plain.strip(". ") or any(ord(c) < 32 for c in plain) or len(plain.encode()) > 200:
             raise DeckError("the log has no name for a file. Rename it.", "log")
-        folder = self.draft.deck.path.parent / "logs"
+        folder = self.draft.documents[CAMPAIGN].path.parent / "logs"
         folder.mkdir(parents=True, exist_ok=True)
         stem, dot, ending = plain.partition(".")
         for k in range(1, 1000):

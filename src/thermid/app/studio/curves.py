@@ -36,6 +36,7 @@ class ThinnedCurve:
     apart : array (apart,)      Times of what is left; it is thinned by itself, since its extremes lie elsewhere. [s]
     left : array (apart,)       Measured less simulated. [K]
     rmse, bias, largest, count  Of all readings, not only of the points shown. [K]
+    sigma : float               Standard deviation that weighs the sensor's residuals. [K]
     """
 
     name: str
@@ -50,6 +51,7 @@ class ThinnedCurve:
     bias: float = math.nan
     largest: float = math.nan
     count: int = 0
+    sigma: float = math.nan
 
 
 @dataclass(frozen=True, eq=False)

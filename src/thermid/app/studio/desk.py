@@ -23,6 +23,8 @@ from thermid.simulation.scenarios import Scenario
 from thermid.values.store import LeftOut, State, Store, ValueOrigin
 
 ICE = 273.15
+TRACK_POINTS = 400
+"""Points of the track of powers and boundaries."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -41,6 +43,10 @@ class Moment:
     temperatures: Mapping[str, float]
     flows: Mapping[str, float]
     powers: Mapping[str, float]
+
+    def drawn(self, folded: Sequence[str] = ()) -> str:
+        """Return it as SVG, submodels of these paths folded into one mass each."""
+        return network_map(self.model, temperatures=self.temperatures, flows=self.flows, powers=self.powers, folded=folded, marked=True)
 
 
 @dataclass(frozen=True, eq=False)
@@ -66,12 +72,11 @@ class Desk:
     def sliders(self) -> tuple[Slider, ...]:
         """Every parameter that is a number other than zero: those that the stage frees first, then in the order of the decks.
 
-        What a schedule of a run sets has none: it would act on the other runs alone.
+        What a schedule of a run sets has none: it would act on the other runs alone; `scheduled` names it.
         """
         fitted = {} if self.calibration is None else {p: v for p, v in self.calibration.values.items() if v.kind == "parameter"}
         unknowns = {u.name: u for u in self.problem.unknowns if u.kind == "parameter"} if self.problem is not None else {}
-        runs = self.scenarios if self.problem is None else tuple(e.scenario for e in self.problem.experiments)
-        without = {*(p for u in unknowns.values() for p in u.also), *(self.model.canonical(p) for run in runs for p in run.schedule)}
+        without = {*(p for u in unknowns.values() for p in u.also), *self.scheduled}
         out = []
         for path, entry in parameter_table(self.model).items():
             literal = entry.parameter.expression.literal
@@ -80,8 +85,14 @@ class Desk:
             value, error = (fitted[path].value, fitted[path].error) if path in fitted else (literal.value, None)
             if value != 0.0 and math.isfinite(value):
                 unknown = unknowns.get(path)
-                out.append(slider_of(path, entry, value, error, unknown is not None, unknown.also if unknown is not None else ()))
+                out.append(slider_of(path, entry, value, error, unknown))
         return tuple(sorted(out, key=lambda s: not s.free))
+
+    @cached_property
+    def scheduled(self) -> tuple[str, ...]:
+        """Parameters that a schedule of a run sets over time."""
+        runs = self.scenarios if self.problem is None else tuple(e.scenario for e in self.problem.experiments)
+        return tuple(dict.fromkeys(self.model.canonical(p) for run in runs for p in run.schedule))
 
     @cached_property
     def others(self) -> Mapping[str, Unknown]:
@@ -127,23 +138,36 @@ class Desk:
         texts = {p: f"{v!r} [{sliders[path].unit}]" for path, v in values.items() for p in (path, *sliders[path].also)}
         return model.with_values(texts, "tuned by hand")
 
-    def curves(self, values: Mapping[str, float], window: Window = None) -> tuple[RunCurves, ...]:
-        """Return measured and simulated curves of every record, or of every scenario where nothing was measured.
+    def curves(
+        self, values: Mapping[str, float], window: Window = None, runs: Collection[int] | None = None, points: int = POINTS
+    ) -> tuple[RunCurves, ...]:
+        """Return measured and simulated curves of records, or of scenarios where nothing was measured.
 
         Parameters
         ----------
         values : dict           Slider -> value in its unit, and what a fit found beside the sliders: name in `others` -> value [SI].
                                 What is not given stands as the stage's fit found it, or as the fit would start.
         window : (begin, end)   What a page shows of them; all of it by default. Metrics are of all readings all the same. [s]
+        runs : collection       Which records or scenarios; all of them by default.
+        points : int            Points of a curve at most, even.
 
         Raises
         ------
         ThermidError   When a run cannot be finished at these values.
         """
+        chosen = range(len(self.runs)) if runs is None else runs
         if self.problem is None:
             values_si = {**self._starts, **self.si(values)}
-            return tuple(_of_scenario(simulator, values_si, window) for simulator in self._simulators)
-        return tuple(self._of_record(i, values, window) for i in range(len(self.problem.experiments)))
+            solutions = {i: self._simulators[i].run(self._simulators[i].with_units(values_si)) for i in chosen}
+            return tuple(
+                RunCurves(
+                    self.runs[i],
+                    tuple(ThinnedCurve(n, n, *thinned_curve(s.times, s[n].celsius, window, points)) for n in self.nodes),
+                    tuple(s.warnings),
+                )
+                for i, s in solutions.items()
+            )
+        return tuple(self._of_record(i, values, window, points) for i in chosen)
 
     @cached_property
     def boundaries(self) -> tuple[str, ...]:
@@ -159,20 +183,6 @@ class Desk:
     def parts(self) -> tuple[str, ...]:
         """Paths of all submodels."""
         return parts_of(self.model)
-
-    def without_gas(self, values: Mapping[str, float], as_printed: bool) -> dict[str, tuple[ThinnedCurve, ...]]:
-        """Return run -> the same curves in vacuum, or with every coefficient zero as the source document prints it.
-
-        Raises
-        ------
-        ThermidError   When a coefficient holds radiation that nobody has split off, or a run cannot be finished.
-        """
-        out = {}
-        for run, nodes in enumerate(self._shown):
-            model, scenario = self.run_of(run, values)
-            simulator = prepare(model, scenario.vacuum(as_printed), every=scenario.seconds / (POINTS // 2))
-            out[self.runs[run]] = _curves_of(simulator.run(), nodes or simulator.wiring.network.nodes)
-        return out
 
     def run_of(self, run: int, values: Mapping[str, float], sensors: bool = True) -> tuple[Model, Scenario]:
         """Return the model and the scenario of one run as its curves have them.
@@ -197,32 +207,24 @@ class Desk:
         last = {name: {k: float(v[-1]) for k, v in table.items()} for name, table in _tables(solution).items()}
         return Moment(model, last["temperatures"], last["flows"], last["powers"])
 
-    def drawn(self, values: Mapping[str, float], run: int, time: float | None, folded: Sequence[str]) -> str:
-        """Return the model as SVG, with temperatures, heat flows and powers at a time of one of its runs.
+    def given(self, run: int) -> tuple[ThinnedCurve, ...]:
+        """Return what a run is given from outside, over time: temperatures of boundaries [degC], and powers as ``W NAME`` [W]."""
+        model, scenario = self.run_of(run, {})
+        solution = prepare(model, scenario, every=scenario.seconds / (TRACK_POINTS // 2)).run()
+        courses = {n: solution[n].celsius for n in self.boundaries} | {f"W {n}": v for n, v in solution.load_powers.items()}
+        return tuple(ThinnedCurve(n.split()[-1], n, *thinned_curve(solution.times, v, None, TRACK_POINTS)) for n, v in courses.items())
 
-        Parameters
-        ----------
-        values : dict       As in `curves`.
-        run : int           Which record or scenario.
-        time : float        Since its beginning; None for the plain picture. [s]
-        folded : sequence   Submodels drawn as one mass.
-        """
-        if time is None or not 0 <= run < len(self.runs):
-            return network_map(self.tuned(values), folded=folded, marked=True)
-        now = self.moment(values, run, time)
-        return network_map(now.model, temperatures=now.temperatures, flows=now.flows, powers=now.powers, folded=folded, marked=True)
+    def moves(self, path: str, values: Mapping[str, float], run: int) -> dict[str, float]:
+        """Return sensor -> largest change of its curve when a parameter grows by one per cent. [K]"""
+        at = values.get(path, next((s.value for s in self.sliders if s.path == path), 0.0))
+        before, after = (self.curves({**values, path: v}, runs=(run,))[0].curves for v in (at, 1.01 * at))
+        moved = {b.name: np.interp(b.times, a.times, a.simulated) - b.simulated for b, a in zip(before, after, strict=True)}
+        return {n: float(v[np.argmax(np.abs(v))]) for n, v in moved.items()}
 
     @cached_property
     def runs(self) -> tuple[str, ...]:
         """Titles of the records, or of the scenarios where nothing was measured."""
         return tuple(s.title for s in self.scenarios) if self.problem is None else tuple(e.record.name for e in self.problem.experiments)
-
-    @cached_property
-    def _shown(self) -> tuple[tuple[str, ...], ...]:
-        """Observed nodes of every run; none where all are shown."""
-        if self.problem is None:
-            return ((),) * len(self.scenarios)
-        return tuple(tuple(o.node for o in e.observations) for e in self.problem.experiments)
 
     @cached_property
     def _names(self) -> tuple[str, ...]:
@@ -266,7 +268,7 @@ class Desk:
         assert self.problem is not None
         return dict(zip(self.problem.benches()[run].free, self.problem.inputs(run, fitted)[0].tolist(), strict=True))
 
-    def _of_record(self, run: int, values: Mapping[str, float], window: Window) -> RunCurves:
+    def _of_record(self, run: int, values: Mapping[str, float], window: Window, points: int) -> RunCurves:
         """Return the curves of one record, with starts, constant errors and powers as the fit found them."""
         problem = self.problem
         assert problem is not None
@@ -283,10 +285,13 @@ class Desk:
             left = o.measured - predicted
             s = Sums.of(left).statistics(0.0) if known is None else known[o.sensor]
             (at, simulated), (seen, measured), (apart, rest) = (
-                thinned_curve(times, v, window) for v in (predicted - ICE, o.measured - ICE, left)
+                thinned_curve(times, v, window, points) for v in (predicted - ICE, o.measured - ICE, left)
             )
             out.append(
-                ThinnedCurve(o.sensor, o.seat, at, simulated, seen, measured, apart, rest, s.rmse, s.mean, abs(s.largest), s.samples)
+                ThinnedCurve(
+                    *(o.sensor, o.seat, at, simulated, seen, measured, apart, rest),
+                    *(s.rmse, s.mean, abs(s.largest), s.samples, o.sigma(problem.noise)),
+                )
             )
         return RunCurves(bench.experiment.record.name, tuple(out))
 
@@ -295,18 +300,6 @@ def _tables(solution: Solution) -> dict[str, Mapping[str, Array]]:
     """Return temperatures [K], heat flows and powers [W] over time, by name."""
     temperatures = {n: solution[n].kelvin for n in solution.nodes}
     return {"temperatures": temperatures, "flows": solution.heat_flows, "powers": solution.load_powers}
-
-
-def _of_scenario(simulator: Simulator, si: Mapping[str, float], window: Window) -> RunCurves:
-    """Return the curves of a scenario, those of every mass."""
-    solution = simulator.run(simulator.with_units(si))
-    return RunCurves(
-        simulator.wiring.scenario.title, _curves_of(solution, simulator.wiring.network.nodes, window), tuple(solution.warnings)
-    )
-
-
-def _curves_of(solution: Solution, nodes: Sequence[str], window: Window = None) -> tuple[ThinnedCurve, ...]:
-    return tuple(ThinnedCurve(n, n, *thinned_curve(solution.times, solution[n].celsius, window)) for n in nodes)
 
 
 def _bias(problem: Problem, sensor: str, fitted: Array) -> float:
@@ -330,6 +323,8 @@ class Slider:
     error : float or None   Standard error that the fit found. [unit]
     source, note : str      Where the value comes from.
     also : tuple of str     Other instances that move with it.
+    prior : (low, high)     Two standard deviations of the prior that the fit uses; empty without one. [unit]
+    deck : float            What the decks say. [unit]
     """
 
     path: str
@@ -343,9 +338,11 @@ class Slider:
     source: str = ""
     note: str = ""
     also: tuple[str, ...] = ()
+    prior: tuple[float, ...] = ()
+    deck: float = math.nan
 
 
-def slider_of(path: str, entry: Entry, value: float, error: float | None, free: bool, also: tuple[str, ...]) -> Slider:
+def slider_of(path: str, entry: Entry, value: float, error: float | None, unknown: Unknown | None) -> Slider:
     """Return the slider of a parameter: its own bounds, or a factor of five either way where it has none."""
     given = entry.parameter
     of = unit(given.unit or "1")
@@ -357,7 +354,12 @@ def slider_of(path: str, entry: Entry, value: float, error: float | None, free: 
     high = high if high is not None else at * 5 if log else at + span
     shown = None if error is None or not math.isfinite(error) else error / float(of.factor)
     note = "; ".join(t for t in (given.note, given.basis) if t)
-    return Slider(path, of.text, at, min(low, at), max(high, at), log, free, shown, given.source or entry.origin, note, also)
+    prior, also = None if unknown is None else unknown.prior, () if unknown is None else unknown.also
+    ends = () if prior is None or unknown is None else tuple(from_si(unknown.to_value(prior.mean + k * prior.sd), of) for k in (-2.0, 2.0))
+    literal = given.expression.literal
+    deck = at if literal is None else from_si(literal.value, of)
+    where, free = given.source or entry.origin, unknown is not None
+    return Slider(path, of.text, at, min(low, at), max(high, at), log, free, shown, where, note, also, ends, deck)
 
 
 WORDS = "'{}' was set in the studio without an error"

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import difflib
 import json
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
@@ -47,15 +48,19 @@ class Draft:
     documents : dict    'deck', 'campaign' and 'view' -> document. A campaign without records is not written.
     past : tuple        For each step the documents that it changed, the last one last.
     future : tuple      For each step that was undone, the next one last.
+    base : dict         Name -> text of its file when it was read or last saved; empty for none.
+    stage : int         Place of the stage in the campaign; -1 is the last one.
     """
 
     documents: Mapping[str, DeckDocument]
     past: tuple[tuple[str, ...], ...] = field(default=())
     future: tuple[tuple[str, ...], ...] = field(default=())
+    base: Mapping[str, str] = field(default_factory=dict)
+    stage: int = -1
 
     @classmethod
-    def opened(cls, path: Path) -> Draft:
-        """Return the draft of a deck, or of a campaign with the deck of its last stage; a deck that is not there yet is empty.
+    def opened(cls, path: Path, stage: int = -1) -> Draft:
+        """Return the draft of a deck, or of a campaign with the deck of a stage; a deck that is not there yet is empty.
 
         Raises
         ------
@@ -63,18 +68,17 @@ class Draft:
         """
         content = read_toml(path)[0] if path.exists() else {}
         if "stages" in content:
-            campaign, deck = path, path.parent / str(content["stages"][-1]["model"])
+            campaign, deck = path, path.parent / str(content["stages"][stage]["model"])
         else:
             campaign, deck = path.with_name(f"{path.stem}_campaign.toml"), path
         title = deck.stem.replace("_", " ")
-        stage = f'[[stages]]\nname = {json.dumps(title)}\nmodel = "{deck.name}"\nrecords = []\nfree = []\n'
-        return cls(
-            {
-                DECK: _document(deck, f"title = {json.dumps(title)}\n"),
-                CAMPAIGN: _document(campaign, f"title = {json.dumps(title)}\n\n[records]\n\n{stage}", _campaign),
-                VIEW: _document(deck.with_suffix(".view.toml"), f"# Where the studio draws the nodes of {deck.name}.\n", _view),
-            }
-        )
+        first = f'[[stages]]\nname = {json.dumps(title)}\nmodel = "{deck.name}"\nrecords = []\nfree = []\n'
+        documents = {
+            DECK: _document(deck, f"title = {json.dumps(title)}\n"),
+            CAMPAIGN: _document(campaign, f"title = {json.dumps(title)}\n\n[records]\n\n{first}", _campaign),
+            VIEW: _document(deck.with_suffix(".view.toml"), f"# Where the studio draws the nodes of {deck.name}.\n", _view),
+        }
+        return cls(documents, base={name: _text_of(d) for name, d in documents.items()}, stage=stage)
 
     @property
     def deck(self) -> DeckDocument:
@@ -118,7 +122,7 @@ class Draft:
         changed = tuple(name for name, d in documents.items() if d.text != self.documents[name].text)
         if not changed:
             return self
-        return Draft({**self.documents, **{name: documents[name] for name in changed}}, (*self.past, changed))
+        return Draft({**self.documents, **{name: documents[name] for name in changed}}, (*self.past, changed), (), self.base, self.stage)
 
     def undo(self) -> Draft:
         """Return it before the last step; itself where there is none."""
@@ -132,7 +136,7 @@ class Draft:
         if not steps:
             return self
         past, future = then(steps, steps[-1])
-        return Draft({n: how(d) if n in steps[-1] else d for n, d in self.documents.items()}, past, future)
+        return Draft({n: how(d) if n in steps[-1] else d for n, d in self.documents.items()}, past, future, self.base, self.stage)
 
     def to_save(self) -> dict[str, DeckDocument]:
         """Return the documents that differ from their files; a campaign or a view that says nothing yet needs none."""
@@ -160,7 +164,22 @@ class Draft:
             document.check_file()
         for document in changed.values():
             document.save()
-        return replace(self, documents={n: replace(d, new=d.new and n not in changed) for n, d in self.documents.items()})
+        documents = {n: replace(d, new=d.new and n not in changed) for n, d in self.documents.items()}
+        return replace(self, documents=documents, base={n: _text_of(d) for n, d in documents.items()})
+
+    def merged(self) -> Draft:
+        """Return it with what somebody else changed in its files since they were read, as one step on the files as they are.
+
+        Raises
+        ------
+        DeckError   When both changed the same lines, or what comes out is not valid; nothing is changed then.
+        """
+        if not self.moved_on():
+            return self
+        texts = {n: _text_of(d) for n, d in self.documents.items()}
+        there = {n: replace(d, text=texts[n] or d.text, past=(), future=(), new=not texts[n]) for n, d in self.documents.items()}
+        mine = {n: merged_text(self.base.get(n, ""), d.text, texts[n] or d.text, d.path.name) for n, d in self.documents.items()}
+        return Draft(there, base=texts, stage=self.stage)._then({n: there[n].rewritten(text) for n, text in mine.items()})
 
     def moved_on(self) -> tuple[str, ...]:
         """Return the names of files that somebody else changed."""
@@ -171,6 +190,30 @@ class Draft:
             except DeckError:
                 out.append(document.path.name)
         return tuple(out)
+
+
+def merged_text(base: str, mine: str, theirs: str, name: str) -> str:
+    """Return a text with the lines that either of two changed in a common one.
+
+    Raises
+    ------
+    DeckError   When both changed the same lines, each in its own way.
+    """
+    old = base.splitlines(keepends=True)
+    pieces = set()
+    for new in (text.splitlines(keepends=True) for text in (mine, theirs)):
+        ways = difflib.SequenceMatcher(None, old, new, autojunk=False).get_opcodes()
+        pieces |= {(i, j, tuple(new[a:b])) for way, i, j, a, b in ways if way != "equal"}
+    out, at = [], 0
+    for i, j, lines in sorted(pieces):
+        if i < at or (i == at and any(p[:2] == (i, j) and p[2] != lines for p in pieces)):
+            why = (
+                f"line {i + 1} was changed here and by somebody else: {''.join(lines).strip()!r}. Take the file, or undo your change of it."
+            )
+            raise DeckError(why, name, code="output.changed-meanwhile")
+        out += [*old[at:i], *lines]
+        at = j
+    return "".join([*out, *old[at:]])
 
 
 def _document(path: Path, empty: str, check: Callable[[Path, Mapping[str, Any]], object] | None = None) -> DeckDocument:
@@ -191,21 +234,23 @@ def journal_of(path: Path) -> Path:
 def keep(draft: Draft) -> None:
     """Write the journal of a draft, so that a killed studio loses nothing."""
     documents = {name: d.history for name, d in draft.documents.items()}
-    text = json.dumps({"documents": documents, "past": draft.past, "future": draft.future, "waiting": bool(draft.to_save())})
+    steps = {"past": draft.past, "future": draft.future, "base": draft.base}
+    text = json.dumps({"documents": documents, **steps, "waiting": bool(draft.to_save())})
     with command(force=True):
         write_bytes(journal_of(draft.deck.path), text.encode(), OWN)
 
 
-def recalled(path: Path) -> tuple[Draft, str]:
+def recalled(path: Path, stage: int = -1) -> tuple[Draft, str]:
     """Return the draft of a deck with the edits of its journal, and what is to be said of them; without a journal that of its files.
 
     A journal that does not read is dropped, and so is one without an edit that waits when somebody else changed a file since.
     """
-    plain = Draft.opened(path)
+    plain = Draft.opened(path, stage)
     try:
         journal = json.loads(read_text(journal_of(plain.deck.path)))
         documents = {name: plain.documents[name].with_history(**of) for name, of in journal["documents"].items()}
-        draft = Draft(documents, *(tuple(map(tuple, journal[key])) for key in ("past", "future")))
+        past, future = (tuple(map(tuple, journal[key])) for key in ("past", "future"))
+        draft = Draft(documents, past, future, dict(journal["base"]), stage)
         for document in documents.values():
             document.check(document.path, document.content)
     except (OSError, ValueError, KeyError, TypeError, ThermidError):

@@ -20,13 +20,15 @@ from thermid.measure.readers import read_record, temperature_columns
 from thermid.measure.records import Channel, Record
 from thermid.measure.steadiness import RULES, ChannelStability, StabilityRule, channel_stability, rule_of, since_when
 from thermid.physics.constants import ICE_POINT
-from thermid.qualify.steadiness import Stability, forecast
+from thermid.qualify.steadiness import Forecast, Stability, forecast
 from thermid.qualify.watch import read_whole_lines
 
 KINDS = ("*.csv", "*.log", "*.txt", "*.tsv", "*.csv.gz")
 OFFERED = 200
 BUDGET = 1.5
 """Time that forecasts of one look may take; the channel looked at comes first. [s]"""
+FAN_POINTS = 24
+"""Times for which a forecast is drawn."""
 BREAK = 5.0
 """A time between samples that is so many times the usual one is drawn as a gap."""
 
@@ -78,7 +80,7 @@ class Follower:
         Parameters
         ----------
         asked : dict    ``file`` (empty for the one of the command line), ``rule``, ``since`` and ``slowest`` [h], ``reference``,
-                        ``channel`` that is looked at, ``window`` [s], ``known``; ``boundaries`` and ``within`` as `LiveWatch` takes them.
+                        ``channel`` that is looked at, ``window`` [s], ``known``; and what `LiveWatch` takes.
 
         Raises
         ------
@@ -196,7 +198,17 @@ def _forecast(record: Record, name: str, rule: StabilityRule, asked: Mapping[str
         "error": None if declined else final.error,
         "holds": outlook.holds,
         "late": outlook.holds_late,
+        "fan": {} if declined else _fan(outlook),
     }
+
+
+def _fan(outlook: Forecast) -> dict[str, Array]:
+    """Return what readings will say until the rule holds, at most twice as long as was watched: times [s], value, interval [degC]."""
+    watched = outlook.now - outlook.start
+    last = min(max(outlook.holds or 0.0, outlook.now + 0.5 * watched), outlook.now + 2.0 * watched)
+    times = np.linspace(outlook.now, last, FAN_POINTS)
+    readings = [outlook.reading(float(t)) for t in times]
+    return {"times": times} | {n: np.array([getattr(r, n) for r in readings]) - ICE_POINT for n in ("value", "low", "high")}
 
 
 def _channel(channel: Channel, times: Array, window: Window) -> dict[str, Any]:

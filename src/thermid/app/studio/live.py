@@ -9,13 +9,15 @@ from typing import Any
 
 from thermid.base.codes import add_codes
 from thermid.base.errors import RecordError, ThermidError
+from thermid.base.units import TEMPERATURE
 from thermid.campaign.stages import Campaign, running_test
 from thermid.measure.amounts import pairs, with_unit
 from thermid.measure.readers import log_cells, name_and_unit
 from thermid.measure.steadiness import StabilityRule
+from thermid.model.laws import literal
 from thermid.model.parameters import UNJUDGED
 from thermid.model.tree import Model
-from thermid.qualify.watch import BoundColumns, Watcher, WatchRequest
+from thermid.qualify.watch import BoundColumns, TemperatureLimit, Watcher, WatchRequest
 from thermid.reporting.objects import clean
 from thermid.simulation.network import compile_network
 from thermid.simulation.scenarios import Scenario
@@ -61,16 +63,16 @@ class LiveWatch:
         ----------
         path : Path         The log.
         rule : StabilityRule
-        asked : dict        ``boundaries``, such as ``air=22`` in degC, and ``within`` [K].
+        asked : dict        ``boundaries`` and ``limits``, such as ``air=22`` in degC, and ``within`` [K].
         slowest : float     Longest time constant, where no model is there. [s]
         since : float       When conditions last changed; the beginning where it is None. [s]
         """
         model, unused = None, ""
         try:
             known = self._known()
-            of = (path, rule.name, slowest, since, asked.get("boundaries"), asked.get("within"))
+            of = (path, rule.name, slowest, since, *(asked.get(k) for k in ("boundaries", "within", "limits")))
             if self._watcher is None or of != self._of or known is not self._subject:
-                self._watcher, bare = None, _bare(rule, _within(asked), slowest, since)
+                self._watcher, bare = None, _bare(rule, asked, slowest, since)
                 self._bound, self._of, self._subject = _bound(path, known, asked, bare), of, known
             unused = self._bound.unused
             record = self._bound.request.read(path)
@@ -95,15 +97,21 @@ def _within(asked: Mapping[str, Any]) -> float:
     return float(within)
 
 
-def _bare(rule: StabilityRule, within: float, slowest: float | None, since: float | None) -> WatchRequest:
+def _temperatures(body: Mapping[str, Any], key: str) -> dict[str, str]:
+    """Return name -> temperature with its unit, of a text such as ``air=22, plate=30``."""
+    return {n: with_unit(t, "degC") for n, t in pairs(filter(str.strip, str(body.get(key) or "").split(",")), "watch").items()}
+
+
+def _bare(rule: StabilityRule, body: Mapping[str, Any], slowest: float | None, since: float | None) -> WatchRequest:
     """Return how a log is watched where its readings are all that is known."""
-    return WatchRequest(BoundColumns(), rule, within, slowest=slowest, since="start" if since is None else since)
+    limits = tuple(TemperatureLimit(n, False, literal(t, TEMPERATURE, "limit")) for n, t in _temperatures(body, "limits").items())
+    return WatchRequest(BoundColumns(), rule, _within(body), limits, slowest=slowest, since="start" if since is None else since)
 
 
 def _bound(path: Path, known: Model | Campaign | None, asked: Mapping[str, Any], bare: WatchRequest) -> _Bound:
     """Return what a log is watched by: the model where the log has its nodes and everything that it needs is known."""
-    given = pairs(filter(str.strip, str(asked.get("boundaries") or "").split(",")), "bench")
-    said = Scenario(path.stem, boundaries={n: with_unit(t, "degC") for n, t in given.items()}) if given else None
+    given = _temperatures(asked, "boundaries")
+    said = Scenario(path.stem, boundaries=given) if given else None
     if known is None:
         return _Bound(bare)
     try:

@@ -5,15 +5,15 @@ from __future__ import annotations
 import base64
 import json
 import math
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Collection, Mapping
 from dataclasses import asdict
 from typing import Any
 
 import numpy as np
 
 from thermid.app.studio.courses import Shelf, outcome_object, profile_for, profile_object
-from thermid.app.studio.curves import RunCurves, ThinnedCurve, Window, text_of, texts_of, window_of
-from thermid.app.studio.desk import Desk
+from thermid.app.studio.curves import POINTS, ThinnedCurve, Window, number_of, text_of, texts_of, window_of
+from thermid.app.studio.desk import ICE, Desk
 from thermid.app.studio.follow import Follower
 from thermid.app.studio.project import Project
 from thermid.app.studio.work import Work
@@ -47,7 +47,16 @@ def orders(project: Project, work: Work) -> dict[str, Callable[[Body], Any]]:
 
     def curves(body: Body) -> Any:
         desk, measured = project.desk(text_of(body, "stage")), bool(body.get("measured", True))
-        return curves_object(desk, _values(body), text_of(body, "gas"), measured, window_of(body))
+        runs = None if body.get("run") is None else (_run_of(desk, body),)
+        points = int(number_of(body, "points")) if "points" in body else POINTS
+        return curves_object(desk, _values(body), measured, window_of(body), runs, points)
+
+    def desk_of(body: Body) -> Desk:
+        return project.desk(text_of(body, "stage"))
+
+    def moves(body: Body) -> Any:
+        desk = desk_of(body)
+        return desk.moves(text_of(body, "path"), _values(body), _run_of(desk, body))
 
     def profile(body: Body) -> Any:
         course = work.shelf.course(project.desk(text_of(body, "stage")), text_of(body, "course"))
@@ -62,7 +71,10 @@ def orders(project: Project, work: Work) -> dict[str, Callable[[Body], Any]]:
 
     return {
         "curves": curves,
-        "picture": lambda b: picture(project.desk(text_of(b, "stage")), _values(b), b),
+        "given": lambda b: {"curves": [_curve(c, True) for c in desk_of(b).given(_run_of(desk_of(b), b))]},
+        "moves": moves,
+        "kept": lambda b: project.kept_values(text_of(b, "stage"), text_of(b, "file")),
+        "picture": lambda b: picture(desk_of(b), _values(b), b),
         "run": lambda b: work.run(text_of(b, "stage"), bool(b.get("below"))),
         "fit": lambda b: work.fit(text_of(b, "stage"), _values(b), texts_of(b, "free")),
         "save": lambda b: {"file": project.save(text_of(b, "stage"), _values(b), text_of(b, "name")).name},
@@ -87,7 +99,8 @@ def _values(body: Mapping[str, Any]) -> dict[str, float]:
 
 SINGLE = 1e6
 """Up to here four bytes tell times to a tenth of a second and temperatures to a millikelvin."""
-GASES = ("air", "vacuum", "printed")
+FEWEST = 50
+"""Points of a curve that a page may ask for at least."""
 
 
 def project_object(project: Project, job: Mapping[str, Any]) -> dict[str, Any]:
@@ -101,6 +114,7 @@ def project_object(project: Project, job: Mapping[str, Any]) -> dict[str, Any]:
         "stages": [asdict(project.states[name]) for name in project.stages],
         **standing_object(project),
         "decks": project.decks() if project.source is not None else (),
+        "kept": project.kept_files(),
         "table": {"heads": [c.title for c in table.columns], "rows": [[[c.text, c.look] for c in row] for row in table.rows]},
         "job": job,
     }
@@ -126,45 +140,54 @@ def desk_object(desk: Desk) -> dict[str, Any]:
         "warnings": list(desk.calibration.warnings) if desk.calibration is not None else [],
         "standing": (desk.calibration.standing if desk.calibration is not None else model_standing(desk.model)).to_dict(desk.title),
         "synthetic": desk.problem is not None and any(e.record.origin.synthetic for e in desk.problem.experiments),
-        **curves_object(desk, {}, "air"),
+        "scheduled": desk.scheduled,
+        **curves_object(desk, {}),
     }
 
 
-def curves_object(desk: Desk, values: Mapping[str, float], gas: str, measured: bool = True, window: Window = None) -> dict[str, Any]:
-    """Return the curves at values of the sliders, in air, in vacuum, or in vacuum as the source document prints it.
+def curves_object(
+    desk: Desk,
+    values: Mapping[str, float],
+    measured: bool = True,
+    window: Window = None,
+    runs: Collection[int] | None = None,
+    points: int = POINTS,
+) -> dict[str, Any]:
+    """Return the curves at values of the sliders, as `Desk.curves` takes them; without what was measured where it is not asked for.
 
     Raises
     ------
-    DeckError       When there is no such gas.
     ThermidError    When a run is refused or cannot be finished.
     """
-    refuse_unknown([gas], GASES, "studio", "'{}' is not one of {known}.", DeckError)
-    runs = desk.curves(values, window)
-    without = desk.without_gas(values, as_printed=gas == "printed") if gas != "air" else {}
-    return {"runs": [_run(r, without.get(r.name, ()), measured) for r in runs]}
+    curves = desk.curves(values, window, runs, min(max(points // 2 * 2, FEWEST), POINTS))
+    return {"runs": [{"name": r.name, "remarks": r.remarks, "curves": [_curve(c, measured) for c in r.curves]} for r in curves]}
 
 
-def _run(run: RunCurves, without: tuple[ThinnedCurve, ...], measured: bool) -> dict[str, Any]:
-    gone = {c.node: c for c in without}
-    return {"name": run.name, "remarks": run.remarks, "curves": [_curve(c, gone.get(c.node), measured) for c in run.curves]}
+def _curve(curve: ThinnedCurve, measured: bool) -> dict[str, Any]:
+    still = ("name", "node", "seen", "measured", "count", "sigma") if measured else ()
+    return {k: getattr(curve, k) for k in (*still, "times", "simulated", "apart", "left", "rmse", "bias", "largest")}
 
 
-def _curve(curve: ThinnedCurve, without: ThinnedCurve | None, measured: bool) -> dict[str, Any]:
-    still = ("name", "node", "seen", "measured", "count") if measured else ()
-    out = {k: getattr(curve, k) for k in (*still, "times", "simulated", "apart", "left", "rmse", "bias", "largest")}
-    if without is not None:
-        out |= {"gone_times": without.times, "gone": without.simulated}
-    return out
+def _run_of(desk: Desk, body: Mapping[str, Any]) -> int:
+    """Return the run that a page asks for, the first where it names none.
+
+    Raises
+    ------
+    DeckError   When there is none of that number.
+    """
+    run = body.get("run", 0)
+    if not isinstance(run, int) or isinstance(run, bool) or not 0 <= run < len(desk.runs):
+        raise DeckError("give a run as a whole number and a time as a number.", "studio")
+    return run
 
 
 def picture(desk: Desk, values: Mapping[str, float], asked: Mapping[str, Any]) -> dict[str, Any]:
-    """Return the model as SVG at a time of one of its runs, submodels folded as asked."""
+    """Return the model as SVG and as a table, at a time of one of its runs, submodels folded as asked."""
     folded = texts_of(asked, "folded")
     refuse_unknown(folded, desk.parts, desk.title, "unknown part '{}'.", DeckError)
-    time, run = asked.get("time"), asked.get("run", 0)
-    if not isinstance(run, int) or isinstance(run, bool) or not (time is None or (isinstance(time, int | float) and math.isfinite(time))):
-        raise DeckError("give a run as a whole number and a time as a number.", "studio")
-    return {"svg": desk.drawn(values, run, None if time is None else float(time), folded)}
+    now = desk.moment(values, _run_of(desk, asked), number_of({"time": 0.0, **asked}, "time"))
+    table = {"temperatures": {n: v - ICE for n, v in now.temperatures.items()}, "flows": now.flows, "powers": now.powers}
+    return {"svg": now.drawn(folded), "table": table}
 
 
 def shelf_object(shelf: Shelf, desk: Desk) -> dict[str, Any]:

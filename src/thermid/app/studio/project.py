@@ -35,7 +35,7 @@ from thermid.model.tree import Model, ParameterSet, parameter_table
 from thermid.reporting.pages import Table, levels
 from thermid.simulation.network import compile_network
 from thermid.simulation.scenarios import Scenario, load_scenario
-from thermid.values.fitted import save_store
+from thermid.values.fitted import load_store, save_store
 from thermid.values.store import Store
 
 Told = Callable[[int, float], None]
@@ -251,7 +251,7 @@ class Project:
         starts = desk.si({s.path: values.get(s.path, s.value) for s in desk.sliders if s.path in free})
         problem = build_problem(asked)
         begun = tuple(replace(u, start=starts.get(u.name, u.start)) for u in problem.unknowns)
-        return fit_problem(asked, replace(problem, unknowns=begun), told)
+        return fit_problem(asked, replace(problem, unknowns=begun), told, stoppable=True)
 
     def desk(self, name: str) -> Desk:
         """Return a stage, ready for tuning.
@@ -326,6 +326,21 @@ class Project:
             target, k = self.results / f"{stem}_{k}.values.toml", k + 1
         save_store(store, target, f"{name}, by hand")
         return target
+
+    def kept_files(self) -> tuple[str, ...]:
+        """Return the values files of the results folder."""
+        return tuple(sorted(f.name for f in self.results.glob("*.values.toml")))
+
+    def kept_values(self, name: str, file: str) -> dict[str, float]:
+        """Return slider -> value in its unit, of those that a values file of the results folder has.
+
+        Raises
+        ------
+        NameNotFoundError   When there is no such file.
+        """
+        refuse_unknown([file], self.kept_files(), self.results.name, "no values file '{}'.", NameNotFoundError)
+        states = load_store(self.results / file)[0].states
+        return {s.path: from_si(states[s.path].value, s.unit) for s in self.desk(name).sliders if s.path in states}
 
     def written_back(self, name: str, values: Mapping[str, float]) -> tuple[DeckDocument, str]:
         """Return a stage's deck with all values in force in it, and what is changed, as a unified diff; nothing is written.

@@ -102,7 +102,7 @@ class Room:
         if self.building is None:
             if self.project is None:
                 raise DeckError("no model is open. Begin or open one on the start page.", "build", code="file.not-found")
-            self.building = Building(self.project.path)
+            self.building = Building(self.project.path, lambda: {} if self.project is None else self.project.done)
         return self.building
 
     def _saved(self, diff: str) -> dict[str, Any]:

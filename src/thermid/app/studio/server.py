@@ -44,12 +44,10 @@ PATIENCE: Final = 10.0
 CROWD: Final = 4
 """Open connections for each that the studio answers at once, beyond which one more is closed."""
 NOTHING: Final = "this studio has no such thing, or no project is open. Open one on the start page."
-FOLDERS: Final = ("static", "bundle")
-STARTS, BUILDS = "bundle/start.html", "bundle/build.html"
+BUNDLE: Final = "bundle"
 NOT_BUILT: Final = """<!doctype html><html lang="en"><meta charset="utf-8"><title>thermid studio</title><h1>This page was not built</h1>
-<p>The start page and Build are made by <code>make setup</code>, which needs Node 20 or newer, or a registry of Python packages for the one
-that it pins, and a registry of npm packages. Run it again where both can be reached, or install a wheel, which has them.</p>
-<p><code>thermid studio FILE</code> opens a deck or campaign without it.</p></html>"""
+<p>The pages of the studio are made by <code>make setup</code>, which needs Node 20 or newer, or a registry of Python packages for the one
+that it pins, and a registry of npm packages. Run it again where both can be reached, or install a wheel, which has them.</p></html>"""
 """What stands in place of a page of the bundle where there is none."""
 KINDS = {".html": "text/html; charset=utf-8", ".js": "text/javascript; charset=utf-8", ".css": "text/css; charset=utf-8"}
 
@@ -74,15 +72,15 @@ def application(room: Room, port: int, token: str) -> Starlette:
         raise MissingExtraError(missing(["starlette", "uvicorn"], "the studio")) from None
     lock = threading.Lock()
     routes = [
-        Route("/", _page(lambda: STARTS if room.project is None else "static/index.html")),
-        Route("/start", _page(lambda: STARTS)),
-        Route("/build", _page(lambda: BUILDS)),
+        Route("/", _page(lambda: "start.html" if room.project is None else "studio.html")),
+        Route("/start", _page(lambda: "start.html")),
+        Route("/build", _page(lambda: "build.html")),
         # a long log is read beside what the sliders ask for, not before it
         Route("/api/bench", _writes(lambda: {"bench": room.look}, threading.Lock()), methods=["POST"]),
         Route("/api/draft/log/{name}", _takes(room, lock), methods=["POST"]),
         Route("/api/{name:path}", _reads(lambda: room.answering, lock)),
         Route("/api/{name:path}", _writes(lambda: room.ordering, lock), methods=["POST"]),
-        Route("/{folder}/{name}", _part),
+        Route(f"/{BUNDLE}/{{name}}", lambda request: _file(request.path_params["name"])),
     ]
     application = Starlette(routes=routes)
     application.add_middleware(Guard, port=port, token=token)
@@ -92,11 +90,6 @@ def application(room: Room, port: int, token: str) -> Starlette:
 def _page(name: Callable[[], str]) -> Callable[[Request], Response]:
     """Return an endpoint that answers with a page."""
     return lambda request: _file(name())
-
-
-def _part(request: Request) -> Response:
-    """Answer with a file that a page loads."""
-    return _file(f"{request.path_params['folder']}/{request.path_params['name']}")
 
 
 def _reads(answers: Callable[[], Mapping[str, Callable[[Mapping[str, str]], Any]]], lock: threading.Lock) -> Callable[[Request], Response]:
@@ -281,16 +274,15 @@ def _refused(why: str, status: int = 400) -> Response:
 
 
 def _file(name: str) -> Response:
-    """Return a file of a page, those of the bundle with what to do where they were not built."""
+    """Return a file of the bundle, or what to do where it was not built."""
     from starlette.responses import Response
 
-    folder, _, rest = name.partition("/")
-    home = files("thermid.app.studio").joinpath(folder) if folder in FOLDERS else None
-    parts = {f.name: f for f in home.iterdir()} if home is not None and home.is_dir() else {}
-    if rest in parts and Path(rest).suffix in KINDS:
-        kind = KINDS[Path(rest).suffix]
-        return Response(parts[rest].read_text(encoding="utf-8"), media_type=kind, headers={"cache-control": "no-store"})
-    if folder == "bundle" and not parts:
+    home = files("thermid.app.studio").joinpath(BUNDLE)
+    parts = {f.name: f for f in home.iterdir()} if home.is_dir() else {}
+    if name in parts and Path(name).suffix in KINDS:
+        kind = KINDS[Path(name).suffix]
+        return Response(parts[name].read_text(encoding="utf-8"), media_type=kind, headers={"cache-control": "no-store"})
+    if not parts:
         return Response(NOT_BUILT, 503, media_type=KINDS[".html"])
     return _refused("this page does not exist.", 404)
 

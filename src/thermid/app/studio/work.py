@@ -16,7 +16,7 @@ from thermid.reporting.objects import fit_object
 
 @dataclass
 class JobState:
-    """What is running, or ran last."""
+    """What is running, or ran last; one that `keeps` ends with the best values so far where it is stopped, `path` is what it tried."""
 
     what: str
     stage: str
@@ -28,6 +28,8 @@ class JobState:
     stopped: bool = False
     ended: bool = False
     error: str = ""
+    keeps: bool = False
+    path: list[tuple[int, float]] = field(default_factory=list)
     result: Mapping[str, Any] = field(default_factory=dict)
 
     def going(self) -> None:
@@ -35,10 +37,15 @@ class JobState:
 
         Raises
         ------
-        _StoppedError   Then.
+        _StoppedError       Then.
+        KeyboardInterrupt   Once, of what keeps the best values so far, as the interrupt key does.
         """
-        if self.stopped:
-            raise _StoppedError
+        if not self.stopped:
+            return
+        if self.keeps:
+            self.stopped = False
+            raise KeyboardInterrupt
+        raise _StoppedError
 
     def begin(self, what: str) -> None:
         """Go on with another thing."""
@@ -47,8 +54,9 @@ class JobState:
 
     def tell(self, count: int, rms: float) -> None:
         """Take how far a fit is."""
-        self.going()
         self.evaluations, self.rms = count, rms
+        self.path.append((count, rms))
+        self.going()
 
 
 class _StoppedError(Exception):
@@ -71,15 +79,18 @@ class Jobs:
         return out
 
     def stop(self) -> dict[str, Any]:
-        """End what is running; its result is dropped, and its thread leaves at its next report."""
+        """End what is running at its next report: a fit with the best values so far; the result of anything else is dropped."""
         if self._job is not None and not self._job.ended and self._job.what != "look":
-            self._job.stopped = self._job.ended = True
+            self._job.stopped = True
+            if self._job.keeps:
+                return self.state()
+            self._job.ended = True
             self._job.error = f"'{self._job.stage}' was stopped."
             self._thread = None
         return self.state()
 
-    def start(self, what: str, stage: str, make: Callable[[JobState], None]) -> dict[str, Any]:
-        """Begin a job and return its state.
+    def start(self, what: str, stage: str, make: Callable[[JobState], None], keeps: bool = False) -> dict[str, Any]:
+        """Begin a job and return its state; one that `keeps` has a result though it is stopped.
 
         Raises
         ------
@@ -87,13 +98,15 @@ class Jobs:
         """
         if self.busy:
             raise DeckError(f"'{self._job.stage if self._job else ''}' is still running. Wait until it ends, or stop it.", "studio")
-        job = self._job = JobState(what, stage)
+        job = self._job = JobState(what, stage, keeps=keeps)
 
         def work() -> None:
             try:
                 make(job)
             except _StoppedError:
                 pass
+            except KeyboardInterrupt:
+                job.error = f"'{stage}' was stopped before it had values."
             except ThermidError as error:
                 job.error = job.error or str(error)
             except Exception as error:  # a page that waits for ever would hide it
@@ -161,7 +174,7 @@ class Work(Jobs):
         def job(j: JobState) -> None:
             j.result = fit_object(self._project.fit(stage, values, free, j.tell))
 
-        return self.start("fit", self._project.known(stage), job)
+        return self.start("fit", self._project.known(stage), job, keeps=True)
 
     def scenario(self, stage: str, key: str, values: Mapping[str, float], asked: Mapping[str, Any]) -> dict[str, Any]:
         """Begin to run a profile, scenario or test on a stage at values of the sliders; `outcome` has it in the end."""

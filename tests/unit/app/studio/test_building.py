@@ -10,10 +10,13 @@ from typing import Any
 import numpy as np
 import pytest
 
+from planted import campaign
 from thermid.app.studio.building import Building
-from thermid.app.studio.draft import journal_of
+from thermid.app.studio.draft import journal_of, merged_text
+from thermid.app.studio.project import Project
+from thermid.app.studio.room import Room
 from thermid.app.studio.shapes import PALETTE
-from thermid.base.errors import DeckError, ThermidError
+from thermid.base.errors import DeckError, MissingDataError, NameNotFoundError, ThermidError
 from thermid.campaign.stages import check_campaign
 from thermid.fit.calibration import calibrate
 from thermid.measure.readers import read_record
@@ -125,21 +128,60 @@ def test_edits_survive_a_killed_studio(tmp_path: Path) -> None:
     assert again.state()["elements"] == []
 
 
-def test_a_file_that_somebody_else_changed_is_not_overwritten(tmp_path: Path) -> None:
+def test_a_file_that_somebody_else_changed_is_merged(tmp_path: Path) -> None:
+    """Their lines and ours, in one step that can be undone; the studio that was started again does the same."""
     building = box(tmp_path)
     file = _saved(building)
     do(building, "set", keys=["loads", "heater", "power"], value="4 [W]", source="")
-    theirs = file.read_text(encoding="utf-8").replace("600 [cm^2]", "700 [cm^2]")
+    theirs = file.read_text(encoding="utf-8").replace("600 [cm^2]", "700 [cm^2]") + "# weighed on Monday\n"
     file.write_text(theirs, encoding="utf-8")
     for one in (building, Building(file)):
         assert one.state()["changed"] == ["box.toml"]
         with pytest.raises(DeckError) as refused:
-            one.save(one.difference()["diff"])
+            one.save(one.draft.diff())
         assert refused.value.code == "output.changed-meanwhile"
         assert file.read_text(encoding="utf-8") == theirs
-    state = do(building, "restart")
-    assert "700 [cm^2]" in state["text"]
-    assert state["changed"] == []
+    state = do(building, "merge")
+    assert (state["changed"], state["undo"]) == ([], 1)
+    for words in ("700 [cm^2]", "4 [W]", "weighed on Monday"):
+        assert words in state["text"]
+    assert do(building, "undo")["text"] == theirs
+    do(building, "redo")
+    building.save(building.difference()["diff"])
+    assert file.read_text(encoding="utf-8") == state["text"]
+
+
+def test_a_line_that_both_changed_is_refused_with_its_number(tmp_path: Path) -> None:
+    building = box(tmp_path)
+    file = _saved(building)
+    do(building, "set", keys=["surfaces", "skin", "area"], value="500 [cm^2]", source="")
+    theirs = file.read_text(encoding="utf-8").replace("600 [cm^2]", "700 [cm^2]")
+    file.write_text(theirs, encoding="utf-8")
+    before = building.draft
+    with pytest.raises(DeckError, match=r"line \d+ was changed"):
+        building.difference()
+    assert building.draft == before
+    assert "700 [cm^2]" in do(building, "restart")["text"]
+    assert file.read_text(encoding="utf-8") == theirs
+
+
+@pytest.mark.parametrize("seed", range(40))
+def test_edits_of_different_lines_merge_in_either_order(seed: int) -> None:
+    rng = random.Random(seed)
+    base = [f"line {k}\n" for k in range(30)]
+    places = rng.sample(range(0, 30, 2), 8)
+
+    def changed(own: list[int]) -> str:
+        ways = {k: rng.choice(["", "other\n", f"line {k}\nmore\n"]) for k in own}
+        return "".join(ways.get(k, line) for k, line in enumerate(base))
+
+    mine, theirs = changed(places[:4]), changed(places[4:])
+    both = merged_text("".join(base), mine, theirs, "x")
+    assert both == merged_text("".join(base), theirs, mine, "x")
+    assert merged_text(mine, mine, both, "x") == both
+    assert merged_text("".join(base), mine, mine, "x") == mine
+    untouched = [line for k, line in enumerate(base) if k not in places]
+    assert [line for line in both.splitlines(keepends=True) if line in untouched] == untouched
 
 
 def test_a_broken_journal_is_dropped(tmp_path: Path) -> None:
@@ -240,3 +282,33 @@ def test_the_run_of_a_draft_is_that_of_simulate(tmp_path: Path) -> None:
     solution = simulate(load_model(_saved(building)), scenario, times=curve["times"])
     assert np.abs(solution[curve["node"]].celsius - curve["simulated"]).max() < 1e-9
     assert model_from_dict(building.draft.deck.content).title == "box"
+
+
+def test_a_stage_is_built_on_what_it_inherits(tmp_path: Path) -> None:
+    """Its fit is that of the campaign, with values of the stages below; before those ran, it says which one is missing."""
+    project = Project(campaign(tmp_path, planted=False))
+    room = Room(tmp_path, project)
+    building = room.built()
+    state = building.state()
+    assert (state["stage"], state["stages"]) == ("whole", ["part", "pair", "whole"])
+    assert "which has not been run" in state["inherited"][0]["words"]
+    with pytest.raises(MissingDataError, match="Run it in Correlate"):
+        building.fit()
+    for name in project.stages:
+        project.look(name)
+        project.run(name)
+    inherited = {v["path"]: v["words"] for v in building.state()["inherited"]}
+    assert inherited
+    assert all("stage '" in words for words in inherited.values())
+    building.fit()
+    building.jobs.wait()
+    assert building.jobs.state()["error"] == ""
+    known = project.done["whole"].values
+    assert {p: v["value"] for p, v in building.fitted.items()} == pytest.approx({p: known[p].value for p in building.fitted}, rel=1e-6)
+    state = do(building, "stage", name="part")
+    assert (state["stage"], state["inherited"]) == ("part", [])
+    building.run()
+    building.jobs.wait()
+    assert building.jobs.state()["error"] == ""
+    with pytest.raises(NameNotFoundError):
+        do(building, "stage", name="parts")

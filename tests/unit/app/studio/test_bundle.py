@@ -17,7 +17,7 @@ from thermid.app.studio import server
 
 ROOT = Path(__file__).parents[4]
 WEB, BUNDLE = ROOT / "web", ROOT / "src" / "thermid" / "app" / "studio" / "bundle"
-PAGES = ("start.html", "start.js", "build.html", "build.js", "pages.css")
+PAGES = ("start.html", "start.js", "build.html", "build.js", "studio.html", "studio.js", "pages.css", "plot.css")
 
 
 def digest() -> str:
@@ -63,7 +63,7 @@ def test_packages_are_pinned_by_hash_and_without_an_address() -> None:
 
 def test_without_a_bundle_a_page_says_what_to_do(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
     monkeypatch.setattr(server, "files", lambda package: tmp_path)
-    answer = server._file("bundle/build.html")
+    answer = server._file("build.html")
     assert answer.status_code == 503
     assert b"make setup" in bytes(answer.body)
 

@@ -60,15 +60,6 @@ def test_a_deck_has_nothing_to_fit_or_run(project: Project) -> None:
         project.run(project.title)
 
 
-def test_vacuum_is_refused_where_radiation_hides_in_a_coefficient(project: Project) -> None:
-    desk = project.desk(project.title)
-    with pytest.raises(td.ThermidError, match="emissivity"):
-        desk.without_gas({}, as_printed=False)
-    (gone,) = desk.without_gas({}, as_printed=True).values()
-    # 31.25 K/h without limit, as the document prints it
-    assert (gone[0].simulated[-1] - gone[0].simulated[0]) / 5 == pytest.approx(31.25, abs=1e-3)
-
-
 def test_saving_keeps_older_files_and_reads_back(project: Project, tmp_path: Path) -> None:
     project.results = tmp_path
     first = project.save(project.title, {"area": 0.005}, "by hand")

@@ -101,7 +101,7 @@ def test_a_picture_has_the_powers_of_the_record_times_the_factor_that_was_found(
                 c.target: fit.values[f"{n} error"].value for n, c in experiment.record.channels.items() if f"{n} error" in fit.values
             }
             for time in rng.uniform(0.0, experiment.scenario.seconds, TIMES):
-                picture = unescape(desk.drawn({}, run, float(time), ()))
+                picture = unescape(desk.moment({}, run, float(time)).drawn())
                 drawn = {load: float(watts) for load, _, watts in LOAD.findall(picture)}
                 assert set(drawn) == set(experiment.scenario.loads)
                 for load, signal in experiment.scenario.loads.items():
@@ -189,7 +189,7 @@ def test_a_sensor_that_touches_the_hardware_is_drawn_with_what_it_takes(tmp_path
     values = fitted(project, "part", {})
     assert {"lag of T1", "scale of T1"} <= set(values)
     assert rmse(desk, values) == pytest.approx(rmse(desk, {}), abs=2e-3)
-    assert "sensor_T1" in desk.drawn(values, 0, 3000.0, ())
+    assert "sensor_T1" in desk.moment(values, 0, 3000.0).drawn()
     now = desk.moment({}, 0, 3000.0)
     assert now.temperatures["sensor_T1.tip"] < now.temperatures["case"]  # it is warming up
     assert imbalance(desk, 0, 3000.0 + 30.0) < 0.01

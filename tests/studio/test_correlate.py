@@ -1,0 +1,177 @@
+"""Correlate and Watch as a person has them on a screen: eleven sensors at once, small windows, a log of six hours that grows."""
+
+from __future__ import annotations
+
+import json
+import threading
+import time
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+from unit.app.studio.test_live import DECK, printed, warm, write
+
+from .browser import Page, needed, page, studio
+from .large import dense_campaign
+
+pytestmark = pytest.mark.campaign
+TILES = "return [...document.querySelectorAll('#tiles .tile')].map((e) => { const r = e.getBoundingClientRect(); return [e.dataset.tile || '', r.left, r.top, r.right, r.bottom]; })"  # noqa: E501
+SLIDE = """
+const slider = document.getElementById('s-skin.effective_htc'), gaps = [];
+for (let k = 0; k < 40; k++) { slider.value = 0.2 + 0.01 * k; slider.dispatchEvent(new Event('input', { bubbles: true })); await pause(15); }
+slider.dispatchEvent(new Event('change', { bubbles: true })); await pause(1500);
+const last = studio.state.values['skin.effective_htc'];
+const answer = await fetch('/api/curves', { method: 'POST', headers: { 'x-thermid-studio': '1' }, body: JSON.stringify({ stage: studio.state.stage, values: studio.state.values, run: 0, measured: false }) });
+return [last, (await answer.json()).runs[0].curves.map((c) => c.rmse), studio.state.runs[0].curves.map((c) => c.rmse)];
+"""  # noqa: E501
+LABELS = """
+const drawn = [], plain = CanvasRenderingContext2D.prototype.fillText;
+CanvasRenderingContext2D.prototype.fillText = function (text, x, y) { drawn.push([this.canvas, text]); plain.call(this, text, x, y); };
+document.documentElement.style.fontSize = '15.5px'; window.dispatchEvent(new Event('resize'));
+for (const p of document.querySelectorAll('#tiles .plot')) p.style.maxHeight = `${p.clientHeight - 3}px`;
+await pause(800);
+CanvasRenderingContext2D.prototype.fillText = plain;
+return [...document.querySelectorAll('#tiles canvas')].map((c) => [...new Set(drawn.filter(([d]) => d === c).map(([, t]) => t))]);
+"""
+
+
+@pytest.fixture(scope="module")
+def rack(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Page]:
+    """A page of eleven sensors of two thousand readings each."""
+    needed()
+    with studio(str(dense_campaign(tmp_path_factory.mktemp("rack"), 11, 2000))) as address, page(address) as made:
+        made.until("document.querySelectorAll('#tiles canvas').length === 12 && document.querySelector('#picture svg')")
+        yield made
+
+
+def test_eleven_sensors_are_seen_at_once(rack: Page) -> None:
+    """Each on at least 220 px either way, the worst first, none beyond the screen, none on another."""
+    tiles = rack.run(TILES)
+    assert len(tiles) == 12
+    assert tiles[0][0] == "T10"  # furthest off in units of its noise
+    for name, left, top, right, bottom in tiles:
+        assert min(right - left, bottom - top) >= 220, name
+        assert right <= 1600
+        assert bottom <= 1000, name
+    heights = rack.run("return [document.documentElement.scrollHeight, innerHeight]")
+    assert heights[0] <= heights[1]
+    rack.clean()
+
+
+def test_every_axis_has_two_labels_or_more(rack: Page) -> None:
+    for texts in rack.wait(LABELS)[:11]:
+        numbers = [t for t in texts if t not in ("°C", "K")]
+        assert {"°C", "K"} <= set(texts)
+        assert sum(t.endswith((" h", " min")) for t in texts) == 1
+        assert len(numbers) >= 2 + 2 + 3  # time, temperature, residual
+    rack.clean()
+
+
+def test_the_last_input_is_drawn(rack: Page) -> None:
+    last, asked, shown = rack.wait(SLIDE)
+    assert last > 0.0
+    assert shown == pytest.approx(asked, abs=1e-9)
+    rack.run("document.getElementById('reset').click()")
+    rack.clean()
+
+
+def test_on_a_telephone_the_worst_tile_stays_in_view(rack: Page) -> None:
+    size = {"width": 390, "height": 844, "deviceScaleFactor": 1, "mobile": True}
+    rack.driver.execute_cdp_cmd("Emulation.setDeviceMetricsOverride", size)
+    try:
+        rack.wait("await pause(400)")
+        rack.run("document.querySelector('[data-slider=\"skin.effective_htc\"]').scrollIntoView({ block: 'end' })")
+        rack.wait("await pause(200)")
+        _, left, top, right, bottom = rack.run(TILES)[0]
+        assert (left >= 0, right <= 390, top >= 0, bottom <= 844) == (True, True, True, True)
+        assert right - left > 300
+        slider = rack.run("const r = document.getElementById('s-skin.effective_htc').getBoundingClientRect(); return [r.top, r.bottom]")
+        assert bottom <= slider[0] < slider[1] <= 844
+    finally:
+        rack.driver.execute_cdp_cmd("Emulation.clearDeviceMetricsOverride", {})
+
+
+@pytest.mark.parametrize(("width", "height"), [(320, 700), (800, 500)])
+def test_a_narrow_window_and_twice_the_size_need_no_sideways_scrolling(rack: Page, width: int, height: int) -> None:
+    """800 x 500 is a screen of 1600 x 1000 at 200 %."""
+    size = {"width": width, "height": height, "deviceScaleFactor": 2, "mobile": False}
+    rack.driver.execute_cdp_cmd("Emulation.setDeviceMetricsOverride", size)
+    rack.driver.execute_cdp_cmd("Emulation.setEmulatedMedia", {"features": [{"name": "prefers-reduced-motion", "value": "reduce"}]})
+    try:
+        for view in ("correlate", "scenarios", "watch"):
+            rack.click(f"[data-view={view}]")
+            rack.wait("await pause(300)")
+            wide, moving = rack.run("return [document.documentElement.scrollWidth, document.getAnimations().length]")
+            assert (wide <= width, moving) == (True, 0)
+            assert rack.serious(False) == []
+    finally:
+        rack.click("[data-view=correlate]")
+        rack.driver.execute_cdp_cmd("Emulation.clearDeviceMetricsOverride", {})
+
+
+SET = "const i = document.getElementById(arguments[0]); i.value = arguments[1]; i.dispatchEvent(new Event('change'))"
+FASTER = 300.0
+"""How many times faster a log is replayed; sixty takes six minutes."""
+
+
+def replay(lines: list[str], file: Path) -> None:
+    """Write a log of a line each ten seconds as a logger would, so many times faster."""
+    begun = time.monotonic()
+    with file.open("a", encoding="utf-8") as out:
+        for k, line in enumerate(lines):
+            time.sleep(max(0.0, begun + 10.0 * k / FASTER - time.monotonic()))
+            out.write(line)
+            out.flush()
+
+
+@pytest.mark.parametrize("fault", [False, True])
+def test_a_log_of_six_hours_is_watched_as_the_command_watches_it(tmp_path: Path, fault: bool) -> None:
+    """Forecast, stop or the planted fault, and at every look what `thermid watch --json` says of the same readings."""
+    needed()
+    (tmp_path / "rig.toml").write_text(DECK, encoding="utf-8")
+    courses = warm(6 * 3600.0)
+    if fault:
+        courses["case"][720:] = 273.15  # the sensor falls off after two hours
+    whole = write(tmp_path / "whole.txt", courses, 3).read_text(encoding="utf-8").splitlines(keepends=True)
+    file = tmp_path / "run.csv"
+    file.write_text("".join(whole[:20]), encoding="utf-8")
+    with studio(str(tmp_path / "rig.toml"), "--log", str(file)) as address, page(address) as shown:
+        shown.run(SET, "watch-boundaries", "air=22")
+        writer = threading.Thread(target=replay, args=(whole[20:], file))
+        writer.start()
+        looks: dict[float, dict[str, Any]] = {}
+        while writer.is_alive() or len(looks) < 2:
+            time.sleep(0.4)
+            look = shown.run("return studio.look")
+            if look and look.get("model"):
+                looks[look["at_s"]] = look
+        writer.join()
+        shown.wait("await pause(2500)")
+        last = shown.run("return studio.look")
+        alarm = shown.run("return [...document.querySelectorAll('[data-alarm]')].map((e) => e.textContent)")
+        advice = shown.run("return document.getElementById('bench-watch').dataset.advice")
+        if not fault:  # by the readings alone, of a unit whose slowest part is known, the forecast is a fan
+            for where, value in (("watch-boundaries", ""), ("slowest", "1")):
+                shown.run(SET, where, value)
+            shown.until("document.querySelectorAll('[data-fan]').length === 2", 30)
+        shown.clean()
+    times = sorted(looks)
+    print(f"{len(times)} looks over {(times[-1] - times[0]) / 3600.0:.1f} h of the log, {FASTER:g} times faster")
+    assert len(times) >= 3
+    for at in times[:: max(len(times) // 8, 1)]:
+        prefix = [*whole[:2], *(line for line in whole[2:] if float(line.split(",")[0]) <= at)]
+        part = tmp_path / "part.csv"
+        part.write_text("".join(prefix), encoding="utf-8")
+        told = printed(str(part), "--model", str(tmp_path / "rig.toml"), "--boundary", "air=22 [degC]")
+        seen = {k: v for k, v in looks[at].items() if k not in ("unused", "model", "like")}
+        assert json.loads(json.dumps(seen)) == told, at
+    if fault:
+        assert "ALARM sensor: case" in "".join(alarm)
+        assert advice == "declined"
+    else:
+        assert advice == last["advice"] == "stop"
+        assert alarm == []
+        assert np.isfinite(last["ends"]["chip"]["final_C"])
