@@ -6,7 +6,7 @@ import itertools
 import math
 import re
 from collections.abc import Callable, Iterator, Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from typing import Any
 
 import numpy as np
@@ -17,6 +17,7 @@ from thermid.fit.calibration import Calibration
 from thermid.fit.discrepancy import SETTLING_PACES
 from thermid.fit.power import PowerCourse
 from thermid.fit.problem import MEASURED, Experiment, LocalSpec, Problem, Request, first_reading
+from thermid.inference._explain.causes import SIZES, SizedValue
 from thermid.measure.amounts import short
 from thermid.model.elements import Conductor, HeatLoad, Node
 from thermid.model.laws import Curve
@@ -40,17 +41,8 @@ between groups of like evidence."""
 ADDED = "suspected_link_"
 Judge = Callable[[Any], tuple[str, bool]]
 """Of a calibration, or of anything that has values with errors by path: what was found, in words, and whether it is possible."""
-SENSOR_LAG = (0.5, 600.0)
-"""Time constants of a sensor on or in a metal part, from a bare thermocouple to a probe in a pocket. [s]"""
-NATURAL = (0.2, 6.0)
-"""Coefficient c of h = c dT^(1/4) in air: 1.3 to 1.4 (1/L)^(1/4) for L of 2 cm to 1 m, halved and doubled for shape (McAdams, Heat
-Transmission, 3rd ed., chapter 7). [W/(m^2 K^1.25)]"""
-GROWTH = (0.0, 0.02)
-"""Growth of a loss with temperature, as a share per kelvin; copper alone has 0.0039. [1/K]"""
 ROOM = 293.15
 """Temperature at which a power is taken to be the logged one where its node has no reading. [K]"""
-SETTLES = 0.5
-"""Most that a power may have more when it comes on, as a share of its step. [-]"""
 SLOWER = 10.0
 """Samples that a power takes to settle, at least. [-]"""
 TIP = 0.1
@@ -203,6 +195,7 @@ class MissingElement:
     judge : callable    Says what was found and whether it is possible.
     make : callable     Lays it over another request of the same model, so that several are tried together.
     nodes : int         Masses that it adds; that of a sensor that lags is one.
+    sizes : dict        Path -> prior of what it adds, from the table of causes.
     starts : tuple      Path -> value [SI] to begin a search from, one table for each start; empty for that of the request.
     additive : bool     Whether its effect grows with its value, which begins small: one derivative says what it would do.
     chosen : int        Numbers that were chosen before the refit, such as the time of a course; they count as fitted ones.
@@ -216,6 +209,7 @@ class MissingElement:
     judge: Judge
     make: Callable[[Request], Request]
     nodes: int = 0
+    sizes: Mapping[str, SizedValue] = field(default_factory=dict)
     starts: tuple[Mapping[str, float], ...] = ()
     additive: bool = False
     chosen: int = 0
@@ -239,7 +233,8 @@ class MissingElement:
         name, chosen = f"{self.name}, and {other.name}", self.chosen + other.chosen
         bends, delay = self.bends or other.bends, self.delay + other.delay
         of_power = self.of_power or other.of_power
-        return MissingElement(name, other.make(self.request), judge, make, nodes, starts, additive, chosen, bends, delay, of_power)
+        sizes = {**self.sizes, **other.sizes}
+        return MissingElement(name, other.make(self.request), judge, make, nodes, sizes, starts, additive, chosen, bends, delay, of_power)
 
 
 @dataclass(frozen=True)
@@ -544,11 +539,12 @@ def _lag(request: Request, place: _Place) -> MissingElement:
 
     def judge(found: Any) -> tuple[str, bool]:
         tau = held / found[free].value
-        low, high = SENSOR_LAG
-        return f"a time constant of {short(tau, 3)} s +- {short(100 * found[free].error / found[free].value)} %", low <= tau <= high
+        text = f"a time constant of {short(tau, 3)} s +- {short(100 * found[free].error / found[free].value)} %"
+        return text, SIZES["lag"].allows(tau)
 
     starts = tuple({free: held / tau} for tau in (3.0, 20.0, 120.0))
-    return MissingElement(f"a lag of the sensor at '{place.node}'", make(request), judge, make, 1, starts)
+    sizes = {free: replace(SIZES["lag"].at(), middle=held / SIZES["lag"].middle)}
+    return MissingElement(f"a lag of the sensor at '{place.node}'", make(request), judge, make, 1, sizes, starts)
 
 
 def _source(request: Request, place: _Place, mass: MissingElement, name: str) -> MissingElement:
@@ -583,10 +579,12 @@ def _second(request: Request, place: _Place, word: str) -> MissingElement:
     def judge(found: Any) -> tuple[str, bool]:
         held, link = found[free[0]].value, found[free[1]].value
         text = f"{short(held, 3)} J/K behind {short(1 / link, 3)} K/W ({short(held / link, 3)} s), beside {short(place.capacity, 3)} J/K"
-        return text, 0.02 <= held / place.capacity <= 20.0 and held / link <= longest
+        return text, SIZES["mass"].allows(held / place.capacity) and held / link <= longest
 
-    starts = tuple({free[0]: held, free[1]: held / (pace * place.pace)} for pace in PACES)
-    return MissingElement(f"a second mass behind a resistance at '{place.node}'", make(request), judge, make, 1, starts)
+    mass, pace = SIZES["mass"].at(place.capacity), SIZES["pace"].at(place.pace)
+    sizes = {free[0]: mass, free[1]: SizedValue(mass.middle / pace.middle, math.hypot(mass.spread, pace.spread))}
+    starts = tuple({free[0]: held, free[1]: held / (share * place.pace)} for share in PACES)
+    return MissingElement(f"a second mass behind a resistance at '{place.node}'", make(request), judge, make, 1, sizes, starts)
 
 
 def _shell(request: Request, place: _Place) -> MissingElement:
@@ -611,11 +609,12 @@ def _shell(request: Request, place: _Place) -> MissingElement:
     def judge(found: Any) -> tuple[str, bool]:
         held, inner, outer = (found[p].value for p in free)
         text = f"{short(held, 3)} J/K, {short(inner, 3)} W/K to '{place.node}' and {short(outer, 3)} W/K to '{place.boundary}'"
-        return text, 0.02 <= held / place.capacity <= 200.0
+        return text, SIZES["large mass"].allows(held / place.capacity)
 
     starts = tuple({free[0]: share * held, free[1]: g, free[2]: g} for share in (0.3, 3.0))
+    sizes = {free[0]: SIZES["large mass"].at(held), free[1]: SIZES["path"].at(g), free[2]: SIZES["path"].at(g)}
     title = f"a mass between '{place.node}' and '{place.boundary}'"
-    return MissingElement(title, make(request), judge, make, 1, starts)
+    return MissingElement(title, make(request), judge, make, 1, sizes, starts)
 
 
 def _shared(request: Request, places: Sequence[_Place]) -> MissingElement:
@@ -637,11 +636,13 @@ def _shared(request: Request, places: Sequence[_Place]) -> MissingElement:
 
     def judge(found: Any) -> tuple[str, bool]:
         most = sum(p.capacity for p in places)
-        return f"{short(found[free[0]].value, 3)} J/K", 0.02 <= found[free[0]].value / most <= 200.0
+        return f"{short(found[free[0]].value, 3)} J/K", SIZES["large mass"].allows(found[free[0]].value / most)
 
+    sizes = {free[0]: SIZES["large mass"].at(held / 3.0)}
+    sizes |= {f"{link}.conductance": SIZES["path"].at(g) for link, (_, g) in links.items()}
     starts = tuple({free[0]: share * held} for share in (0.3, 1.0, 5.0))
     nodes = ", ".join(f"'{p.node}'" for p in places)
-    return MissingElement(f"a mass that {nodes} stand on", make(request), judge, make, 1, starts)
+    return MissingElement(f"a mass that {nodes} stand on", make(request), judge, make, 1, sizes, starts)
 
 
 def _linked(request: Request, a: str, b: str, size: float) -> MissingElement:
@@ -653,7 +654,8 @@ def _linked(request: Request, a: str, b: str, size: float) -> MissingElement:
     def judge(found: Any) -> tuple[str, bool]:
         return f"{short(found[free].value, 3)} W/K", True
 
-    return MissingElement(f"a contact between '{a}' and '{b}'", make(request), judge, make, additive=True)
+    sizes = {free: SIZES["contact"].at(size / SMALL)}
+    return MissingElement(f"a contact between '{a}' and '{b}'", make(request), judge, make, sizes=sizes, additive=True)
 
 
 def _one_way(request: Request, place: _Place, other: str, words: str) -> MissingElement:
@@ -672,7 +674,8 @@ def _one_way(request: Request, place: _Place, other: str, words: str) -> Missing
     def judge(found: Any) -> tuple[str, bool]:
         return f"{short(found[free].value, 3)} W/K more from '{place.node}' than towards it", True
 
-    return MissingElement(f"a coupling of '{place.node}' and {words} that depends on direction", make(request), judge, make, additive=True)
+    name, sizes = f"a coupling of '{place.node}' and {words} that depends on direction", {free: SIZES["contact"].at(size / SMALL)}
+    return MissingElement(name, make(request), judge, make, sizes=sizes, additive=True)
 
 
 def _late(request: Request) -> Iterator[MissingElement]:
@@ -701,7 +704,7 @@ def _late(request: Request) -> Iterator[MissingElement]:
 
 def _steeper(request: Request, place: _Place) -> MissingElement:
     name, area = _free_name(request, f"{place.word}_steeper_convection"), place.area or 1.0
-    size = 0.5 if place.area else SMALL * place.loss or 0.01
+    size = (SMALL * place.loss or 0.01) / (area * place.rise**0.25)
     fields = {
         "htc.coefficient": _amount(size, "W/(m^2 K)", name),
         "htc.exponent": parameter("0.25", name),
@@ -713,25 +716,35 @@ def _steeper(request: Request, place: _Place) -> MissingElement:
     def judge(found: Any) -> tuple[str, bool]:
         c = found[free].value
         share = f"{short(c * area * place.rise**0.25, 3)} W/K of it at a rise of {short(place.rise, 3)} K"
-        return f"{short(c, 3)} W/(m^2 K) (dT / 1 K)^(1/4), {share}", not place.area or NATURAL[0] <= c <= NATURAL[1]
+        return f"{short(c, 3)} W/(m^2 K) (dT / 1 K)^(1/4), {share}", not place.area or SIZES["convection"].allows(c)
 
-    return MissingElement(
-        f"a coefficient at '{place.node}' that grows with the difference (dT^(1/4))", make(request), judge, make, additive=True, bends=True
-    )
+    sizes = {free: _law(place, "convection", area * place.rise**0.25)}
+    name = f"a coefficient at '{place.node}' that grows with the difference (dT^(1/4))"
+    return MissingElement(name, make(request), judge, make, sizes=sizes, additive=True, bends=True)
+
+
+def _law(place: _Place, kind: str, strength: float) -> SizedValue:
+    """Return the prior of a law of a surface: that of its kind where the area is known, else a part of what the part loses.
+
+    `strength` is the conductance of a size of one. [W/K]
+    """
+    return SIZES[kind].at() if place.area else SIZES["law"].at((place.loss or 0.1) / strength)
 
 
 def _radiation(request: Request, place: _Place) -> MissingElement:
     name, area = _free_name(request, f"{place.word}_radiated"), place.area or 1.0
-    start = 0.2 if place.area else min(max(SMALL * place.loss / (6.0 * area), 1e-6), 1.0)
+    start = min(max(SMALL * place.loss / (6.0 * area), 1e-6), 1.0)
     fields = {"exchange_factor": parameter({"value": f"{start!r}", "min": 1e-6}, name), "area": parameter(f"{area!r} [m^2]", name)}
     free = f"{name}.exchange_factor"
     make = _adding("radiation", (free,), conductors={name: Conductor("radiation", (place.node, place.boundary), fields)})
 
     def judge(found: Any) -> tuple[str, bool]:
         e = found[free].value
-        return f"an emissivity of {short(e)} over {short(1e4 * area, 3)} cm^2", 0.01 <= e <= 1.0 if place.area else e > 0.0
+        possible = SIZES["emissivity"].allows(e) if place.area else e > 0.0
+        return f"an emissivity of {short(e)} over {short(1e4 * area, 3)} cm^2", possible
 
-    return MissingElement(f"radiation of '{place.node}' to '{place.boundary}'", make(request), judge, make, additive=True, bends=True)
+    name, sizes = f"radiation of '{place.node}' to '{place.boundary}'", {free: _law(place, "emissivity", 6.0 * area)}
+    return MissingElement(name, make(request), judge, make, sizes=sizes, additive=True, bends=True)
 
 
 def _settling(seen: Fitted, place: _Place) -> Iterator[MissingElement]:
@@ -751,11 +764,10 @@ def _settling(seen: Fitted, place: _Place) -> Iterator[MissingElement]:
 
         def judge(found: Any, course: PowerCourse = course) -> tuple[str, bool]:
             more = found[f"{course.name}.power"].value
-            return f"{course.words(more)}, {short(100 * more / power)} % of its step", more <= SETTLES * power
+            return f"{course.words(more)}, {short(100 * more / power)} % of its step", SIZES["settling"].allows(more / power)
 
-        yield MissingElement(
-            f"a power of '{place.load}' that settles", make(seen.request), judge, make, additive=True, chosen=1, of_power=True
-        )
+        title, sizes = f"a power of '{place.load}' that settles", {f"{name}.power": SIZES["settling"].at(power)}
+        yield MissingElement(title, make(seen.request), judge, make, sizes=sizes, additive=True, chosen=1, of_power=True)
 
 
 def first_step(experiments: Sequence[Experiment], load: str) -> tuple[float, float] | None:
@@ -790,7 +802,7 @@ def _growing_as_logged(seen: Fitted, place: _Place) -> MissingElement:
     cold = float(np.mean(first)) if first else ROOM
     fields = {
         "power": parameter("1 [W]", load),
-        "temperature_coefficient": parameter({"value": "0.0001 [1/K]", "min": "1e-9 [1/K]", "max": f"{1.5 * GROWTH[1]!r} [1/K]"}, load),
+        "temperature_coefficient": parameter({"value": "0.0001 [1/K]", "min": "1e-9 [1/K]", "max": f"{1.5 * SIZES['growth'].high!r} [1/K]"}, load),
         "reference_temperature": parameter(f"{cold!r} [K]", load),
     }
 
@@ -807,10 +819,10 @@ def _growing_as_logged(seen: Fitted, place: _Place) -> MissingElement:
 
     def judge(found: Any) -> tuple[str, bool]:
         growth = found[free].value
-        return f"{short(100 * growth)} % of the power per kelvin", GROWTH[0] <= growth <= GROWTH[1]
+        return f"{short(100 * growth)} % of the power per kelvin", SIZES["growth"].allows(growth)
 
-    name = f"a power of '{load}' that grows with temperature"
-    return MissingElement(name, make(seen.request), judge, make, additive=True, of_power=True)
+    name, sizes = f"a power of '{load}' that grows with temperature", {free: SIZES["growth"].at()}
+    return MissingElement(name, make(seen.request), judge, make, sizes=sizes, additive=True, of_power=True)
 
 
 def _comes_on(e: Experiment, load: str) -> tuple[float, float] | None:
@@ -846,8 +858,7 @@ def _growing(seen: Fitted, place: _Place) -> MissingElement:
     def judge(found: Any) -> tuple[str, bool]:
         growth = found[free].value
         share = growth / abs(place.power) if place.power else float("inf")
-        return f"{short(1e3 * growth, 3)} mW/K, {short(100 * share)} % of the power per kelvin", GROWTH[0] <= share <= GROWTH[1]
+        return f"{short(1e3 * growth, 3)} mW/K, {short(100 * share)} % of the power per kelvin", SIZES["growth"].allows(share)
 
-    return MissingElement(
-        f"a power of '{place.load}' that grows with temperature", make(request), judge, make, additive=True, of_power=True
-    )
+    name, sizes = f"a power of '{place.load}' that grows with temperature", {free: SIZES["growth"].at(abs(place.power) or 1.0)}
+    return MissingElement(name, make(request), judge, make, sizes=sizes, additive=True, of_power=True)

@@ -13,8 +13,9 @@ from thermid.base.linear_algebra import Array
 from thermid.base.units import format_value
 from thermid.fit.calibration import Calibration
 from thermid.fit.power import ONE_TURN, SHAPES, PowerCourse, watts, with_load
-from thermid.fit.problem import Experiment, Influence, Request, Unknown
+from thermid.fit.problem import Experiment, Influence, Request, Unknown, build_problem
 from thermid.inference._explain.candidates import MissingElement, first_step, laid_open
+from thermid.inference._explain.causes import SIZES, SizedValue
 from thermid.inference._explain.rough_fit import QUICK, ROUNDS, RoughEnd, RoughFit
 from thermid.measure.amounts import duration_text, short
 from thermid.model.elements import HeatLoad
@@ -214,6 +215,12 @@ def heats_of(request: Request, fit: RoughFit, base: RoughEnd, logged: Collection
         yield from _windows(request, fit, base, i)
 
 
+def _largest(fit: RoughFit) -> float:
+    """Return the largest power that logs and scenarios give, 1 W at least. [W]"""
+    given = (s.bounds for e in fit.problem.experiments for s in e.scenario.loads.values())
+    return max([1.0, *(float(np.abs(w).max()) for w in given if np.size(w))])
+
+
 def _misfit(fit: RoughFit, base: RoughEnd, experiment: int) -> float:
     return float(sum(np.sum((t.whiten @ r) ** 2) for t, r in zip(fit.traces, base.left, strict=True) if t.experiment == experiment))
 
@@ -305,10 +312,10 @@ def _windows(request: Request, fit: RoughFit, base: RoughEnd, i: int) -> Iterato
     span = e.scenario.seconds
     made = Pulses.of(request, fit, i)
     left, pulses = made.seen(fit.named(base))
-    power = max([1.0, *(float(np.abs(w).max()) for w in (s.bounds for s in e.scenario.loads.values()) if np.size(w))])
+    power = _largest(fit)
     ends = np.array([0.0, span])
     tried: list[tuple[str, str, Mapping[str, tuple[Array, Array]], float]] = []
-    tried += [("load", node, {node: (ends, np.ones(2))}, 3.0 * power) for node in made.nodes]
+    tried += [("load", node, {node: (ends, np.ones(2))}, SIZES["unlogged"].at(power).spread) for node in made.nodes]
     tried += [("fan", b, air_flows(fit, base, i, b), 2.0) for b in e.network.boundaries if air_paths(e, b)]
     for kind, name, flows, sd in tried:
         for window in best_windows(made.shape(pulses, flows), left, sd, made.edges):
@@ -398,9 +405,8 @@ def _start_up(request: Request, fit: RoughFit, base: RoughEnd, node: str, begin:
 
     after = f" and begin = '{short(begin, 6)} [s]'" if begin > 0.0 else ""
     kept = f"; to include it write [stages.courses.start_up] with into = '{node}'{after}"
-    return least, MissingElement(
-        f"a start-up transient of the power at '{node}'{kept}", course.within(request), judge, course.within, chosen=1
-    )
+    title, sizes = f"a start-up transient of the power at '{node}'{kept}", {"start_up.power": SIZES["course"].at(_largest(fit))}
+    return least, MissingElement(title, course.within(request), judge, course.within, sizes=sizes, additive=True, chosen=1)
 
 
 def _stretch(request: Request, heat: Heat) -> MissingElement:
@@ -415,7 +421,8 @@ def _stretch(request: Request, heat: Heat) -> MissingElement:
         power = told["unlogged.power"].value
         return f"{short(abs(power), 3)} W {'more' if power > 0 else 'less'} {heat.when}", True
 
-    return MissingElement(f"a power at '{heat.name}' that no log gives, {heat.when}", make(request), judge, make, chosen=2)
+    title, sizes = f"a power at '{heat.name}' that no log gives, {heat.when}", {"unlogged.power": SizedValue(0.0, heat.sd)}
+    return MissingElement(title, make(request), judge, make, sizes=sizes, chosen=2)
 
 
 def _regulated(request: Request, fit: RoughFit, base: RoughEnd, load: str) -> MissingElement | None:
@@ -452,4 +459,6 @@ def _regulated(request: Request, fit: RoughFit, base: RoughEnd, load: str) -> Mi
         return f"{short(gain, 3)} W/K below {format_value(setpoint, 'degC')}", gain > 0.0
 
     name = f"a regulated load: the power of '{load}' follows the temperature of '{given.into}'"
-    return MissingElement(name, make(request), judge, make)
+    begun = {u.name: u.start for u in build_problem(make(request)).unknowns if u.name.startswith(f"{load}.proportional.")}
+    sizes = {n: SIZES["gain"].at(v) if n.endswith("gain") else SizedValue(v, SIZES["setpoint"].spread / v) for n, v in begun.items()}
+    return MissingElement(name, make(request), judge, make, sizes=sizes)

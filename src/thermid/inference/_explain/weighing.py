@@ -1,0 +1,99 @@
+"""The one score: how likely the readings are with a cause, over as the model is, with all values integrated over the widths of the table.
+
+In: a problem, where its fit ended, the prior of each value that a cause adds (`causes`). Out: a `Weighing`. The noise is the fit's own: white
+as stated, and a part that wanders as large and as slow as makes the readings likeliest (`fit.uncertainty.evidences`). Where the fit ended the
+model is linear in its values (Laplace: MacKay, Information Theory, Inference, and Learning Algorithms, Cambridge 2003, chapter 28).
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from thermid.base.linear_algebra import Array
+from thermid.fit.problem import Problem
+from thermid.fit.uncertainty import binned, evidences
+from thermid.inference._explain.causes import SizedValue
+
+STRETCHES = 240
+"""Stretches of time in which a trace of more readings is looked at, two readings in each at least: a lag or a delay shows in the first of
+them after a step. [-]"""
+WIDTHS = (0.5, 1.0, 2.0)
+"""Factors on every width of the table over which a score is averaged, each as likely. [-]"""
+
+
+CHOSEN = 3.0
+"""What a number that was chosen before a fit costs, such as the time of a course: the logarithm of how many were tried. [-]"""
+
+
+@dataclass(frozen=True)
+class Weighing:
+    """The logarithm of how likely readings are, but for what all models of them share, with half, all and twice the widths of the table."""
+
+    halved: float
+    plain: float
+    doubled: float
+
+    @property
+    def log(self) -> float:
+        """It, averaged over the three: causes that they rank differently share what is likely."""
+        return float(np.logaddexp.reduce([self.halved, self.plain, self.doubled]) - np.log(3.0))
+
+    def over(self, other: Weighing) -> tuple[float, float, float]:
+        """Return the logarithms of the Bayes factors over another one: averaged, with half and with twice the widths."""
+        return self.log - other.log, self.halved - other.halved, self.doubled - other.doubled
+
+    def less(self, amount: float) -> Weighing:
+        """Return it less an amount."""
+        return Weighing(self.halved - amount, self.plain - amount, self.doubled - amount)
+
+
+def weighed_at(
+    problem: Problem,
+    fitted: Array,
+    sizes: Mapping[str, SizedValue],
+    loss: str = "linear",
+    loss_scale: float = 1.0,
+) -> Weighing:
+    """Return how likely the readings of a problem are, linear in its values where they stand.
+
+    Parameters
+    ----------
+    problem : Problem           Its own priors count for values that have no size in the table.
+    fitted : array (unknowns,)  In the fitted form.
+    sizes : dict                Unknown -> its prior.
+
+    Raises
+    ------
+    SolverError   When a record cannot be run.
+    """
+    from scipy.special import log_ndtr
+
+    pieces = [*binned(problem, fitted, loss, loss_scale, STRETCHES).values()]
+    own = np.array([u.name in sizes for u in problem.unknowns], dtype=bool)
+    values, slopes = problem.prior_rows(fitted)
+    stated = ~slopes[:, own].any(axis=1) if values.size else np.zeros(0, dtype=bool)
+    priors, pulls, spent = [], [], []
+    for factor in WIDTHS:
+        left, matrix = values[stated], slopes[stated]
+        for k in np.flatnonzero(own):
+            u = problem.unknowns[k]
+            row, slope = sizes[u.name].row(u.to_value(float(fitted[k])), u.log, factor)
+            left, matrix = np.append(left, row), np.concatenate([matrix, slope * np.eye(own.size)[[k]]])
+        priors.append(matrix.T @ matrix)
+        pulls.append(-matrix.T @ left)
+        spent.append(0.5 * float(left @ left))
+    logs, moves, errors = evidences(pieces, np.array(priors), np.array(pulls))
+    one_sided = [k for k in np.flatnonzero(own) if problem.unknowns[k].log and not sizes[problem.unknowns[k].name].middle]
+    for k in one_sided:  # of a normal about nothing only the upper half is possible: twice the density, times what lies above
+        logs = logs + np.log(2.0) + log_ndtr((1.0 + moves[:, k]) / errors[:, k])
+    return Weighing(*(logs - spent).tolist())
+
+
+def shares(weighings: Sequence[Weighing]) -> Array:
+    """Return the probability of each of several causes of the same readings, averaged over the widths."""
+    logs = np.array([[w.halved, w.plain, w.doubled] for w in weighings])
+    weights = np.exp(logs - logs.max(axis=0))
+    return np.asarray((weights / weights.sum(axis=0)).mean(axis=1))
