@@ -26,18 +26,6 @@ from thermid.model.tree import Model
 from thermid.simulation.network import Network, compile_network
 from thermid.simulation.scenarios import Scenario
 
-GROUPS = {
-    "boundary or reference": "the temperature of chamber or ambient, or an error common to all sensors: reference junction, logger",
-    "power": "the dissipated power, or its measurement",
-    "link": "a heat path that is missing, stronger or weaker than modelled",
-    "capacitance": "a mass or a specific heat",
-    "sensor": "one sensor: wrong, or detached",
-}
-"""Group of parameters -> what it stands for."""
-KELVIN, SHARE, LOOSE, MORE = 5.0, 0.4, 0.3, 0.5
-"""How large a fault is taken to be, as standard deviations: temperatures [K], powers and capacitances [-], the part of its reading that a
-loose sensor takes from its surroundings [-], and a link over what its ends have already [-]. Generous on purpose: what they decide is
-between groups of like evidence."""
 ADDED = "suspected_link_"
 Judge = Callable[[Any], tuple[str, bool]]
 """Of a calibration, or of anything that has values with errors by path: what was found, in words, and whether it is possible."""
@@ -122,16 +110,17 @@ def faults_of(model: Model, sensors: Mapping[str, str]) -> tuple[Model, tuple[Fa
     for k, (a, b) in enumerate(pairs):
         name = f"{ADDED}{k}"
         links[name] = Conductor("conduction", (a, b), {"conductance": parameter("0 [W/K]", name)})
-        size = MORE * min(strength.get(n, np.inf) for n in (a, b) if n in held)
+        size = SIZES["contact"].spread * min(strength.get(n, np.inf) for n in (a, b) if n in held)
         known = frozenset((a, b)) in joined
         text = f"link {a} - {b}" if known else f"missing link {a} - {b}"
         out.append(Fault("link", text, f"{name}.conductance", size if np.isfinite(size) and size > 0 else 0.1, not known, "W/K"))
-    out.append(Fault("boundary or reference", "all sensors", "", KELVIN, unit="K"))
-    out += [Fault("boundary or reference", f"boundary {b}", b, KELVIN, unit="K") for b in network.boundaries]
-    out += [Fault("power", f"power of {load.path}", f"scale.{load.path}", SHARE, start=1.0) for load in network.flat.loads]
-    out += [Fault("capacitance", f"capacitance of {node}", path, SHARE, start=value) for node, path, value in _masses(network, held)]
-    out += [Fault("sensor", s, "", KELVIN, unit="K", sensor=s) for s in sensors]
-    out += [Fault("sensor", f"{s} loose", "", LOOSE, True, "1", s) for s in sensors]
+    out.append(Fault("boundary or reference", "all sensors", "", SIZES["boundary"].spread, unit="K"))
+    out += [Fault("boundary or reference", f"boundary {b}", b, SIZES["boundary"].spread, unit="K") for b in network.boundaries]
+    out += [Fault("power", f"power of {load.path}", f"scale.{load.path}", SIZES["power"].spread, start=1.0) for load in network.flat.loads]
+    share = SIZES["capacitance"].spread
+    out += [Fault("capacitance", f"capacitance of {node}", path, share, start=value) for node, path, value in _masses(network, held)]
+    out += [Fault("sensor", s, "", SIZES["sensor"].spread, unit="K", sensor=s) for s in sensors]
+    out += [Fault("sensor", f"{s} loose", "", SIZES["loose"].spread, True, "1", s) for s in sensors]
     grown = laid_open(model)
     return replace(grown, conductors={**grown.conductors, **links}), tuple(out)
 

@@ -16,7 +16,8 @@ from thermid.base.errors import IdentificationError, ThermidError
 from thermid.base.linear_algebra import Array
 from thermid.base.results import Result
 from thermid.fit.calibration import Calibration
-from thermid.inference._explain.candidates import GROUPS, Fault, faults_of
+from thermid.inference._explain.candidates import Fault, faults_of
+from thermid.inference._explain.causes import GROUPS
 from thermid.simulation.runs import Simulator, prepare
 
 BINS = 24
@@ -212,7 +213,7 @@ class Diagnosis(Result):
         """Return the diagnosis as text."""
         if self.group == NOTHING:
             return f"deviations of {self.rms:.2f} K (RMS) are within the stated errors of sensors and model; no fault is needed"
-        lines = [f"deviations of {self.rms:.2f} K (RMS): {self.group} ({100 * self.groups[self.group]:.0f} %): {GROUPS[self.group]}"]
+        lines = [f"deviations of {self.rms:.2f} K (RMS): {self.group} ({100 * self.groups[self.group]:.0f} %): {GROUPS[self.group].words}"]
         if not self.single:
             lines = [f"deviations of {self.rms:.2f} K (RMS): no single fault explains most of them; the best candidate is {self.group}"]
         for s in self.suspects[:5]:

@@ -35,8 +35,6 @@ MANY = 3
 """Most nodes and loads at which a course of an unlogged power is tried."""
 TURNS = 3
 """How often a window is looked for again, from where the last one led."""
-OWN = 0.3
-"""Standard deviation of how much stronger moving air takes heat from one surface than from another. [-]"""
 SMALL = 0.2
 """Difference below which a measured temperature says nothing of the heat that leaves by it. [K]"""
 MOVING = ("convection", "effective")
@@ -108,7 +106,7 @@ class Heat:
         given: tuple[Influence, ...] = (Influence(self.experiment, f"scale.{self.load}", 1.0),)
         request, acts = (self.request, given) if self.load else self._request()
         low = -1.0 if self.load or self.kind == "fan" else -np.inf
-        own = [(Unknown(f"{PLACED}own_{t.name}", "power", (t,), 0.0), OWN) for t in acts] if self.kind == "fan" and len(acts) > 1 else []
+        own = [(Unknown(f"{PLACED}own_{t.name}", "power", (t,), 0.0), SIZES["surface"].spread) for t in acts] if self.kind == "fan" and len(acts) > 1 else []
         return RoughFit.of(request, fit, [*own, (Unknown(f"{PLACED}amount", "power", acts, 0.0, low=low), self.sd)])
 
     def placed(self, fit: RoughFit, base: RoughEnd) -> tuple[Heat, RoughEnd]:
@@ -316,7 +314,7 @@ def _windows(request: Request, fit: RoughFit, base: RoughEnd, i: int) -> Iterato
     ends = np.array([0.0, span])
     tried: list[tuple[str, str, Mapping[str, tuple[Array, Array]], float]] = []
     tried += [("load", node, {node: (ends, np.ones(2))}, SIZES["unlogged"].at(power).spread) for node in made.nodes]
-    tried += [("fan", b, air_flows(fit, base, i, b), 2.0) for b in e.network.boundaries if air_paths(e, b)]
+    tried += [("fan", b, air_flows(fit, base, i, b), SIZES["fan"].spread) for b in e.network.boundaries if air_paths(e, b)]
     for kind, name, flows, sd in tried:
         for window in best_windows(made.shape(pulses, flows), left, sd, made.edges):
             yield Heat(kind, name, request, i, flows, window, "", sd, span)

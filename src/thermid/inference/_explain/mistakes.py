@@ -19,6 +19,7 @@ from thermid.base.errors import ThermidError
 from thermid.base.linear_algebra import Array
 from thermid.fit.problem import Prior, Request, Unknown
 from thermid.inference._explain.candidates import Fitted, plain_lacks
+from thermid.inference._explain.causes import MISTAKES, SIZES
 from thermid.inference._explain.heats import MAX_HEATED_NODES, Heat, heats_of, stores_of
 from thermid.inference._explain.rough_fit import QUICK, ROUNDS, Extra, RoughEnd, RoughFit
 from thermid.measure.amounts import duration_text, short
@@ -34,17 +35,6 @@ DEGREE = 1.8
 """Degrees Fahrenheit in a kelvin. [-]"""
 ROOM = (14.0, 34.0)
 """Readings at the start of a log that a room may have. [degC]"""
-KINDS = {
-    "per cent": "a power logged in per cent but read in watts",
-    "unit": "a column in another unit than assumed",
-    "exchanged": "two exchanged columns",
-    "node": "a sensor on another part than stated in the campaign",
-    "clock": "a log with a shifted clock",
-    "load": "a power that is not logged, or was not applied",
-    "sensor": "a sensor that is detached, or wrong",
-    "fan": "a change of the air flow during the log",
-}
-"""Kind of mistake -> what it is."""
 NAMED = 9.0
 """Least gain in the logarithm of the posterior's height from which a mistake is named; chance and the search among many are in it. [-]"""
 LEFT = 0.4
@@ -63,8 +53,6 @@ FAR = 1.2
 """Squares of the weak priors per unknown from which the deck is thought contradicted. [-]"""
 LAGS = (15.0, 40.0, 120.0)
 """Time constants with which a sensor that came loose goes to the temperature of its surroundings. [s]"""
-AGAINST = {"per cent": 2.0, "unit": 3.0, "exchanged": 2.0, "node": 3.0, "clock": 5.0, "load": 6.5, "sensor": 6.0, "fan": 6.0}
-"""What a kind must gain first: how seldom it is, and what its free amounts and instants gain by chance. [-]"""
 
 
 @dataclass(frozen=True)
@@ -73,7 +61,7 @@ class Mistake:
 
     Parameters
     ----------
-    kind : str              A key of `KINDS`.
+    kind : str              A key of `MISTAKES`.
     name : str              The channel, channels, load, node or boundary that it is about.
     words : str             It in words, with its size.
     gain : float            Logarithm of how much likelier the readings and the deck are with it, its rarity taken off. [-]
@@ -232,7 +220,7 @@ def _worst(request: Request, fit: RoughFit, base: RoughEnd) -> Request:
 
 def _gain(h: Hypothesis, end: RoughEnd | None, base: RoughEnd) -> float:
     """Return the gain of a hypothesis in the logarithm of the posterior's height, its rarity taken off. [-]"""
-    return -np.inf if end is None else base.cost - end.cost - AGAINST[h.kind] - h.against
+    return -np.inf if end is None else base.cost - end.cost - MISTAKES[h.kind].against - h.against
 
 
 def _fitted(h: Hypothesis, fit: RoughFit, base: RoughEnd, rounds: int = QUICK) -> RoughEnd | None:
@@ -522,7 +510,7 @@ def _shifted(request: Request, names: list[str], shift: float) -> Request:
 def _of_readings(fit: RoughFit, base: RoughEnd) -> Iterator[Hypothesis]:
     for n in range(len(fit.traces)):
         for loose in (True, False):
-            since = fit.best_since(base, n, loose, 1.0 if loose else 3.0)
+            since = fit.best_since(base, n, loose, SIZES["loose" if loose else "sensor"].spread)
             yield of_reading(Extra(n, since, loose), fit)
 
 
