@@ -18,6 +18,7 @@ from thermid.fit.discrepancy import SETTLING_PACES
 from thermid.fit.power import PowerCourse
 from thermid.fit.problem import MEASURED, Experiment, LocalSpec, Problem, Request, first_reading
 from thermid.inference._explain.causes import SIZES, SizedValue
+from thermid.inference._explain.thresholds import BEGINS, COLD, MOST_PLACES, PACES, SLOWEST_MASS, SLOWEST_SAMPLES, TIP
 from thermid.measure.amounts import short
 from thermid.model.elements import Conductor, HeatLoad, Node
 from thermid.model.laws import Curve
@@ -29,20 +30,6 @@ from thermid.simulation.scenarios import Scenario
 ADDED = "suspected_link_"
 Judge = Callable[[Any], tuple[str, bool]]
 """Of a calibration, or of anything that has values with errors by path: what was found, in words, and whether it is possible."""
-ROOM = 293.15
-"""Temperature at which a power is taken to be the logged one where its node has no reading. [K]"""
-SLOWER = 10.0
-"""Samples that a power takes to settle, at least. [-]"""
-TIP = 0.1
-"""A node of this part of its neighbour's heat capacity is the sensor of it. [-]"""
-SMALL = 0.05
-"""Part of what a part loses already that a new way of its heat begins with. [-]"""
-MOST_PLACES = 6
-"""Places of a network that are looked at for changes: the observed ones first."""
-SLOWEST = 10.0
-"""Time constant of a new mass, in lengths of the longest record, beyond which readings know nothing of it. [-]"""
-PACES = (0.03, 0.2, 1.0, 5.0)
-"""Time constants at which a new mass is tried, in parts of that of the part beside it. [-]"""
 
 
 @dataclass(frozen=True)
@@ -311,7 +298,7 @@ def hidden_defects(seen: Fitted) -> Iterator[MissingElement]:
     for place in places:
         for boundary in network.boundaries:
             if frozenset((place.node, boundary)) not in joined:
-                yield _linked(seen.request, place.node, boundary, SMALL * (place.loss or 1.0))
+                yield _linked(seen.request, place.node, boundary, BEGINS * (place.loss or 1.0))
 
 
 def plain_lacks(seen: Fitted) -> Iterator[MissingElement]:
@@ -340,7 +327,7 @@ def changes_of(seen: Fitted) -> Iterator[MissingElement]:
     joined = _joined(network, {*(p.node for p in places), *network.boundaries})
     for a, b in itertools.combinations(places, 2):
         if frozenset((a.node, b.node)) not in joined:
-            yield _linked(seen.request, a.node, b.node, SMALL * min(a.loss or 1.0, b.loss or 1.0))
+            yield _linked(seen.request, a.node, b.node, BEGINS * min(a.loss or 1.0, b.loss or 1.0))
         else:
             yield _one_way(seen.request, a, b.node, f"'{b.node}'")
     for place in _places(seen, hidden=True):
@@ -436,7 +423,7 @@ def _of_hidden(seen: Fitted, places: Sequence[_Place]) -> Iterator[MissingElemen
     ends = [*(p.node for p in places), *network.boundaries, *hidden]
     for k, node in enumerate(hidden[:MOST_PLACES]):
         for other in (e for e in ends if e != node and e not in hidden[:k] and frozenset((node, e)) not in joined):
-            yield _linked(seen.request, node, other, SMALL * (strength.get(node) or 1.0))
+            yield _linked(seen.request, node, other, BEGINS * (strength.get(node) or 1.0))
 
 
 def _strengths(rows: Sequence[Any]) -> dict[str, float]:
@@ -553,7 +540,7 @@ def _second(request: Request, place: _Place, word: str) -> MissingElement:
     """A mass behind a resistance."""
     name = _free_name(request, f"{place.word}_{word}")
     held, link = 0.3 * place.capacity, f"{name}_link"
-    longest = SLOWEST * max(float(np.ptp(r.times)) for r in request.records)
+    longest = SLOWEST_MASS * max(float(np.ptp(r.times)) for r in request.records)
     free = (f"{name}.capacitance", f"{link}.conductance")
     grow = _adding(
         word.replace("_", " "),
@@ -643,7 +630,7 @@ def _linked(request: Request, a: str, b: str, size: float) -> MissingElement:
     def judge(found: Any) -> tuple[str, bool]:
         return f"{short(found[free].value, 3)} W/K", True
 
-    sizes = {free: SIZES["contact"].at(size / SMALL)}
+    sizes = {free: SIZES["contact"].at(size / BEGINS)}
     return MissingElement(f"a contact between '{a}' and '{b}'", make(request), judge, make, sizes=sizes, additive=True)
 
 
@@ -651,7 +638,7 @@ def _one_way(request: Request, place: _Place, other: str, words: str) -> Missing
     """A coupling that is stronger in one direction, as warm air rises: it carries heat only from the part."""
     name = _free_name(request, f"{place.word}_outward_{_word(other)}")
     free = f"{name}.scale"
-    size = SMALL * (place.loss or 1.0)
+    size = BEGINS * (place.loss or 1.0)
     # over 1 K about equal temperatures the table goes from nothing to its full conductance
     curve = Curve("difference", np.array([0.0, 1.0]), np.array([0.0, 1.0]))
     make = _adding(
@@ -663,7 +650,7 @@ def _one_way(request: Request, place: _Place, other: str, words: str) -> Missing
     def judge(found: Any) -> tuple[str, bool]:
         return f"{short(found[free].value, 3)} W/K more from '{place.node}' than towards it", True
 
-    name, sizes = f"a coupling of '{place.node}' and {words} that depends on direction", {free: SIZES["contact"].at(size / SMALL)}
+    name, sizes = f"a coupling of '{place.node}' and {words} that depends on direction", {free: SIZES["contact"].at(size / BEGINS)}
     return MissingElement(name, make(request), judge, make, sizes=sizes, additive=True)
 
 
@@ -693,7 +680,7 @@ def _late(request: Request) -> Iterator[MissingElement]:
 
 def _steeper(request: Request, place: _Place) -> MissingElement:
     name, area = _free_name(request, f"{place.word}_steeper_convection"), place.area or 1.0
-    size = (SMALL * place.loss or 0.01) / (area * place.rise**0.25)
+    size = (BEGINS * place.loss or 0.01) / (area * place.rise**0.25)
     fields = {
         "htc.coefficient": _amount(size, "W/(m^2 K)", name),
         "htc.exponent": parameter("0.25", name),
@@ -722,7 +709,7 @@ def _law(place: _Place, kind: str, strength: float) -> SizedValue:
 
 def _radiation(request: Request, place: _Place) -> MissingElement:
     name, area = _free_name(request, f"{place.word}_radiated"), place.area or 1.0
-    start = min(max(SMALL * place.loss / (6.0 * area), 1e-6), 1.0)
+    start = min(max(BEGINS * place.loss / (6.0 * area), 1e-6), 1.0)
     fields = {"exchange_factor": parameter({"value": f"{start!r}", "min": 1e-6}, name), "area": parameter(f"{area!r} [m^2]", name)}
     free = f"{name}.exchange_factor"
     make = _adding("radiation", (free,), conductors={name: Conductor("radiation", (place.node, place.boundary), fields)})
@@ -744,7 +731,7 @@ def _settling(seen: Fitted, place: _Place) -> Iterator[MissingElement]:
     begin, power = found
     name = _free_name(seen.request, f"{_word(place.load)}_settling")
     rest = min(float(e.scenario.seconds) for e in seen.experiments) - begin
-    slow = SLOWER * max(r.step for r in seen.request.records)  # what is faster is the instant of a change between two samples
+    slow = SLOWEST_SAMPLES * max(r.step for r in seen.request.records)  # what is faster is the instant of a change between two samples
     for share in (s for s in SETTLING_PACES if s * rest >= slow):
         course = PowerCourse(name, place.node, "decay", share * rest, max(1e-3 * power, 1e-5), begin=begin)
 
@@ -788,10 +775,12 @@ def _growing_as_logged(seen: Fitted, place: _Place) -> MissingElement:
     """A power that is the logged one at the first reading, and more of it the warmer its node is."""
     load, free = place.load, f"{place.load}.temperature_coefficient"
     first = [float(o.measured[0]) for e in seen.experiments for o in e.observations if o.measured.size and o.seat == place.node]
-    cold = float(np.mean(first)) if first else ROOM
+    cold = float(np.mean(first)) if first else COLD
     fields = {
         "power": parameter("1 [W]", load),
-        "temperature_coefficient": parameter({"value": "0.0001 [1/K]", "min": "1e-9 [1/K]", "max": f"{1.5 * SIZES['growth'].high!r} [1/K]"}, load),
+        "temperature_coefficient": parameter(
+            {"value": "0.0001 [1/K]", "min": "1e-9 [1/K]", "max": f"{1.5 * SIZES['growth'].high!r} [1/K]"}, load
+        ),
         "reference_temperature": parameter(f"{cold!r} [K]", load),
     }
 

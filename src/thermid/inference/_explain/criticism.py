@@ -17,16 +17,10 @@ from thermid.fit.problem import Experiment, Request
 from thermid.inference._explain.candidates import missing_elements
 from thermid.inference._explain.heats import unlogged_powers
 from thermid.inference._explain.structures import FittedStructure, adopted, fitted_structure, promises
+from thermid.inference._explain.thresholds import FEWEST_RECORDS, MOST_LAGS, REFITTED, SURE_SLOPE, TIE, VERY_STRONG, WORTH_A_WORD
 from thermid.measure.amounts import short
 from thermid.simulation.runs import simulate
 from thermid.simulation.solver import refuse_unseen
-
-STRONG, POSSIBLE, RIVAL = 10.0, 2.0, 6.0
-"""Twice the logarithms of Bayes factors that count as very strong evidence, and as evidence worth a word, and below which two are rivals: Kass and Raftery, J. Am. Stat. Assoc. 90 (1995)
-773-795, DOI 10.1080/01621459.1995.10476572."""
-SURE = 3.0
-MOST_LAGS, REFITTED = 20, 10
-"""Lags that a test of whiteness sums, and elements that are refitted: those that one evaluation promises most of."""
 
 
 def ljung_box(residuals: Array) -> tuple[float, float]:
@@ -133,7 +127,7 @@ class TraceCriticism:
         )
         units = {"temperature": ("K per K of temperature", 1.0), "power": ("K per W", 1.0), "time": ("K per hour", 3600.0)}
         for name, (slope, error) in self.slopes.items():
-            if abs(slope) > SURE * error:
+            if abs(slope) > SURE_SLOPE * error:
                 text += f"; they go with {name}: {slope * units[name][1]:+.2g} {units[name][0]} ({abs(slope) / error:.0f} standard errors)"
         return text
 
@@ -172,10 +166,10 @@ class Candidate:
         """The candidate in words."""
         if self.refused:
             return f"{self.name}: could not be tried with these readings: {self.refused}"
-        how = "very strong" if self.evidence > STRONG else "some" if self.evidence > POSSIBLE else "no"
+        how = "very strong" if self.evidence > VERY_STRONG else "some" if self.evidence > WORTH_A_WORD else "no"
         text = (
-            f"{self.name}: {how} evidence (twice the logarithm of the Bayes factor {self.evidence:+.3g}; {self.widths[0]:+.3g} with half and "
-            f"{self.widths[1]:+.3g} with twice the prior's width)"
+            f"{self.name}: {how} evidence (twice the logarithm of the Bayes factor {self.evidence:+.3g}; {self.widths[0]:+.3g} with half "
+            f"and {self.widths[1]:+.3g} with twice the prior's width)"
         )
         word = "" if self.possible else ", which is not physically possible"
         return f"{text}; found {self.found}{word}; RMSE {short(self.rmse[0], 3)} -> {short(self.rmse[1], 3)} K"
@@ -201,7 +195,7 @@ class Criticism(Result):
     @property
     def suggested(self) -> Candidate | None:
         """The best supported element whose value is possible, with very strong evidence; None where there is none."""
-        return next((c for c in self.candidates if c.found and c.possible and c.evidence > STRONG), None)
+        return next((c for c in self.candidates if c.found and c.possible and c.evidence > VERY_STRONG), None)
 
     def to_dict(self) -> dict[str, Any]:
         """Return traces and candidates, in SI; `suggested` is the name of the best supported one, or nothing."""
@@ -222,13 +216,13 @@ class Criticism(Result):
         lines += [f"  {t}" for t in (coloured or self.traces)[:8]]
         if self.candidates:
             lines.append("  candidates, each alone:")
-            lines += [f"    {c}" for c in self.candidates if c.refused or c.evidence > POSSIBLE]
-            idle = [c.name for c in self.candidates if not c.refused and c.evidence <= POSSIBLE]
+            lines += [f"    {c}" for c in self.candidates if c.refused or c.evidence > WORTH_A_WORD]
+            idle = [c.name for c in self.candidates if not c.refused and c.evidence <= WORTH_A_WORD]
             lines += [f"    no evidence for {'; '.join(idle)}"] if idle else []
             best = self.suggested
             if best is not None:
-                others = [c for c in self.candidates if c is not best and c.found and c.possible and c.evidence > STRONG]
-                rivals = [c.name for c in others if best.evidence - c.evidence < RIVAL]
+                others = [c for c in self.candidates if c is not best and c.found and c.possible and c.evidence > VERY_STRONG]
+                rivals = [c.name for c in others if best.evidence - c.evidence < 2.0 * TIE]
                 also = f" These readings cannot separate it from {' or '.join(rivals)}." if rivals else ""
                 lines.append(f"  Suggested: {best.name}: {best.found}.{also}")
             elif coloured:
@@ -302,10 +296,6 @@ def running_locals(fit: Calibration) -> list[str]:
         if best[0] < 0.01:
             out.append(f"{best[1]} (by chance: {short(best[0])}). It compensates heat that the model lacks.")
     return out
-
-
-FEWEST_RECORDS = 6
-"""Records from which a value of single records is compared with an input."""
 
 
 def _mean_inputs(experiment: Experiment) -> dict[str, float]:
@@ -383,7 +373,7 @@ def _tried(fit: Calibration, request: Request) -> list[Candidate]:
     out.sort(key=lambda each: -each[0].evidence)
     out += [(Candidate(name, "", False, -np.inf, (-np.inf, -np.inf), (before, before), refused=why), None) for name, why in refused]
     for n, (candidate, one) in enumerate(out):
-        if one is not None and candidate.possible and candidate.evidence > STRONG:
+        if one is not None and candidate.possible and candidate.evidence > VERY_STRONG:
             try:
                 found = refit(adopted(one))
                 words, possible = one.changes[0].judge(found)

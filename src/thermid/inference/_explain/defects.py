@@ -22,37 +22,29 @@ from thermid.fit.discrepancy import discrepancy_kept
 from thermid.fit.problem import MEASURED, Experiment, Request, Unknown, build_problem, starting_point
 from thermid.inference._explain.candidates import Fitted, MissingElement, hidden_defects
 from thermid.inference._explain.causes import SizedValue
+from thermid.inference._explain.thresholds import (
+    FAR_PART,
+    FAR_STEPS,
+    LEAST,
+    MIDDLE,
+    MOST_CHANGES,
+    MOST_NODES,
+    MOST_RECORDS,
+    MOST_SAMPLES,
+    MOST_STEPS,
+    MOST_UNKNOWNS,
+    NOISY,
+    PATIENCE,
+    REACH,
+    REST,
+    TAKEN,
+    UNDETERMINED,
+    VERY_STRONG,
+)
 from thermid.inference._explain.weighing import Weighing, shares, weighed_at
 from thermid.measure.amounts import short
 from thermid.measure.records import Channel, Record
 from thermid.simulation.scenarios import Scenario
-
-NOISY = 1.5
-"""Chi-square per degree of freedom above which residuals ask for an explanation, and below which they have one. [-]"""
-STRONG = 5.0
-"""Logarithm of the Bayes factor that proves a defect: Kass and Raftery, J. Am. Stat. Assoc. 90 (1995) 773. [-]"""
-DECIDED = 0.5
-"""Relative error of a defect's own values above which the readings do not show it: the fit without it stands for it. [-]"""
-LEAST = 0.02
-"""Weight beside the best below which a defect is left out. [-]"""
-TAKEN = 0.25
-"""Part of chi-square that a linearised step with a defect takes off, below which it is not worth its refits. [-]"""
-MIDDLE = 0.5
-"""Where in the interval between two samples a power is taken to have changed at first. [-]"""
-MOST_CHANGES = 20
-"""Changes of a power up to which their instants matter; of more of them a shift of all is the clock's."""
-FAR_STEPS, FAR_PART = 8.0, 0.05
-"""How far a clock may be off: in samples, and in lengths of the record, whichever is more. [-]"""
-MOST_STEPS = 20_000
-"""Steps of one run after which a refit is given up."""
-REACH = 100.0
-"""Factor from where they begin within which the values of a defect are looked for. [-]"""
-PATIENCE = 60
-"""Evaluations after which a refit is given up."""
-REST = 4.0
-"""Standard deviations of noise and accuracy within which first readings and surroundings are one temperature. [-]"""
-MOST_UNKNOWNS, MOST_SAMPLES, MOST_NODES, MOST_RECORDS = 16, 20_000, 20, 4
-"""What a fit may hold for some ten refits of it to be worth their time."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -87,8 +79,8 @@ class _Tried:
 def explained(fit: Calibration) -> tuple[ExplainedFit, ...]:
     """Return the fits with hidden defects that explain the residuals of a fit, the likeliest first; empty where none is proved.
 
-    A defect is proved where its fit leaves residuals of the stated noise and the readings are likelier with it, by the logarithm of a Bayes
-    factor of `STRONG`. Fits that are not much worse share its weight.
+    A defect is proved where its fit leaves residuals of the stated noise and the readings are likelier with it, by twice the logarithm of a
+    Bayes factor of `VERY_STRONG`. Fits that are not much worse share its weight.
 
     Parameters
     ----------
@@ -170,7 +162,7 @@ def _likeliest(t: _Tried) -> float:
 
 def _unproved(fit: Calibration, best: _Tried) -> bool:
     """Whether the best of several defects leaves more than noise, or is not much better than the fit of the deck."""
-    return best.fit.reduced_chi_square > NOISY or best.weighing.log - _weighed(fit, None).log < STRONG
+    return best.fit.reduced_chi_square > NOISY or best.weighing.log - _weighed(fit, None).log < 0.5 * VERY_STRONG
 
 
 def _near(found: Sequence[_Tried]) -> list[_Tried]:
@@ -283,7 +275,7 @@ def _refit(request: Request, begin: Mapping[str, float], known: Sequence[str]) -
 def _decided(request: Request, found: Calibration) -> bool:
     """Whether the values that a defect adds have errors that are small beside them."""
     own = [v for p, v in found.values.parameters.items() if p not in request.free]
-    return all(v.error < DECIDED * abs(v.value) for v in own)
+    return all(v.error < UNDETERMINED * abs(v.value) for v in own)
 
 
 def _found_in(tried: _Tried) -> str:

@@ -17,6 +17,7 @@ from thermid.fit.problem import Experiment, Influence, Request, Unknown, build_p
 from thermid.inference._explain.candidates import MissingElement, first_step, laid_open
 from thermid.inference._explain.causes import SIZES, SizedValue
 from thermid.inference._explain.rough_fit import QUICK, ROUNDS, RoughEnd, RoughFit
+from thermid.inference._explain.thresholds import MANY_LOADS, MAX_HEATED_NODES, PULSES, TELLING, TURNS
 from thermid.measure.amounts import duration_text, short
 from thermid.model.elements import HeatLoad
 from thermid.model.laws import TableSignal
@@ -26,17 +27,7 @@ from thermid.physics.constants import ICE_POINT
 from thermid.simulation.runs import Solution, prepare
 from thermid.simulation.scenarios import Scenario
 
-PULSES = 20
-"""Stretches of a record in which heat is tried; windows are made of whole ones first."""
-MAX_HEATED_NODES = 30
-"""Nodes that store heat in which unlogged heat is looked for: each has `PULSES` derivatives of every node's temperature."""
 PLACED = "unlogged_heat_"
-MANY = 3
-"""Most nodes and loads at which a course of an unlogged power is tried."""
-TURNS = 3
-"""How often a window is looked for again, from where the last one led."""
-SMALL = 0.2
-"""Difference below which a measured temperature says nothing of the heat that leaves by it. [K]"""
 MOVING = ("convection", "effective")
 
 
@@ -106,7 +97,11 @@ class Heat:
         given: tuple[Influence, ...] = (Influence(self.experiment, f"scale.{self.load}", 1.0),)
         request, acts = (self.request, given) if self.load else self._request()
         low = -1.0 if self.load or self.kind == "fan" else -np.inf
-        own = [(Unknown(f"{PLACED}own_{t.name}", "power", (t,), 0.0), SIZES["surface"].spread) for t in acts] if self.kind == "fan" and len(acts) > 1 else []
+        own = (
+            [(Unknown(f"{PLACED}own_{t.name}", "power", (t,), 0.0), SIZES["surface"].spread) for t in acts]
+            if self.kind == "fan" and len(acts) > 1
+            else []
+        )
         return RoughFit.of(request, fit, [*own, (Unknown(f"{PLACED}amount", "power", acts, 0.0, low=low), self.sd)])
 
     def placed(self, fit: RoughFit, base: RoughEnd) -> tuple[Heat, RoughEnd]:
@@ -180,7 +175,7 @@ def air_flows(fit: RoughFit, end: RoughEnd, experiment: int, boundary: str) -> d
         trace = seen.get(node)
         there = as_fitted[node].kelvin if trace is None else np.interp(times, trace.centres, trace.measured)
         simulated = as_built[node].kelvin - air
-        into = into * np.clip((there - air) / np.where(np.abs(simulated) > SMALL, simulated, np.inf), 0.0, 5.0)
+        into = into * np.clip((there - air) / np.where(np.abs(simulated) > TELLING, simulated, np.inf), 0.0, 5.0)
         out[node] = (times, out[node][1] + into if node in out else into)
     return out
 
@@ -357,7 +352,7 @@ def unlogged_powers(request: Request) -> Iterator[MissingElement]:
     steps = [(node, first_step(fit.problem.experiments, path)) for path, node in loads.items()]
     begins = {node: step[0] if step is not None else 0.0 for node, step in reversed(steps)}
     nodes = list(dict.fromkeys(loads.values())) or list(dict.fromkeys(t.node for t in fit.traces))
-    started = [best for node in nodes[:MANY] if (best := _start_up(request, fit, base, node, begins.get(node, 0.0))) is not None]
+    started = [best for node in nodes[:MANY_LOADS] if (best := _start_up(request, fit, base, node, begins.get(node, 0.0))) is not None]
     if started:
         yield min(started, key=lambda each: each[0])[1]
     # what begins with the record is a start-up
@@ -365,7 +360,7 @@ def unlogged_powers(request: Request) -> Iterator[MissingElement]:
     ends = [(end.cost, h) for h in stretches if (end := _end(h.rough(fit), fit.named(base))) is not None]
     if ends:
         yield _stretch(request, min(ends, key=lambda each: each[0])[1])
-    for load in [n for n in loads if n in request.model.loads][:MANY]:
+    for load in [n for n in loads if n in request.model.loads][:MANY_LOADS]:
         if (regulated := _regulated(request, fit, base, load)) is not None:
             yield regulated
 

@@ -1,10 +1,10 @@
-"""Search for a structure: changes of a network weighed by one evaluation each, the best refitted, kept where the readings are likelier.
+"""Search for a structure: of changes of a network those that promise most are refitted, and kept where the readings are likelier.
 
-In: a `Request` with the structure to begin from. Out: a `StructureSearch`: every structure that was fitted, with how likely the readings are
+In: a `Request` with the structure to begin from. Out: a `StructureSearch`: every structure that was fitted, with how likely readings are
 with it, the one that is proposed, those that the readings cannot separate from it, and the test that would.
 
-A change is scored where its search begins: what one evaluation with derivatives promises. Refits are scored where they end. The score is
-the one of all causes (`weighing`): the likelihood of the readings, all values integrated over the widths of the table.
+What one evaluation with derivatives promises of a change says whether it is refitted, and no more. Refits have the one score of all causes
+(`weighing`): the likelihood of the readings, all values integrated over the widths of the table.
 """
 
 from __future__ import annotations
@@ -24,34 +24,26 @@ from thermid.fit.calibration import Fit, minimise
 from thermid.fit.problem import Prior, Problem, Request, Unknown, build_problem, starting_point
 from thermid.inference._explain.candidates import Fitted, MissingElement, changes_of
 from thermid.inference._explain.causes import SizedValue
-from thermid.inference._explain.weighing import CHOSEN, Weighing, weighed_at
+from thermid.inference._explain.thresholds import (
+    ABOUT_START,
+    ANY_VALUE,
+    CHALLENGES,
+    CHOSEN,
+    EVALUATIONS,
+    FREE_STEP,
+    PROMISED_STEP,
+    SEARCHED,
+    SHOWN,
+    TIE,
+    WIDE,
+)
+from thermid.inference._explain.weighing import Weighing, weighed_at
 from thermid.measure.amounts import short
 from thermid.measure.records import noise_seen
 from thermid.model.laws import Constant, TableSignal
 from thermid.model.parameters import exact
 from thermid.simulation.runs import simulate
 from thermid.simulation.scenarios import Scenario
-
-TIE = 3.0
-"""Logarithm of a Bayes factor below which two structures cannot be separated: 20 to 1 (Kass and Raftery 1995). [-]"""
-STEP = 1.5
-"""Standard deviation that a promise allows each logarithm, so that one step is not believed farther than it can be. [-]"""
-FREE_STEP = 20.0
-"""The same for a value that begins small and whose effect is proportional to it, over `STEP`. [-]"""
-SHOWN = 400
-"""Most readings of a test that may separate two structures. [-]"""
-CHALLENGES = 3
-"""Structures of one mass more that are refitted at the end."""
-STARTS = 5.0
-"""Standard deviation of a start about its first reading, in noises; 1 K at least. [-]"""
-LOOSE = 5.0
-"""Standard deviation of the logarithm of a parameter of which nothing is known. [-]"""
-WIDE = 8.0
-"""So many standard errors are wider than the bounds of a value that the readings hardly determine; a full fit refuses it at two."""
-EVALUATIONS = 8000
-"""Most evaluations of a search: runs of every record with derivatives. A count, so that a busy machine finds what an idle one finds. [-]"""
-DONE = 0.03
-"""A search of one structure ends at this part of a standard error. [-]"""
 
 
 @dataclass(frozen=True, eq=False)
@@ -208,10 +200,7 @@ class StructureSearch:
         for one in self.ties:
             if one.nodes != self.proposed.nodes:
                 apart = self.likelihood(one) - gain
-                lines.append(
-                    f"  Not separable from it: {one.name} ({one.nodes} masses; logarithm of the Bayes factor "
-                    f"{apart:+.2g})."
-                )
+                lines.append(f"  Not separable from it: {one.name} ({one.nodes} masses; logarithm of the Bayes factor {apart:+.2g}).")
                 lines.append(f"    {telling_test(self.proposed, one)}")
         tried = {s.name: s for s in sorted(self.structures[1:], key=self.likelihood)}  # of one name the likeliest stands
         best = sorted(tried.values(), key=lambda s: -self.likelihood(s))
@@ -472,7 +461,7 @@ def _promised(problem: Problem, at: Array, known: Mapping[str, float], additive:
     priors, slopes = problem.prior_rows(at)
     rows, matrix = np.concatenate([found.rows, priors]), np.concatenate([found.slopes, slopes])
     new = np.array([additive and u.name not in known for u in problem.unknowns], dtype=bool)
-    scale = np.array([STEP if u.log else STEP * u.scale for u in problem.unknowns]) * np.where(new, FREE_STEP, 1.0)
+    scale = np.array([PROMISED_STEP if u.log else PROMISED_STEP * u.scale for u in problem.unknowns]) * np.where(new, FREE_STEP, 1.0)
     for _ in range(2):
         wide = np.concatenate([matrix * scale, np.eye(scale.size)])
         step = np.linalg.lstsq(wide, np.concatenate([-rows, np.zeros(scale.size)]), rcond=None)[0]
@@ -522,7 +511,7 @@ def fitted_structure(
         elif u.name in known:
             at[k] = known[u.name]
 
-    end = minimise(problem, request.loss, request.loss_scale, at, (budget or EvaluationBudget()).watch(request.name), DONE)
+    end = minimise(problem, request.loss, request.loss_scale, at, (budget or EvaluationBudget()).watch(request.name), SEARCHED)
     if not np.isfinite(end.cost):
         raise IdentificationError("its fit does not end at a finite cost.", request.name)
     numbers = problem.experiments[0].network.numbers()
@@ -543,13 +532,15 @@ def _loosely_held(problem: Problem, sizes: Mapping[str, SizedValue]) -> Problem:
             shown[o.sensor] = max(shown.get(o.sensor, 1e-3), noise_seen(e.record.channels[o.sensor]))
     problem = replace(problem, noise={**problem.noise, **shown})
     sigma = max((o.sigma(problem.noise) for o in problem.observations()), default=1.0)
-    near = max(STARTS * sigma, 1.0)
+    near = max(ABOUT_START * sigma, 1.0)
 
     def held(u: Unknown) -> Unknown:
         if u.name in sizes and sizes[u.name].middle:
-            return replace(u, prior=Prior(u.to_fitted(sizes[u.name].middle), sizes[u.name].spread * (1.0 if u.log else sizes[u.name].middle)))
+            return replace(
+                u, prior=Prior(u.to_fitted(sizes[u.name].middle), sizes[u.name].spread * (1.0 if u.log else sizes[u.name].middle))
+            )
         if u.prior is None and u.kind == "parameter" and u.log:
-            return replace(u, prior=Prior(u.to_fitted(u.start), LOOSE))
+            return replace(u, prior=Prior(u.to_fitted(u.start), ANY_VALUE))
         if u.prior is None and u.kind == "local" and ": initial." in u.name:
             return replace(u, prior=Prior(u.start, near))
         return u

@@ -1,8 +1,8 @@
 """The one score: how likely the readings are with a cause, over as the model is, with all values integrated over the widths of the table.
 
-In: a problem, where its fit ended, the prior of each value that a cause adds (`causes`). Out: a `Weighing`. The noise is the fit's own: white
-as stated, and a part that wanders as large and as slow as makes the readings likeliest (`fit.uncertainty.evidences`). Where the fit ended the
-model is linear in its values (Laplace: MacKay, Information Theory, Inference, and Learning Algorithms, Cambridge 2003, chapter 28).
+In: a problem, where its fit ended, the prior of each value that a cause adds (`causes`). Out: a `Weighing`. The noise is the fit's own:
+white as stated, and a part that wanders as large and as slow as makes the readings likeliest (`fit.uncertainty.evidences`). Where the fit
+ended the model is linear in its values (Laplace: MacKay, Information Theory, Inference, and Learning Algorithms, 2003, chapter 28).
 """
 
 from __future__ import annotations
@@ -16,16 +16,7 @@ from thermid.base.linear_algebra import Array
 from thermid.fit.problem import Problem
 from thermid.fit.uncertainty import binned, evidences
 from thermid.inference._explain.causes import SizedValue
-
-STRETCHES = 240
-"""Stretches of time in which a trace of more readings is looked at, two readings in each at least: a lag or a delay shows in the first of
-them after a step. [-]"""
-WIDTHS = (0.5, 1.0, 2.0)
-"""Factors on every width of the table over which a score is averaged, each as likely. [-]"""
-
-
-CHOSEN = 3.0
-"""What a number that was chosen before a fit costs, such as the time of a course: the logarithm of how many were tried. [-]"""
+from thermid.inference._explain.thresholds import STRETCHES, WIDTHS
 
 
 @dataclass(frozen=True)
