@@ -773,17 +773,15 @@ def weighed(pieces: Sequence[Binned], priors: Array, pulls: Array, level: float 
 
 def evidence(pieces: Sequence[Binned], priors: Array) -> float:
     """Return the log-likelihood of traces with all unknowns integrated out over one prior about where they stand, see `evidences`."""
-    return float(evidences(pieces, priors[None], np.zeros((1, priors.shape[0])))[0][0])
+    return float(evidences(pieces, priors[None], np.zeros((1, priors.shape[0])))[0].max())
 
 
 def evidences(pieces: Sequence[Binned], priors: Array, pulls: Array) -> tuple[Array, Array, Array]:
-    """Return the log-likelihood of traces, but for a constant of their readings alone, with all unknowns integrated out over each prior.
+    """Return the log-likelihood of traces, but for a constant of their readings alone, with all unknowns integrated out (several, noises).
 
-    Beside it (several,) stand how far each unknown would move there, and its standard error (several, unknowns).
-
-    White noise of each trace is as stated, or as large as it is inside its stretches; what wanders has one ratio to it and one time in
-    all traces, those that make the readings likeliest. Models of the same readings are compared with the same unknowns first, those of
-    `priors` zero flat, and more behind them.
+    Beside it stand how far each unknown would move, and its standard error (several, noises, unknowns). White noise of each trace is as
+    stated, or as large as it is inside its stretches; what wanders has one ratio to it and one time in all traces, those of each noise on
+    a grid. Models of the same readings are compared with the same unknowns first, those of `priors` zero flat, and more behind them.
 
     Parameters
     ----------
@@ -805,13 +803,12 @@ def evidences(pieces: Sequence[Binned], priors: Array, pulls: Array) -> tuple[Ar
     logs, moves, errors = [], [], []
     for own, pull in zip(known, pulls * scale, strict=True):
         # integral of a normal likelihood over normal unknowns: |P|^(1/2) |A|^(-1/2) exp(b'A^-1 b / 2)
-        whole, vector = information + own, scores + pull
-        move = np.linalg.solve(whole, vector[..., None])[..., 0]
-        fitted = alone + 0.5 * np.sum(vector * move, axis=-1) - 0.5 * np.linalg.slogdet(whole)[1]
-        best = np.unravel_index(int(fitted.argmax()), fitted.shape)
-        logs.append(float(fitted[best]) + 0.5 * float(np.linalg.slogdet(own)[1]))
-        moves.append(scale * move[best])
-        errors.append(scale * np.sqrt(np.diag(np.linalg.inv(whole[best]))))
+        covariances_of = np.linalg.inv(information + own)
+        move = (covariances_of @ (scores + pull)[..., None])[..., 0]
+        whole = 0.5 * np.sum((scores + pull) * move, axis=-1) + 0.5 * np.linalg.slogdet(covariances_of)[1]
+        logs.append((alone + whole).ravel() + 0.5 * float(np.linalg.slogdet(own)[1]))
+        moves.append((scale * move).reshape(-1, count))
+        errors.append((scale * np.sqrt(np.diagonal(covariances_of, axis1=-2, axis2=-1))).reshape(-1, count))
     return np.array(logs), np.array(moves), np.array(errors)
 
 

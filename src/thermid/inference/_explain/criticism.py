@@ -18,6 +18,7 @@ from thermid.inference._explain.candidates import missing_elements
 from thermid.inference._explain.heats import unlogged_powers
 from thermid.inference._explain.structures import FittedStructure, adopted, fitted_structure, promises
 from thermid.inference._explain.thresholds import FEWEST_RECORDS, MOST_LAGS, REFITTED, SURE_SLOPE, TIE, VERY_STRONG, WORTH_A_WORD
+from thermid.inference._explain.weighing import noise_of
 from thermid.measure.amounts import short
 from thermid.simulation.runs import simulate
 from thermid.simulation.solver import refuse_unseen
@@ -355,21 +356,23 @@ def _tried(fit: Calibration, request: Request) -> list[Candidate]:
     with threadpool_limits(limits=1):
         base = fitted_structure((), request, fit.fitted)
         before, refused = base.rmse, list[tuple[str, str]]()
-        out: list[tuple[Candidate, FittedStructure | None]] = []
+        made: list[tuple[str, FittedStructure | None]] = []
         for n, score in enumerate(promises(base, (*missing_elements(fit, request), *unlogged_powers(request)), refused)):
-            one = None
-            if n < REFITTED:
-                try:
-                    one = fitted_structure((score.change,), score.change.request, base.fitted, score.start)
-                except (ThermidError, np.linalg.LinAlgError) as error:
-                    refused.append((score.change.name, str(error)))
-                    continue
-            if one is None:
-                out.append((Candidate(score.change.name, "", True, 0.0, (0.0, 0.0), (before, before)), None))
-                continue
-            (words, possible), after = one.judged()[0], one.rmse
-            averaged, *widths = (2.0 * log for log in one.weighing.over(base.weighing))
-            out.append((Candidate(score.change.name, words, possible, averaged, (widths[0], widths[1]), (before, after)), one))
+            try:
+                begun = (score.change.request, base.fitted, score.start)
+                made.append((score.change.name, fitted_structure((score.change,), *begun) if n < REFITTED else None))
+            except (ThermidError, np.linalg.LinAlgError) as error:
+                refused.append((score.change.name, str(error)))
+    noise = noise_of([base.weighing, *(one.weighing for _, one in made if one is not None)])
+    out: list[tuple[Candidate, FittedStructure | None]] = []
+    for name, one in made:
+        if one is None:
+            out.append((Candidate(name, "", True, 0.0, (0.0, 0.0), (before, before)), None))
+            continue
+        words, possible = one.judged()[0]
+        halved, _, doubled = 2.0 * (one.weighing.logs - base.weighing.logs)[:, noise]
+        averaged = 2.0 * float(one.weighing.averaged[noise] - base.weighing.averaged[noise])
+        out.append((Candidate(name, words, possible, averaged, (float(halved), float(doubled)), (before, one.rmse)), one))
     out.sort(key=lambda each: -each[0].evidence)
     out += [(Candidate(name, "", False, -np.inf, (-np.inf, -np.inf), (before, before), refused=why), None) for name, why in refused]
     for n, (candidate, one) in enumerate(out):

@@ -41,7 +41,7 @@ from thermid.inference._explain.thresholds import (
     UNDETERMINED,
     VERY_STRONG,
 )
-from thermid.inference._explain.weighing import Weighing, shares, weighed_at
+from thermid.inference._explain.weighing import Weighing, noise_of, shares, weighed_at
 from thermid.measure.amounts import short
 from thermid.measure.records import Channel, Record
 from thermid.simulation.scenarios import Scenario
@@ -157,18 +157,25 @@ def _promises(fit: Calibration, request: Request, change: MissingElement | None,
 
 
 def _likeliest(t: _Tried) -> float:
-    return t.weighing.log
+    return t.weighing.best
 
 
 def _unproved(fit: Calibration, best: _Tried) -> bool:
     """Whether the best of several defects leaves more than noise, or is not much better than the fit of the deck."""
-    return best.fit.reduced_chi_square > NOISY or best.weighing.log - _weighed(fit, None).log < 0.5 * VERY_STRONG
+    return best.fit.reduced_chi_square > NOISY or _over(best.weighing, _weighed(fit, None)) < 0.5 * VERY_STRONG
 
 
 def _near(found: Sequence[_Tried]) -> list[_Tried]:
     """Return those that are not much less likely than the best."""
-    most = max(t.weighing.log for t in found)
-    return [t for t in found if t.weighing.log > most + np.log(LEAST)]
+    noise = noise_of(t.weighing for t in found)
+    most = max(t.weighing.averaged[noise] for t in found)
+    return [t for t in found if t.weighing.averaged[noise] > most + np.log(LEAST)]
+
+
+def _over(one: Weighing, other: Weighing) -> float:
+    """Return the logarithm of the Bayes factor of one over another, under one noise."""
+    noise = noise_of((one, other))
+    return float(one.averaged[noise] - other.averaged[noise])
 
 
 def _values(fit: Calibration) -> dict[str, float]:

@@ -20,7 +20,7 @@ from thermid.base.linear_algebra import Array
 from thermid.fit.problem import Prior, Request, Unknown
 from thermid.inference._explain.candidates import Fitted, plain_lacks
 from thermid.inference._explain.causes import MISTAKES, SIZES
-from thermid.inference._explain.heats import MAX_HEATED_NODES, Heat, heats_of, stores_of
+from thermid.inference._explain.heats import Heat, heats_of, stores_of
 from thermid.inference._explain.rough_fit import QUICK, ROUNDS, Extra, RoughEnd, RoughFit
 from thermid.inference._explain.thresholds import (
     ANY_NEW_VALUE,
@@ -29,6 +29,7 @@ from thermid.inference._explain.thresholds import (
     FULL,
     LAGS,
     LEFT,
+    MAX_HEATED_NODES,
     MOST_RECORDS_SEARCHED,
     NAMED,
     OVER_STRUCTURE,

@@ -37,7 +37,7 @@ from thermid.inference._explain.thresholds import (
     TIE,
     WIDE,
 )
-from thermid.inference._explain.weighing import Weighing, weighed_at
+from thermid.inference._explain.weighing import Weighing, noise_of, weighed_at
 from thermid.measure.amounts import short
 from thermid.measure.records import noise_seen
 from thermid.model.laws import Constant, TableSignal
@@ -165,7 +165,8 @@ class StructureSearch:
 
     def likelihood(self, one: FittedStructure) -> float:
         """Logarithm of the Bayes factor over the structure at the beginning. [-]"""
-        return one.weighing.log - self.start.weighing.log
+        noise = noise_of(s.weighing for s in self.structures)
+        return float(one.weighing.averaged[noise] - self.start.weighing.averaged[noise])
 
     @property
     def ties(self) -> tuple[FittedStructure, ...]:
@@ -309,15 +310,15 @@ class _Searching:
         chosen = [s for s in scores[: self.width] if s.gain > 0.5]
         pairs = [_pair(a, b) for k, a in enumerate(scores[:3]) for b in scores[k + 1 : 3] if min(a.gain, b.gain) > TIE]
         made = [self._refitted(best, score) for score in chosen]
-        single = max((m.weighing.log for m in made if m is not None and m.possible), default=-np.inf)
+        single = max((self.log(m) for m in made if m is not None and m.possible), default=-np.inf)
         # a pair is worth a refit where no single change is proved
-        if single < best.weighing.log + TIE:
+        if single < self.log(best) + TIE:
             made += [self._refitted(best, pair) for pair in pairs]
         able = self._proved(made, best, len(scores))
         if not able:
             return None
-        top = max(m.weighing.log for m in able)
-        return min((m for m in able if m.weighing.log > top - TIE), key=_rank)
+        top = max(self.log(m) for m in able)
+        return min((m for m in able if self.log(m) > top - TIE), key=self._rank)
 
     def _proved(self, made: Sequence[FittedStructure | None], best: FittedStructure, tried: int) -> list[FittedStructure]:
         """Return the structures with which readings are likelier than with the best by more than chance among those tried gives.
@@ -325,8 +326,8 @@ class _Searching:
         The best of many that do nothing gains about the logarithm of their number, and every mass more that one change brings, such as a
         lag of each sensor, gains by chance as a change of its own would.
         """
-        own = best.weighing.log + math.log(max(tried, 1))
-        return [m for m in made if m and m.possible and m.weighing.log > own + TIE * max(m.nodes - best.nodes, 1)]
+        own = self.log(best) + math.log(max(tried, 1))
+        return [m for m in made if m and m.possible and self.log(m) > own + TIE * max(m.nodes - best.nodes, 1)]
 
     def _challenged(self, best: FittedStructure) -> FittedStructure:
         """Return the best after the likeliest structures of one mass more were refitted.
@@ -339,7 +340,7 @@ class _Searching:
             able = self._proved([self._refitted(best, score) for score in scores], best, len(scores))
             if not able:
                 break
-            best = max(able, key=lambda m: m.weighing.log)
+            best = max(able, key=lambda m: self.log(m))
         return best
 
     def _scores(self, best: FittedStructure) -> list[PromisedChange]:
@@ -365,10 +366,10 @@ class _Searching:
         """Return the structure without changes that others have made superfluous."""
         while len(best.changes) > 1 and not self.budget.over:
             made = [self._without(best, k) for k in range(len(best.changes) - 1)]  # the last one was just proved
-            fewer = [m for m in made if m and m.possible and m.weighing.log > best.weighing.log - TIE]
+            fewer = [m for m in made if m and m.possible and self.log(m) > self.log(best) - TIE]
             if not fewer:
                 return best
-            best = max(fewer, key=lambda m: m.weighing.log)
+            best = max(fewer, key=lambda m: self.log(m))
         return best
 
     def _without(self, best: FittedStructure, place: int) -> FittedStructure | None:
@@ -392,19 +393,22 @@ class _Searching:
             for score in [s for s in scores if not s.change.nodes and not s.change.bends][:CHALLENGES]:
                 self._refitted(plain or best, score)
 
+    def log(self, one: FittedStructure) -> float:
+        """Return the logarithm of how likely readings are, under the noise of the likeliest structure."""
+        return float(one.weighing.averaged[noise_of(s.weighing for s in self.done)])
+
+    def _rank(self, one: FittedStructure) -> tuple[int, int, int, float]:
+        """Return what the simplest of equals is least in: masses, laws that bend, values, then how unlikely readings are.
+
+        A law that bends acts otherwise at other powers: where the readings do not ask for it, it predicts another test worse.
+        """
+        return one.nodes, sum(c.bends for c in one.changes), sum(len(c.sizes) + c.chosen for c in one.changes), -self.log(one)
+
     def _simplest(self, best: FittedStructure) -> FittedStructure:
         """Return the simplest of the structures with which readings are as likely as with the best."""
-        own = best.weighing.log
-        alike = [s for s in self.done if (s.possible or not s.changes) and s.weighing.log > own - TIE * max(best.nodes - s.nodes, 1)]
-        return min(alike, key=_rank) if alike else best
-
-
-def _rank(one: FittedStructure) -> tuple[int, int, int, float]:
-    """Return what the simplest of equals is least in: masses, laws that bend, values, then how unlikely readings are.
-
-    A law that bends acts otherwise at other powers: where the readings do not ask for it, it predicts another test worse.
-    """
-    return one.nodes, sum(c.bends for c in one.changes), sum(len(c.sizes) + c.chosen for c in one.changes), -one.weighing.log
+        own = self.log(best)
+        alike = [s for s in self.done if (s.possible or not s.changes) and self.log(s) > own - TIE * max(best.nodes - s.nodes, 1)]
+        return min(alike, key=self._rank) if alike else best
 
 
 def _pair(a: PromisedChange, b: PromisedChange) -> PromisedChange:

@@ -7,7 +7,7 @@ ended the model is linear in its values (Laplace: MacKay, Information Theory, In
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -19,26 +19,39 @@ from thermid.inference._explain.causes import SizedValue
 from thermid.inference._explain.thresholds import STRETCHES, WIDTHS
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class Weighing:
-    """The logarithm of how likely readings are, but for what all models of them share, with half, all and twice the widths of the table."""
+    """How likely readings are.
 
-    halved: float
-    plain: float
-    doubled: float
+    Parameters
+    ----------
+    logs : array (widths, noises)   Logarithms of their likelihood, but for what all models of them share, with each factor on the widths
+                                    of the table, under each noise of a grid.
+    """
+
+    logs: Array
 
     @property
-    def log(self) -> float:
-        """It, averaged over the three: causes that they rank differently share what is likely."""
-        return float(np.logaddexp.reduce([self.halved, self.plain, self.doubled]) - np.log(3.0))
+    def best(self) -> float:
+        """The logarithm under the noise that makes the readings likeliest."""
+        return float(self.averaged.max())
 
-    def over(self, other: Weighing) -> tuple[float, float, float]:
-        """Return the logarithms of the Bayes factors over another one: averaged, with half and with twice the widths."""
-        return self.log - other.log, self.halved - other.halved, self.doubled - other.doubled
+    @property
+    def averaged(self) -> Array:
+        """The logarithms, averaged over the widths (noises,): causes that these rank differently share what is likely."""
+        return np.asarray(np.logaddexp.reduce(self.logs, axis=0) - np.log(len(WIDTHS)))
 
     def less(self, amount: float) -> Weighing:
         """Return it less an amount."""
-        return Weighing(self.halved - amount, self.plain - amount, self.doubled - amount)
+        return Weighing(self.logs - amount)
+
+
+def noise_of(weighings: Iterable[Weighing]) -> int:
+    """Return the place of the one noise by which several models are compared: that of the model with which readings are likeliest.
+
+    Noise is the instrument's and the room's. What a worse model leaves is not taken for it.
+    """
+    return int(max(weighings, key=lambda w: w.best).averaged.argmax())
 
 
 def weighed_at(
@@ -79,12 +92,13 @@ def weighed_at(
     logs, moves, errors = evidences(pieces, np.array(priors), np.array(pulls))
     one_sided = [k for k in np.flatnonzero(own) if problem.unknowns[k].log and not sizes[problem.unknowns[k].name].middle]
     for k in one_sided:  # of a normal about nothing only the upper half is possible: twice the density, times what lies above
-        logs = logs + np.log(2.0) + log_ndtr((1.0 + moves[:, k]) / errors[:, k])
-    return Weighing(*(logs - spent).tolist())
+        logs = logs + np.log(2.0) + log_ndtr((1.0 + moves[..., k]) / errors[..., k])
+    return Weighing(logs - np.array(spent)[:, None])
 
 
 def shares(weighings: Sequence[Weighing]) -> Array:
-    """Return the probability of each of several causes of the same readings, averaged over the widths."""
-    logs = np.array([[w.halved, w.plain, w.doubled] for w in weighings])
+    """Return the probability of each of several causes of the same readings under one noise, averaged over the widths."""
+    noise = noise_of(weighings)
+    logs = np.array([w.logs[:, noise] for w in weighings])
     weights = np.exp(logs - logs.max(axis=0))
     return np.asarray((weights / weights.sum(axis=0)).mean(axis=1))

@@ -72,7 +72,7 @@ class TestWhatATraceIsCalled:
 
 
 class TestEvidence:
-    """Twice the logarithms of Bayes factors by Kass and Raftery: above 10 very strong, above 2 worth a word, within 6 no strong preference."""
+    """Twice logarithms of Bayes factors by Kass and Raftery: above 10 very strong, above 2 worth a word, within 6 no preference."""
 
     def candidate(self, evidence: float, name: str = "a lag") -> Candidate:
         return Candidate(name, "x", True, evidence, (evidence, evidence), (1.0, 0.5))

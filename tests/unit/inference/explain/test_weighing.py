@@ -8,7 +8,7 @@ import pytest
 from thermid.fit.problem import build_problem, starting_point
 from thermid.fit.uncertainty import binned, evidences
 from thermid.inference._explain.causes import SIZES, SizedValue
-from thermid.inference._explain.weighing import Weighing, shares, weighed_at
+from thermid.inference._explain.weighing import Weighing, noise_of, shares, weighed_at
 from unit.fit.bench import HTC, MASS, box, log
 
 GRID_TIMES, RATIOS = 9, 16
@@ -39,7 +39,7 @@ def test_evidence_is_that_of_dense_normal_distributions(wander: float) -> None:
     slow = wander * np.linalg.cholesky(np.exp(-np.abs(b.times[:, None] - b.times) / 3000.0) + 1e-9 * np.eye(b.times.size))
     b = type(b)(rng.standard_normal(b.times.size) + slow @ rng.standard_normal(b.times.size), b.count, b.times, b.slopes, 0.0, 0, 1.0)
     prior, pull = np.diag([4.0, 9.0, 1.0]), np.array([0.5, -1.0, 0.0])
-    found = evidences([b], prior[None], pull[None])[0][0] - 0.5 * float(pull @ np.linalg.solve(prior, pull))
+    found = evidences([b], prior[None], pull[None])[0].max() - 0.5 * float(pull @ np.linalg.solve(prior, pull))
     # unknowns without a prior count as known to 1e-9 of what white noise gives; here that is 2e-4 of the priors
     assert found == pytest.approx(likeliest(b.mean, -b.slopes, b.times, prior, -pull), abs=1e-3)
 
@@ -64,15 +64,22 @@ def test_wider_priors_cost_what_they_spread_over() -> None:
     """What readings say nothing of costs nothing at any width; what they decide costs the logarithm of the width."""
     problem = build_problem(_asked())
     at = starting_point(problem.unknowns)
-    decided = weighed_at(problem, at, {HTC: SizedValue(6.0, 1.0)})
-    assert decided.plain - decided.doubled == pytest.approx(np.log(2.0), abs=0.02)
-    assert decided.halved - decided.plain == pytest.approx(np.log(2.0), abs=0.02)
+    halved, plain, doubled = weighed_at(problem, at, {HTC: SizedValue(6.0, 1.0)}).logs.max(axis=1)
+    assert plain - doubled == pytest.approx(np.log(2.0), abs=0.02)
+    assert halved - plain == pytest.approx(np.log(2.0), abs=0.02)
 
 
 def test_disagreement_over_widths_shares_what_is_likely() -> None:
-    one, other = Weighing(10.0, 0.0, 0.0), Weighing(0.0, 0.0, 10.0)
+    one, other = (Weighing(np.array([[a], [0.0], [b]])) for a, b in ((10.0, 0.0), (0.0, 10.0)))
     assert shares([one, other]) == pytest.approx([0.5, 0.5])
-    assert shares([Weighing(1.0, 1.0, 1.0), Weighing(0.0, 0.0, 0.0)]) == pytest.approx(np.array([np.e, 1.0]) / (1.0 + np.e))
+    assert shares([Weighing(np.ones((3, 1))), Weighing(np.zeros((3, 1)))]) == pytest.approx(np.array([np.e, 1.0]) / (1.0 + np.e))
+
+
+def test_models_are_compared_under_the_noise_of_the_likelier_one() -> None:
+    """What a worse model leaves is not taken for noise: noise that wanders would explain it as well, to 1 unit."""
+    bad, good = Weighing(np.array([[-100.0, -9.0]] * 3)), Weighing(np.array([[-2.0, -8.0]] * 3))
+    assert noise_of([bad, good]) == 0
+    assert shares([bad, good])[1] == pytest.approx(1.0)
 
 
 @pytest.mark.parametrize("name", [n for n, s in SIZES.items() if s.middle and np.isfinite(s.high)])
