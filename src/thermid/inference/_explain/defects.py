@@ -41,7 +41,7 @@ from thermid.inference._explain.thresholds import (
     UNDETERMINED,
     VERY_STRONG,
 )
-from thermid.inference._explain.weighing import Weighing, noise_of, shares, weighed_at
+from thermid.inference._explain.weighing import CauseScore, noise_of, shares, weighed_at
 from thermid.measure.amounts import short
 from thermid.measure.records import Channel, Record
 from thermid.simulation.scenarios import Scenario
@@ -71,7 +71,7 @@ class _Tried:
     change: MissingElement | None
     instant: float
     fit: Calibration
-    weighing: Weighing
+    weighing: CauseScore
     share: float = 1.0
 
 
@@ -172,7 +172,7 @@ def _near(found: Sequence[_Tried]) -> list[_Tried]:
     return [t for t in found if t.weighing.averaged[noise] > most + np.log(LEAST)]
 
 
-def _over(one: Weighing, other: Weighing) -> float:
+def _over(one: CauseScore, other: CauseScore) -> float:
     """Return the logarithm of the Bayes factor of one over another, under one noise."""
     noise = noise_of((one, other))
     return float(one.averaged[noise] - other.averaged[noise])
@@ -227,7 +227,7 @@ def _over_instants(request: Request, near: _Tried, clock: _Clock) -> list[_Tried
     return out if third else [replace(t, weighing=likeliest) for t in out]  # the likelihood of the instant is in the shares
 
 
-def _weighed(found: Calibration, change: MissingElement | None) -> Weighing:
+def _weighed(found: Calibration, change: MissingElement | None) -> CauseScore:
     """Return the score of a fit with a defect; a clock is evenly likely within its range."""
     assert found.problem is not None
     late = [u for u in found.problem.unknowns if u.kind == "local" and u.name.endswith(": delay")]

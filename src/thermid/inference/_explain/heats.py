@@ -17,7 +17,7 @@ from thermid.fit.problem import Experiment, Influence, Request, Unknown, build_p
 from thermid.inference._explain.candidates import MissingElement, first_step, laid_open
 from thermid.inference._explain.causes import SIZES, SizedValue
 from thermid.inference._explain.rough_fit import QUICK, ROUNDS, RoughEnd, RoughFit
-from thermid.inference._explain.thresholds import MANY_LOADS, MAX_HEATED_NODES, PULSES, TELLING, TURNS
+from thermid.inference._explain.thresholds import MANY_LOADS, MAX_HEATED_NODES, PULSES, TELLING_DIFFERENCE, TURNS
 from thermid.measure.amounts import duration_text, short
 from thermid.model.elements import HeatLoad
 from thermid.model.laws import TableSignal
@@ -175,7 +175,7 @@ def air_flows(fit: RoughFit, end: RoughEnd, experiment: int, boundary: str) -> d
         trace = seen.get(node)
         there = as_fitted[node].kelvin if trace is None else np.interp(times, trace.centres, trace.measured)
         simulated = as_built[node].kelvin - air
-        into = into * np.clip((there - air) / np.where(np.abs(simulated) > TELLING, simulated, np.inf), 0.0, 5.0)
+        into = into * np.clip((there - air) / np.where(np.abs(simulated) > TELLING_DIFFERENCE, simulated, np.inf), 0.0, 5.0)
         out[node] = (times, out[node][1] + into if node in out else into)
     return out
 

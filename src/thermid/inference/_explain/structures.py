@@ -37,7 +37,7 @@ from thermid.inference._explain.thresholds import (
     TIE,
     WIDE,
 )
-from thermid.inference._explain.weighing import Weighing, noise_of, weighed_at
+from thermid.inference._explain.weighing import CauseScore, noise_of, weighed_at
 from thermid.measure.amounts import short
 from thermid.measure.records import noise_seen
 from thermid.model.laws import Constant, TableSignal
@@ -56,7 +56,7 @@ class FittedStructure:
     request : Request
     problem : Problem
     end : Fit                           Where its fit ended.
-    weighing : Weighing                 How likely the readings are with it.
+    weighing : CauseScore                 How likely the readings are with it.
     nodes : int                         Masses of the model, sensors that lag among them.
     """
 
@@ -64,7 +64,7 @@ class FittedStructure:
     request: Request
     problem: Problem
     end: Fit
-    weighing: Weighing
+    weighing: CauseScore
     nodes: int
 
     @property

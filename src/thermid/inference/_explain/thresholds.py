@@ -77,7 +77,7 @@ MANY_LOADS: Final = 3
 """Most nodes and loads at which a course of an unlogged power is tried."""
 TURNS: Final = 3
 """How often a window is looked for again, from where the last one led."""
-TELLING: Final = 0.2
+TELLING_DIFFERENCE: Final = 0.2
 """Difference below which a measured temperature says nothing of the heat that leaves by it. [K]"""
 
 # ---- mistakes

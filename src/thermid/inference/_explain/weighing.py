@@ -1,6 +1,6 @@
 """The one score: how likely the readings are with a cause, over as the model is, with all values integrated over the widths of the table.
 
-In: a problem, where its fit ended, the prior of each value that a cause adds (`causes`). Out: a `Weighing`. The noise is the fit's own:
+In: a problem, where its fit ended, the prior of each value that a cause adds (`causes`). Out: a `CauseScore`. The noise is the fit's own:
 white as stated, and a part that wanders as large and as slow as makes the readings likeliest (`fit.uncertainty.evidences`). Where the fit
 ended the model is linear in its values (Laplace: MacKay, Information Theory, Inference, and Learning Algorithms, 2003, chapter 28).
 """
@@ -20,7 +20,7 @@ from thermid.inference._explain.thresholds import STRETCHES, WIDTHS
 
 
 @dataclass(frozen=True, eq=False)
-class Weighing:
+class CauseScore:
     """How likely readings are.
 
     Parameters
@@ -41,12 +41,12 @@ class Weighing:
         """The logarithms, averaged over the widths (noises,): causes that these rank differently share what is likely."""
         return np.asarray(np.logaddexp.reduce(self.logs, axis=0) - np.log(len(WIDTHS)))
 
-    def less(self, amount: float) -> Weighing:
+    def less(self, amount: float) -> CauseScore:
         """Return it less an amount."""
-        return Weighing(self.logs - amount)
+        return CauseScore(self.logs - amount)
 
 
-def noise_of(weighings: Iterable[Weighing]) -> int:
+def noise_of(weighings: Iterable[CauseScore]) -> int:
     """Return the place of the one noise by which several models are compared: that of the model with which readings are likeliest.
 
     Noise is the instrument's and the room's. What a worse model leaves is not taken for it.
@@ -60,7 +60,7 @@ def weighed_at(
     sizes: Mapping[str, SizedValue],
     loss: str = "linear",
     loss_scale: float = 1.0,
-) -> Weighing:
+) -> CauseScore:
     """Return how likely the readings of a problem are, linear in its values where they stand.
 
     Parameters
@@ -93,10 +93,10 @@ def weighed_at(
     one_sided = [k for k in np.flatnonzero(own) if problem.unknowns[k].log and not sizes[problem.unknowns[k].name].middle]
     for k in one_sided:  # of a normal about nothing only the upper half is possible: twice the density, times what lies above
         logs = logs + np.log(2.0) + log_ndtr((1.0 + moves[..., k]) / errors[..., k])
-    return Weighing(logs - np.array(spent)[:, None])
+    return CauseScore(logs - np.array(spent)[:, None])
 
 
-def shares(weighings: Sequence[Weighing]) -> Array:
+def shares(weighings: Sequence[CauseScore]) -> Array:
     """Return the probability of each of several causes of the same readings under one noise, averaged over the widths."""
     noise = noise_of(weighings)
     logs = np.array([w.logs[:, noise] for w in weighings])

@@ -8,7 +8,7 @@ import pytest
 from thermid.fit.problem import build_problem, starting_point
 from thermid.fit.uncertainty import binned, evidences
 from thermid.inference._explain.causes import SIZES, SizedValue
-from thermid.inference._explain.weighing import Weighing, noise_of, shares, weighed_at
+from thermid.inference._explain.weighing import CauseScore, noise_of, shares, weighed_at
 from unit.fit.bench import HTC, MASS, box, log
 
 GRID_TIMES, RATIOS = 9, 16
@@ -70,14 +70,14 @@ def test_wider_priors_cost_what_they_spread_over() -> None:
 
 
 def test_disagreement_over_widths_shares_what_is_likely() -> None:
-    one, other = (Weighing(np.array([[a], [0.0], [b]])) for a, b in ((10.0, 0.0), (0.0, 10.0)))
+    one, other = (CauseScore(np.array([[a], [0.0], [b]])) for a, b in ((10.0, 0.0), (0.0, 10.0)))
     assert shares([one, other]) == pytest.approx([0.5, 0.5])
-    assert shares([Weighing(np.ones((3, 1))), Weighing(np.zeros((3, 1)))]) == pytest.approx(np.array([np.e, 1.0]) / (1.0 + np.e))
+    assert shares([CauseScore(np.ones((3, 1))), CauseScore(np.zeros((3, 1)))]) == pytest.approx(np.array([np.e, 1.0]) / (1.0 + np.e))
 
 
 def test_models_are_compared_under_the_noise_of_the_likelier_one() -> None:
     """What a worse model leaves is not taken for noise: noise that wanders would explain it as well, to 1 unit."""
-    bad, good = Weighing(np.array([[-100.0, -9.0]] * 3)), Weighing(np.array([[-2.0, -8.0]] * 3))
+    bad, good = CauseScore(np.array([[-100.0, -9.0]] * 3)), CauseScore(np.array([[-2.0, -8.0]] * 3))
     assert noise_of([bad, good]) == 0
     assert shares([bad, good])[1] == pytest.approx(1.0)
 
