@@ -165,7 +165,7 @@ def judged(seed: int, offset: float = 0.0) -> dict[str, Any]:
     row |= {"seconds": time.perf_counter() - begun, "found": found.chosen.nodes, "orders": list(found.search.orders)}
     truth = known(plant, found.noise)
     row["likelihood"] = found.search.likelihood(found.chosen)
-    row["known_likelihood"] = truth.held.likelihood(found.search.scale) - found.search.start.held.likelihood(found.search.scale)
+    row["known_likelihood"] = found.search.likelihood(truth)
     own = [found.search.likelihood(s) for s in found.search.structures if s.nodes == plant.order and s.possible]
     row["apart"] = max(own) - row["likelihood"] if own else None
     best: dict[int, float] = {}
@@ -183,7 +183,7 @@ def summary(rows: list[dict[str, Any]]) -> dict[str, Any]:
     """Return shares and ratios over plants."""
     able = [r for r in rows if "found" in r]
     exact = [r["found"] == r["order"] for r in able]
-    # "cannot tell" counts where the truth is among what was named, and held-out likelihoods differ by less than two units
+    # "cannot tell" counts where the truth is among what was named, and logarithms of Bayes factors differ by less than `TIE`
     open_ = [r["found"] == r["order"] or (r["order"] in r["orders"] and abs(r["apart"]) < TIE) for r in able]
     near = [abs(r["found"] - r["order"]) <= 1 for r in able]
     near_open = [min(abs(o - r["order"]) for o in r["orders"]) <= 1 for r in able]

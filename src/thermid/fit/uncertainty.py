@@ -22,6 +22,7 @@ from thermid.fit._uncertainty.noise import (
     TraceNoise as TraceNoise,
     answers_to_inputs as answers_to_inputs,
     binned as binned,
+    evidences as evidences,
     score_excess as score_excess,
     stretch_means as stretch_means,
 )

@@ -9,10 +9,10 @@ from thermid.inference._explain.criticism import (
 from thermid.inference._explain.defects import ExplainedFit as ExplainedFit, asks as asks, explained as explained, summary as summary
 from thermid.inference._explain.mistakes import Mistakes as Mistakes, find_mistakes as find_mistakes
 from thermid.inference._explain.structures import (
-    EVALUATIONS as EVALUATIONS,
     FittedStructure as FittedStructure,
     StructureSearch as StructureSearch,
     adopted as adopted,
     fitted_structure as fitted_structure,
     search_structure as search_structure,
 )
+from thermid.inference._explain.thresholds import EVALUATIONS as EVALUATIONS

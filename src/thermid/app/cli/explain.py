@@ -8,7 +8,7 @@ from typing import Annotated
 
 import typer
 
-from thermid.app.cli.options import CampaignPath, Cluster, Data, Json, Processes, Results, Whole, executor_of, leave, pairs, say, staged
+from thermid.app.cli.options import CampaignPath, Data, Json, Results, Whole, leave, pairs, say, staged
 from thermid.app.cli.screen import working
 from thermid.base.errors import NameNotFoundError, nearest
 from thermid.fit.calibration import Calibration
@@ -42,8 +42,6 @@ def criticise(
     everything: Annotated[bool, typer.Option("--all", help="Try missing elements also where the residuals are only noise.")] = False,
     data: Data = None,
     results: Results = None,
-    workers: Processes = 1,
-    cluster: Cluster = "",
     verbose: Whole = False,
     as_json: Json = False,
 ) -> None:
@@ -56,7 +54,7 @@ def criticise(
     with working("") as progress:
         for k, (name, fit) in enumerate(fits.items()):
             progress.now(f"refits of stage {name}", k / len(fits))
-            found[name] = criticism.criticise(fit, elements=True if everything else None, executor=executor_of(workers, cluster))
+            found[name] = criticism.criticise(fit, elements=True if everything else None)
     say(as_json, {"stages": {n: c.to_dict() for n, c in found.items()}}, "\n\n".join(map(str, found.values())), verbose)
     leave(worst(f.standing for f in fits.values()))
 

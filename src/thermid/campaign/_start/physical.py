@@ -9,7 +9,7 @@ from thermid.base.dual import value_of
 from thermid.base.errors import ThermidError
 from thermid.campaign._start.roles import Roles
 from thermid.inference.criticism import FittedStructure
-from thermid.inference.diagnosis import HEAT, RangeCheck
+from thermid.inference.diagnosis import SPECIFIC_HEAT, RangeCheck
 from thermid.measure.amounts import amount
 from thermid.physics.materials import materials as all_materials
 
@@ -78,7 +78,7 @@ def known_masses(masses: Mapping[str, str], materials: Mapping[str, str]) -> dic
         if named and not heats:
             families = ", ".join(dict.fromkeys(name.partition(",")[0] for name in all_materials() if name != "air"))
             raise ThermidError(f"no material '{named}'. Known: {families}. Or leave it out.", f"--material {part}", code="name.unknown")
-        low, high = (min(heats), max(heats)) if heats else HEAT
+        low, high = (min(heats), max(heats)) if heats else SPECIFIC_HEAT
         out[part] = KnownMass(weight, low, high, MATERIAL_SD if heats else ANY_SD)
     return out
 

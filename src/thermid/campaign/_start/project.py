@@ -198,9 +198,7 @@ def _deck(proposal: Proposal, request: Request, fixed: Sequence[str], left_out: 
             item.comment("the sensor itself, which lags behind its part; its heat capacity is small")
         else:
             item.comment(
-                "hidden: no sensor, proposed because it improves the prediction of hold-out readings"
-                if name not in parts
-                else "read through its sensor"
+                "hidden: no sensor, proposed because the readings are likelier with it" if name not in parts else "read through its sensor"
             )
     for name, item in document.get("conductors", {}).items():
         path = next((f for f in fixed if f.partition(".")[0] == name), "")

@@ -1,4 +1,4 @@
-"""A model for a bare log: every measured part a mass, joined to all others and the surroundings, then what held-out readings ask for."""
+"""A model for a bare log: every measured part a mass, joined to all others and the surroundings, then what the readings ask for."""
 
 from __future__ import annotations
 

@@ -772,34 +772,44 @@ def weighed(pieces: Sequence[Binned], priors: Array, pulls: Array, level: float 
 
 
 def evidence(pieces: Sequence[Binned], priors: Array) -> float:
-    """Return the log-likelihood of traces, but for a constant that depends on their readings alone, with all unknowns integrated out.
+    """Return the log-likelihood of traces with all unknowns integrated out over one prior about where they stand, see `evidences`."""
+    return float(evidences(pieces, priors[None], np.zeros((1, priors.shape[0])))[0].max())
 
-    White noise of each trace is as stated, or as large as it is inside its stretches; what wanders has one ratio to it and one time in
-    all traces, those that make the readings likeliest. Models of the same readings are compared with the same unknowns first, those of
-    `priors` zero flat, and more behind them.
+
+def evidences(pieces: Sequence[Binned], priors: Array, pulls: Array) -> tuple[Array, Array, Array]:
+    """Return the log-likelihood of traces, but for a constant of their readings alone, with all unknowns integrated out (several, noises).
+
+    Beside it stand how far each unknown would move, and its standard error (several, noises, unknowns). White noise of each trace is as
+    stated, or as large as it is inside its stretches; what wanders has one ratio to it and one time in all traces, those of each noise on
+    a grid. Models of the same readings are compared with the same unknowns first, those of `priors` zero flat, and more behind them.
 
     Parameters
     ----------
-    pieces : sequence of Binned             The traces in stretches of time, at any values of the unknowns.
-    priors : array (unknowns, unknowns)     Information that is known beside the data, about where the unknowns stand.
+    pieces : sequence of Binned                     The traces in stretches of time, at any values of the unknowns.
+    priors : array (several, unknowns, unknowns)    Information that is known beside the data.
+    pulls : array (several, unknowns)               Its scores where the unknowns stand.
     """
     calm = [replace(b, mean=b.mean / s, slopes=b.slopes / s) for b in pieces for s in [max(1.0, b.within) ** 0.5] if b.count.size >= FEWEST]
-    scale = _scales(calm, priors)
-    traces = [_TraceBasis.of(b, scale) for b in calm]
-    known = priors * np.outer(scale, scale) + FLAT * np.eye(priors.shape[0])
-    begun, best = 0.5 * np.linalg.slogdet(known)[1], -np.inf
-    for node in range(GRID_TIMES * RATIOS):
-        at, ratio = divmod(node, RATIOS)
-        information, scores, alone = known.copy(), np.zeros(known.shape[0]), 0.0
-        for t in traces:
-            shrunk = t.shrunk[at, ratio]
-            taken = t.slopes[at].T * shrunk
-            _add(t, information, scores, taken @ t.slopes[at], taken @ t.residuals[at])
-            alone += 0.5 * float(np.log(shrunk).sum() - shrunk @ t.residuals[at] ** 2)
+    count = priors.shape[-1]
+    scale = _scales(calm, priors[0])
+    known = priors * np.outer(scale, scale) + FLAT * np.eye(count)
+    information, scores = np.zeros((GRID_TIMES, RATIOS, count, count)), np.zeros((GRID_TIMES, RATIOS, count))
+    alone = np.zeros((GRID_TIMES, RATIOS))
+    for t in (_TraceBasis.of(b, scale) for b in calm):
+        taken = t.shrunk[..., None] * t.slopes[:, None]
+        information[..., t.acting[:, None], t.acting] += np.swapaxes(taken, 2, 3) @ t.slopes[:, None]
+        scores[..., t.acting] += (np.swapaxes(taken, 2, 3) @ t.residuals[:, None, :, None])[..., 0]
+        alone += 0.5 * (np.log(t.shrunk).sum(axis=2) - np.sum(t.shrunk * t.residuals[:, None] ** 2, axis=2))
+    logs, moves, errors = [], [], []
+    for own, pull in zip(known, pulls * scale, strict=True):
         # integral of a normal likelihood over normal unknowns: |P|^(1/2) |A|^(-1/2) exp(b'A^-1 b / 2)
-        fitted = 0.5 * float(scores @ np.linalg.solve(information, scores)) - 0.5 * float(np.linalg.slogdet(information)[1])
-        best = max(best, alone + fitted)
-    return float(best + begun)
+        covariances_of = np.linalg.inv(information + own)
+        move = (covariances_of @ (scores + pull)[..., None])[..., 0]
+        whole = 0.5 * np.sum((scores + pull) * move, axis=-1) + 0.5 * np.linalg.slogdet(covariances_of)[1]
+        logs.append((alone + whole).ravel() + 0.5 * float(np.linalg.slogdet(own)[1]))
+        moves.append((scale * move).reshape(-1, count))
+        errors.append((scale * np.sqrt(np.diagonal(covariances_of, axis1=-2, axis2=-1))).reshape(-1, count))
+    return np.array(logs), np.array(moves), np.array(errors)
 
 
 def _scales(pieces: Sequence[Binned], priors: Array) -> Array:

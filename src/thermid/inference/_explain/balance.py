@@ -15,6 +15,7 @@ from thermid.base.linear_algebra import Array
 from thermid.base.results import Result
 from thermid.fit.calibration import Calibration
 from thermid.fit.problem import at_their_seats, attached, bind, role_and_target
+from thermid.inference._explain.thresholds import BALANCE_STEP
 from thermid.measure.amounts import short
 from thermid.measure.records import Record
 from thermid.measure.steadiness import SteadyPoint, SteadyValue
@@ -128,18 +129,14 @@ def energy_balance(
     return EnergyBalance(title, here.loads, here.out, here.stored, unexplained, float(here.left.sum()), total, here.at, case.calculated)
 
 
-STEP = 1e-3
-"""Relative change over which the balance is differentiated by a value of a fit."""
-
-
 def _by_values(fit: Calibration, case: _Case, moved: Callable[[Model], _Case]) -> Array:
     """Return what each source of the errors of a fit's values does to the balance of each node (sources, nodes). [W]"""
     states = [s for s in fit.store.states.values() if s.kind == "parameter" and s.known]
     here, out = case.parts(case.given).left, []
     for s in states:
-        size = STEP * (abs(s.value) or 1.0)
+        size = BALANCE_STEP * (abs(s.value) or 1.0)
         there = moved(case.of.with_values({p: f"{s.value + size!r} [{s.unit}]" for p in s.acts}))
-        out.append((there.parts(case.given).left - here) / (STEP if s.log else size))
+        out.append((there.parts(case.given).left - here) / (BALANCE_STEP if s.log else size))
     return fit.store.rows([s.path for s in states]).T @ np.array(out).reshape(len(states), here.size)
 
 

@@ -6,7 +6,7 @@ import itertools
 import math
 import re
 from collections.abc import Callable, Iterator, Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from typing import Any
 
 import numpy as np
@@ -17,6 +17,8 @@ from thermid.fit.calibration import Calibration
 from thermid.fit.discrepancy import SETTLING_PACES
 from thermid.fit.power import PowerCourse
 from thermid.fit.problem import MEASURED, Experiment, LocalSpec, Problem, Request, first_reading
+from thermid.inference._explain.causes import SIZES, SizedValue
+from thermid.inference._explain.thresholds import BEGINS, COLD, MOST_PLACES, PACES, SLOWEST_MASS, SLOWEST_SAMPLES, TIP
 from thermid.measure.amounts import short
 from thermid.model.elements import Conductor, HeatLoad, Node
 from thermid.model.laws import Curve
@@ -25,44 +27,9 @@ from thermid.model.tree import Model
 from thermid.simulation.network import Network, compile_network
 from thermid.simulation.scenarios import Scenario
 
-GROUPS = {
-    "boundary or reference": "the temperature of chamber or ambient, or an error common to all sensors: reference junction, logger",
-    "power": "the dissipated power, or its measurement",
-    "link": "a heat path that is missing, stronger or weaker than modelled",
-    "capacitance": "a mass or a specific heat",
-    "sensor": "one sensor: wrong, or detached",
-}
-"""Group of parameters -> what it stands for."""
-KELVIN, SHARE, LOOSE, MORE = 5.0, 0.4, 0.3, 0.5
-"""How large a fault is taken to be, as standard deviations: temperatures [K], powers and capacitances [-], the part of its reading that a
-loose sensor takes from its surroundings [-], and a link over what its ends have already [-]. Generous on purpose: what they decide is
-between groups of like evidence."""
 ADDED = "suspected_link_"
 Judge = Callable[[Any], tuple[str, bool]]
 """Of a calibration, or of anything that has values with errors by path: what was found, in words, and whether it is possible."""
-SENSOR_LAG = (0.5, 600.0)
-"""Time constants of a sensor on or in a metal part, from a bare thermocouple to a probe in a pocket. [s]"""
-NATURAL = (0.2, 6.0)
-"""Coefficient c of h = c dT^(1/4) in air: 1.3 to 1.4 (1/L)^(1/4) for L of 2 cm to 1 m, halved and doubled for shape (McAdams, Heat
-Transmission, 3rd ed., chapter 7). [W/(m^2 K^1.25)]"""
-GROWTH = (0.0, 0.02)
-"""Growth of a loss with temperature, as a share per kelvin; copper alone has 0.0039. [1/K]"""
-ROOM = 293.15
-"""Temperature at which a power is taken to be the logged one where its node has no reading. [K]"""
-SETTLES = 0.5
-"""Most that a power may have more when it comes on, as a share of its step. [-]"""
-SLOWER = 10.0
-"""Samples that a power takes to settle, at least. [-]"""
-TIP = 0.1
-"""A node of this part of its neighbour's heat capacity is the sensor of it. [-]"""
-SMALL = 0.05
-"""Part of what a part loses already that a new way of its heat begins with. [-]"""
-MOST_PLACES = 6
-"""Places of a network that are looked at for changes: the observed ones first."""
-SLOWEST = 10.0
-"""Time constant of a new mass, in lengths of the longest record, beyond which readings know nothing of it. [-]"""
-PACES = (0.03, 0.2, 1.0, 5.0)
-"""Time constants at which a new mass is tried, in parts of that of the part beside it. [-]"""
 
 
 @dataclass(frozen=True)
@@ -130,16 +97,17 @@ def faults_of(model: Model, sensors: Mapping[str, str]) -> tuple[Model, tuple[Fa
     for k, (a, b) in enumerate(pairs):
         name = f"{ADDED}{k}"
         links[name] = Conductor("conduction", (a, b), {"conductance": parameter("0 [W/K]", name)})
-        size = MORE * min(strength.get(n, np.inf) for n in (a, b) if n in held)
+        size = SIZES["contact"].spread * min(strength.get(n, np.inf) for n in (a, b) if n in held)
         known = frozenset((a, b)) in joined
         text = f"link {a} - {b}" if known else f"missing link {a} - {b}"
         out.append(Fault("link", text, f"{name}.conductance", size if np.isfinite(size) and size > 0 else 0.1, not known, "W/K"))
-    out.append(Fault("boundary or reference", "all sensors", "", KELVIN, unit="K"))
-    out += [Fault("boundary or reference", f"boundary {b}", b, KELVIN, unit="K") for b in network.boundaries]
-    out += [Fault("power", f"power of {load.path}", f"scale.{load.path}", SHARE, start=1.0) for load in network.flat.loads]
-    out += [Fault("capacitance", f"capacitance of {node}", path, SHARE, start=value) for node, path, value in _masses(network, held)]
-    out += [Fault("sensor", s, "", KELVIN, unit="K", sensor=s) for s in sensors]
-    out += [Fault("sensor", f"{s} loose", "", LOOSE, True, "1", s) for s in sensors]
+    out.append(Fault("boundary or reference", "all sensors", "", SIZES["boundary"].spread, unit="K"))
+    out += [Fault("boundary or reference", f"boundary {b}", b, SIZES["boundary"].spread, unit="K") for b in network.boundaries]
+    out += [Fault("power", f"power of {load.path}", f"scale.{load.path}", SIZES["power"].spread, start=1.0) for load in network.flat.loads]
+    share = SIZES["capacitance"].spread
+    out += [Fault("capacitance", f"capacitance of {node}", path, share, start=value) for node, path, value in _masses(network, held)]
+    out += [Fault("sensor", s, "", SIZES["sensor"].spread, unit="K", sensor=s) for s in sensors]
+    out += [Fault("sensor", f"{s} loose", "", SIZES["loose"].spread, True, "1", s) for s in sensors]
     grown = laid_open(model)
     return replace(grown, conductors={**grown.conductors, **links}), tuple(out)
 
@@ -203,6 +171,7 @@ class MissingElement:
     judge : callable    Says what was found and whether it is possible.
     make : callable     Lays it over another request of the same model, so that several are tried together.
     nodes : int         Masses that it adds; that of a sensor that lags is one.
+    sizes : dict        Path -> prior of what it adds, from the table of causes.
     starts : tuple      Path -> value [SI] to begin a search from, one table for each start; empty for that of the request.
     additive : bool     Whether its effect grows with its value, which begins small: one derivative says what it would do.
     chosen : int        Numbers that were chosen before the refit, such as the time of a course; they count as fitted ones.
@@ -216,6 +185,7 @@ class MissingElement:
     judge: Judge
     make: Callable[[Request], Request]
     nodes: int = 0
+    sizes: Mapping[str, SizedValue] = field(default_factory=dict)
     starts: tuple[Mapping[str, float], ...] = ()
     additive: bool = False
     chosen: int = 0
@@ -239,7 +209,8 @@ class MissingElement:
         name, chosen = f"{self.name}, and {other.name}", self.chosen + other.chosen
         bends, delay = self.bends or other.bends, self.delay + other.delay
         of_power = self.of_power or other.of_power
-        return MissingElement(name, other.make(self.request), judge, make, nodes, starts, additive, chosen, bends, delay, of_power)
+        sizes = {**self.sizes, **other.sizes}
+        return MissingElement(name, other.make(self.request), judge, make, nodes, sizes, starts, additive, chosen, bends, delay, of_power)
 
 
 @dataclass(frozen=True)
@@ -327,7 +298,7 @@ def hidden_defects(seen: Fitted) -> Iterator[MissingElement]:
     for place in places:
         for boundary in network.boundaries:
             if frozenset((place.node, boundary)) not in joined:
-                yield _linked(seen.request, place.node, boundary, SMALL * (place.loss or 1.0))
+                yield _linked(seen.request, place.node, boundary, BEGINS * (place.loss or 1.0))
 
 
 def plain_lacks(seen: Fitted) -> Iterator[MissingElement]:
@@ -356,7 +327,7 @@ def changes_of(seen: Fitted) -> Iterator[MissingElement]:
     joined = _joined(network, {*(p.node for p in places), *network.boundaries})
     for a, b in itertools.combinations(places, 2):
         if frozenset((a.node, b.node)) not in joined:
-            yield _linked(seen.request, a.node, b.node, SMALL * min(a.loss or 1.0, b.loss or 1.0))
+            yield _linked(seen.request, a.node, b.node, BEGINS * min(a.loss or 1.0, b.loss or 1.0))
         else:
             yield _one_way(seen.request, a, b.node, f"'{b.node}'")
     for place in _places(seen, hidden=True):
@@ -452,7 +423,7 @@ def _of_hidden(seen: Fitted, places: Sequence[_Place]) -> Iterator[MissingElemen
     ends = [*(p.node for p in places), *network.boundaries, *hidden]
     for k, node in enumerate(hidden[:MOST_PLACES]):
         for other in (e for e in ends if e != node and e not in hidden[:k] and frozenset((node, e)) not in joined):
-            yield _linked(seen.request, node, other, SMALL * (strength.get(node) or 1.0))
+            yield _linked(seen.request, node, other, BEGINS * (strength.get(node) or 1.0))
 
 
 def _strengths(rows: Sequence[Any]) -> dict[str, float]:
@@ -544,11 +515,12 @@ def _lag(request: Request, place: _Place) -> MissingElement:
 
     def judge(found: Any) -> tuple[str, bool]:
         tau = held / found[free].value
-        low, high = SENSOR_LAG
-        return f"a time constant of {short(tau, 3)} s +- {short(100 * found[free].error / found[free].value)} %", low <= tau <= high
+        text = f"a time constant of {short(tau, 3)} s +- {short(100 * found[free].error / found[free].value)} %"
+        return text, SIZES["lag"].allows(tau)
 
     starts = tuple({free: held / tau} for tau in (3.0, 20.0, 120.0))
-    return MissingElement(f"a lag of the sensor at '{place.node}'", make(request), judge, make, 1, starts)
+    sizes = {free: replace(SIZES["lag"].at(), middle=held / SIZES["lag"].middle)}
+    return MissingElement(f"a lag of the sensor at '{place.node}'", make(request), judge, make, 1, sizes, starts)
 
 
 def _source(request: Request, place: _Place, mass: MissingElement, name: str) -> MissingElement:
@@ -568,7 +540,7 @@ def _second(request: Request, place: _Place, word: str) -> MissingElement:
     """A mass behind a resistance."""
     name = _free_name(request, f"{place.word}_{word}")
     held, link = 0.3 * place.capacity, f"{name}_link"
-    longest = SLOWEST * max(float(np.ptp(r.times)) for r in request.records)
+    longest = SLOWEST_MASS * max(float(np.ptp(r.times)) for r in request.records)
     free = (f"{name}.capacitance", f"{link}.conductance")
     grow = _adding(
         word.replace("_", " "),
@@ -583,10 +555,12 @@ def _second(request: Request, place: _Place, word: str) -> MissingElement:
     def judge(found: Any) -> tuple[str, bool]:
         held, link = found[free[0]].value, found[free[1]].value
         text = f"{short(held, 3)} J/K behind {short(1 / link, 3)} K/W ({short(held / link, 3)} s), beside {short(place.capacity, 3)} J/K"
-        return text, 0.02 <= held / place.capacity <= 20.0 and held / link <= longest
+        return text, SIZES["mass"].allows(held / place.capacity) and held / link <= longest
 
-    starts = tuple({free[0]: held, free[1]: held / (pace * place.pace)} for pace in PACES)
-    return MissingElement(f"a second mass behind a resistance at '{place.node}'", make(request), judge, make, 1, starts)
+    mass, pace = SIZES["mass"].at(place.capacity), SIZES["pace"].at(place.pace)
+    sizes = {free[0]: mass, free[1]: SizedValue(mass.middle / pace.middle, math.hypot(mass.spread, pace.spread))}
+    starts = tuple({free[0]: held, free[1]: held / (share * place.pace)} for share in PACES)
+    return MissingElement(f"a second mass behind a resistance at '{place.node}'", make(request), judge, make, 1, sizes, starts)
 
 
 def _shell(request: Request, place: _Place) -> MissingElement:
@@ -611,11 +585,12 @@ def _shell(request: Request, place: _Place) -> MissingElement:
     def judge(found: Any) -> tuple[str, bool]:
         held, inner, outer = (found[p].value for p in free)
         text = f"{short(held, 3)} J/K, {short(inner, 3)} W/K to '{place.node}' and {short(outer, 3)} W/K to '{place.boundary}'"
-        return text, 0.02 <= held / place.capacity <= 200.0
+        return text, SIZES["large mass"].allows(held / place.capacity)
 
     starts = tuple({free[0]: share * held, free[1]: g, free[2]: g} for share in (0.3, 3.0))
+    sizes = {free[0]: SIZES["large mass"].at(held), free[1]: SIZES["path"].at(g), free[2]: SIZES["path"].at(g)}
     title = f"a mass between '{place.node}' and '{place.boundary}'"
-    return MissingElement(title, make(request), judge, make, 1, starts)
+    return MissingElement(title, make(request), judge, make, 1, sizes, starts)
 
 
 def _shared(request: Request, places: Sequence[_Place]) -> MissingElement:
@@ -637,11 +612,13 @@ def _shared(request: Request, places: Sequence[_Place]) -> MissingElement:
 
     def judge(found: Any) -> tuple[str, bool]:
         most = sum(p.capacity for p in places)
-        return f"{short(found[free[0]].value, 3)} J/K", 0.02 <= found[free[0]].value / most <= 200.0
+        return f"{short(found[free[0]].value, 3)} J/K", SIZES["large mass"].allows(found[free[0]].value / most)
 
+    sizes = {free[0]: SIZES["large mass"].at(held / 3.0)}
+    sizes |= {f"{link}.conductance": SIZES["path"].at(g) for link, (_, g) in links.items()}
     starts = tuple({free[0]: share * held} for share in (0.3, 1.0, 5.0))
     nodes = ", ".join(f"'{p.node}'" for p in places)
-    return MissingElement(f"a mass that {nodes} stand on", make(request), judge, make, 1, starts)
+    return MissingElement(f"a mass that {nodes} stand on", make(request), judge, make, 1, sizes, starts)
 
 
 def _linked(request: Request, a: str, b: str, size: float) -> MissingElement:
@@ -653,14 +630,15 @@ def _linked(request: Request, a: str, b: str, size: float) -> MissingElement:
     def judge(found: Any) -> tuple[str, bool]:
         return f"{short(found[free].value, 3)} W/K", True
 
-    return MissingElement(f"a contact between '{a}' and '{b}'", make(request), judge, make, additive=True)
+    sizes = {free: SIZES["contact"].at(size / BEGINS)}
+    return MissingElement(f"a contact between '{a}' and '{b}'", make(request), judge, make, sizes=sizes, additive=True)
 
 
 def _one_way(request: Request, place: _Place, other: str, words: str) -> MissingElement:
     """A coupling that is stronger in one direction, as warm air rises: it carries heat only from the part."""
     name = _free_name(request, f"{place.word}_outward_{_word(other)}")
     free = f"{name}.scale"
-    size = SMALL * (place.loss or 1.0)
+    size = BEGINS * (place.loss or 1.0)
     # over 1 K about equal temperatures the table goes from nothing to its full conductance
     curve = Curve("difference", np.array([0.0, 1.0]), np.array([0.0, 1.0]))
     make = _adding(
@@ -672,7 +650,8 @@ def _one_way(request: Request, place: _Place, other: str, words: str) -> Missing
     def judge(found: Any) -> tuple[str, bool]:
         return f"{short(found[free].value, 3)} W/K more from '{place.node}' than towards it", True
 
-    return MissingElement(f"a coupling of '{place.node}' and {words} that depends on direction", make(request), judge, make, additive=True)
+    name, sizes = f"a coupling of '{place.node}' and {words} that depends on direction", {free: SIZES["contact"].at(size / BEGINS)}
+    return MissingElement(name, make(request), judge, make, sizes=sizes, additive=True)
 
 
 def _late(request: Request) -> Iterator[MissingElement]:
@@ -701,7 +680,7 @@ def _late(request: Request) -> Iterator[MissingElement]:
 
 def _steeper(request: Request, place: _Place) -> MissingElement:
     name, area = _free_name(request, f"{place.word}_steeper_convection"), place.area or 1.0
-    size = 0.5 if place.area else SMALL * place.loss or 0.01
+    size = (BEGINS * place.loss or 0.01) / (area * place.rise**0.25)
     fields = {
         "htc.coefficient": _amount(size, "W/(m^2 K)", name),
         "htc.exponent": parameter("0.25", name),
@@ -713,25 +692,35 @@ def _steeper(request: Request, place: _Place) -> MissingElement:
     def judge(found: Any) -> tuple[str, bool]:
         c = found[free].value
         share = f"{short(c * area * place.rise**0.25, 3)} W/K of it at a rise of {short(place.rise, 3)} K"
-        return f"{short(c, 3)} W/(m^2 K) (dT / 1 K)^(1/4), {share}", not place.area or NATURAL[0] <= c <= NATURAL[1]
+        return f"{short(c, 3)} W/(m^2 K) (dT / 1 K)^(1/4), {share}", not place.area or SIZES["convection"].allows(c)
 
-    return MissingElement(
-        f"a coefficient at '{place.node}' that grows with the difference (dT^(1/4))", make(request), judge, make, additive=True, bends=True
-    )
+    sizes = {free: _law(place, "convection", area * place.rise**0.25)}
+    name = f"a coefficient at '{place.node}' that grows with the difference (dT^(1/4))"
+    return MissingElement(name, make(request), judge, make, sizes=sizes, additive=True, bends=True)
+
+
+def _law(place: _Place, kind: str, strength: float) -> SizedValue:
+    """Return the prior of a law of a surface: that of its kind where the area is known, else a part of what the part loses.
+
+    `strength` is the conductance of a size of one. [W/K]
+    """
+    return SIZES[kind].at() if place.area else SIZES["law"].at((place.loss or 0.1) / strength)
 
 
 def _radiation(request: Request, place: _Place) -> MissingElement:
     name, area = _free_name(request, f"{place.word}_radiated"), place.area or 1.0
-    start = 0.2 if place.area else min(max(SMALL * place.loss / (6.0 * area), 1e-6), 1.0)
+    start = min(max(BEGINS * place.loss / (6.0 * area), 1e-6), 1.0)
     fields = {"exchange_factor": parameter({"value": f"{start!r}", "min": 1e-6}, name), "area": parameter(f"{area!r} [m^2]", name)}
     free = f"{name}.exchange_factor"
     make = _adding("radiation", (free,), conductors={name: Conductor("radiation", (place.node, place.boundary), fields)})
 
     def judge(found: Any) -> tuple[str, bool]:
         e = found[free].value
-        return f"an emissivity of {short(e)} over {short(1e4 * area, 3)} cm^2", 0.01 <= e <= 1.0 if place.area else e > 0.0
+        possible = SIZES["emissivity"].allows(e) if place.area else e > 0.0
+        return f"an emissivity of {short(e)} over {short(1e4 * area, 3)} cm^2", possible
 
-    return MissingElement(f"radiation of '{place.node}' to '{place.boundary}'", make(request), judge, make, additive=True, bends=True)
+    name, sizes = f"radiation of '{place.node}' to '{place.boundary}'", {free: _law(place, "emissivity", 6.0 * area)}
+    return MissingElement(name, make(request), judge, make, sizes=sizes, additive=True, bends=True)
 
 
 def _settling(seen: Fitted, place: _Place) -> Iterator[MissingElement]:
@@ -742,7 +731,7 @@ def _settling(seen: Fitted, place: _Place) -> Iterator[MissingElement]:
     begin, power = found
     name = _free_name(seen.request, f"{_word(place.load)}_settling")
     rest = min(float(e.scenario.seconds) for e in seen.experiments) - begin
-    slow = SLOWER * max(r.step for r in seen.request.records)  # what is faster is the instant of a change between two samples
+    slow = SLOWEST_SAMPLES * max(r.step for r in seen.request.records)  # what is faster is the instant of a change between two samples
     for share in (s for s in SETTLING_PACES if s * rest >= slow):
         course = PowerCourse(name, place.node, "decay", share * rest, max(1e-3 * power, 1e-5), begin=begin)
 
@@ -751,11 +740,10 @@ def _settling(seen: Fitted, place: _Place) -> Iterator[MissingElement]:
 
         def judge(found: Any, course: PowerCourse = course) -> tuple[str, bool]:
             more = found[f"{course.name}.power"].value
-            return f"{course.words(more)}, {short(100 * more / power)} % of its step", more <= SETTLES * power
+            return f"{course.words(more)}, {short(100 * more / power)} % of its step", SIZES["settling"].allows(more / power)
 
-        yield MissingElement(
-            f"a power of '{place.load}' that settles", make(seen.request), judge, make, additive=True, chosen=1, of_power=True
-        )
+        title, sizes = f"a power of '{place.load}' that settles", {f"{name}.power": SIZES["settling"].at(power)}
+        yield MissingElement(title, make(seen.request), judge, make, sizes=sizes, additive=True, chosen=1, of_power=True)
 
 
 def first_step(experiments: Sequence[Experiment], load: str) -> tuple[float, float] | None:
@@ -787,10 +775,12 @@ def _growing_as_logged(seen: Fitted, place: _Place) -> MissingElement:
     """A power that is the logged one at the first reading, and more of it the warmer its node is."""
     load, free = place.load, f"{place.load}.temperature_coefficient"
     first = [float(o.measured[0]) for e in seen.experiments for o in e.observations if o.measured.size and o.seat == place.node]
-    cold = float(np.mean(first)) if first else ROOM
+    cold = float(np.mean(first)) if first else COLD
     fields = {
         "power": parameter("1 [W]", load),
-        "temperature_coefficient": parameter({"value": "0.0001 [1/K]", "min": "1e-9 [1/K]", "max": f"{1.5 * GROWTH[1]!r} [1/K]"}, load),
+        "temperature_coefficient": parameter(
+            {"value": "0.0001 [1/K]", "min": "1e-9 [1/K]", "max": f"{1.5 * SIZES['growth'].high!r} [1/K]"}, load
+        ),
         "reference_temperature": parameter(f"{cold!r} [K]", load),
     }
 
@@ -807,10 +797,10 @@ def _growing_as_logged(seen: Fitted, place: _Place) -> MissingElement:
 
     def judge(found: Any) -> tuple[str, bool]:
         growth = found[free].value
-        return f"{short(100 * growth)} % of the power per kelvin", GROWTH[0] <= growth <= GROWTH[1]
+        return f"{short(100 * growth)} % of the power per kelvin", SIZES["growth"].allows(growth)
 
-    name = f"a power of '{load}' that grows with temperature"
-    return MissingElement(name, make(seen.request), judge, make, additive=True, of_power=True)
+    name, sizes = f"a power of '{load}' that grows with temperature", {free: SIZES["growth"].at()}
+    return MissingElement(name, make(seen.request), judge, make, sizes=sizes, additive=True, of_power=True)
 
 
 def _comes_on(e: Experiment, load: str) -> tuple[float, float] | None:
@@ -846,8 +836,7 @@ def _growing(seen: Fitted, place: _Place) -> MissingElement:
     def judge(found: Any) -> tuple[str, bool]:
         growth = found[free].value
         share = growth / abs(place.power) if place.power else float("inf")
-        return f"{short(1e3 * growth, 3)} mW/K, {short(100 * share)} % of the power per kelvin", GROWTH[0] <= share <= GROWTH[1]
+        return f"{short(1e3 * growth, 3)} mW/K, {short(100 * share)} % of the power per kelvin", SIZES["growth"].allows(share)
 
-    return MissingElement(
-        f"a power of '{place.load}' that grows with temperature", make(request), judge, make, additive=True, of_power=True
-    )
+    name, sizes = f"a power of '{place.load}' that grows with temperature", {free: SIZES["growth"].at(abs(place.power) or 1.0)}
+    return MissingElement(name, make(request), judge, make, sizes=sizes, additive=True, of_power=True)

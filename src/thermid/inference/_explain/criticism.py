@@ -14,20 +14,14 @@ from thermid.base.linear_algebra import Array
 from thermid.base.results import Result
 from thermid.fit.calibration import Calibration, fit as refit
 from thermid.fit.problem import Experiment, Request
-from thermid.inference._explain.candidates import MissingElement, missing_elements
+from thermid.inference._explain.candidates import missing_elements
 from thermid.inference._explain.heats import unlogged_powers
+from thermid.inference._explain.structures import FittedStructure, adopted, fitted_structure, promises
+from thermid.inference._explain.thresholds import FEWEST_RECORDS, MOST_LAGS, REFITTED, SURE_SLOPE, TIE, VERY_STRONG, WORTH_A_WORD
+from thermid.inference._explain.weighing import noise_of
 from thermid.measure.amounts import short
-from thermid.simulation.runs import Workers, in_tasks, simulate
+from thermid.simulation.runs import simulate
 from thermid.simulation.solver import refuse_unseen
-
-STRONG, POSSIBLE = 10.0, 2.0
-"""Differences of BIC that count as very strong evidence, and as evidence worth a word: Kass and Raftery, J. Am. Stat. Assoc. 90 (1995)
-773-795, DOI 10.1080/01621459.1995.10476572."""
-SURE = 3.0
-Modes = dict[tuple[str, str], list[tuple[Array, Array]]]
-
-
-MOST_LAGS, STRETCHES, FEWEST = 20, 150, 12
 
 
 def ljung_box(residuals: Array) -> tuple[float, float]:
@@ -63,39 +57,6 @@ def periodogram(residuals: Array) -> tuple[float, float]:
     # noise that changes sign too often lies below the line, and no element is missing for that
     # 1.36 / sqrt(m): 95 % point of Kolmogorov's distribution
     return max(0.0, float((share - line).max())), float(1.36 / np.sqrt(share.size - 1))
-
-
-def stretches(residuals: Array, times: Array) -> tuple[Array, Array]:
-    """Return residuals as means over at most `STRETCHES` stretches of equally many readings."""
-    parts = np.array_split(np.arange(residuals.size), min(STRETCHES, residuals.size))
-    return np.array([residuals[p].mean() for p in parts]), np.array([times[p].mean() for p in parts])
-
-
-def modes_of(times: Array) -> list[tuple[Array, Array]]:
-    """Return sizes and vectors of the correlations exp(-dt / time), for times from one stretch to the whole."""
-    if times.size < FEWEST:
-        return []
-    apart = np.abs(times[:, None] - times[None, :])
-    spacing, span = float(np.median(np.diff(times))), float(times[-1] - times[0])
-    found = (np.linalg.eigh(np.exp(-apart / time)) for time in np.geomspace(spacing, max(span, 2.0 * spacing), 8))
-    return [(np.maximum(sizes, 0.0), vectors) for sizes, vectors in found]
-
-
-def trace_likelihood(z: Array, modes: list[tuple[Array, Array]], least: float) -> float:
-    """Return the largest log-likelihood of residuals as the sum of independent errors and of a part with correlations exp(-dt / time).
-
-    Independent errors are not made smaller than `least`, or a perfect fit would be infinitely likely. [K]
-    """
-    n = z.size
-    calm = max(float(z @ z) / n, least**2)
-    best = -0.5 * n * float(np.log(calm)) - 0.5 * float(z @ z) / calm
-    for sizes, vectors in modes:
-        # in the eigenbasis of the correlations variances are w (1 + ratio size); the likeliest w is the mean of z^2 / (1 + ratio size)
-        variances = 1.0 + np.geomspace(1e-2 / sizes[-1], 1e3, 40)[:, None] * sizes
-        squares = ((vectors.T @ z) ** 2 / variances).sum(axis=1)
-        own = np.maximum(squares / n, least**2)
-        best = max(best, float(np.max(-0.5 * (n * np.log(own) + np.log(variances).sum(axis=1) + squares / own))))
-    return best
 
 
 @dataclass(frozen=True, eq=False)
@@ -167,51 +128,52 @@ class TraceCriticism:
         )
         units = {"temperature": ("K per K of temperature", 1.0), "power": ("K per W", 1.0), "time": ("K per hour", 3600.0)}
         for name, (slope, error) in self.slopes.items():
-            if abs(slope) > SURE * error:
+            if abs(slope) > SURE_SLOPE * error:
                 text += f"; they go with {name}: {slope * units[name][1]:+.2g} {units[name][0]} ({abs(slope) / error:.0f} standard errors)"
         return text
 
 
 @dataclass(frozen=True, eq=False)
 class Candidate:
-    """An element that was laid over the model and fitted with it.
+    """An element that was laid over the model.
 
     Parameters
     ----------
     name : str              What it is.
-    found : str             What the fit found for it, or why it could not be fitted.
+    found : str             What the refit found for it; empty where one evaluation promised less than others, so that none was made.
     possible : bool         Whether that is physically possible.
-    gain : float            Twice the logarithm of the likelihood ratio, readings counted as independent ones. [-]
-    evidence : float        The same less what chance gains with as many parameters (difference of BIC). [-]
+    evidence : float        Twice the logarithm of the Bayes factor over the model as it is, averaged over the widths of its prior. [-]
+    widths : (float, float) The same with half and with twice the widths of the table.
     rmse : (float, float)   Before and after, all sensors. [K]
-    fit : Calibration       The refit; None where it was refused.
-    chosen : int            Numbers chosen before the refit, such as the time of a course; they count as fitted ones.
+    fit : Calibration       The full fit of what is suggested; None of all others.
+    refused : str           Why it could not be tried; empty where it was.
     """
 
     name: str
     found: str
     possible: bool
-    gain: float
     evidence: float
+    widths: tuple[float, float]
     rmse: tuple[float, float]
-    fit: Calibration | None
-    chosen: int = 0
+    fit: Calibration | None = None
+    refused: str = ""
 
     def to_dict(self) -> dict[str, Any]:
-        """Return its figures, in SI; `tried` is whether the refit was possible."""
-        keys = ("name", "found", "possible", "gain", "evidence")
-        return {**{k: getattr(self, k) for k in keys}, "rmse": list(self.rmse), "tried": self.fit is not None}
+        """Return its figures, in SI; `tried` is whether it could be laid over the model."""
+        keys = ("name", "found", "possible", "evidence", "refused")
+        return {**{k: getattr(self, k) for k in keys}, "widths": list(self.widths), "rmse": list(self.rmse), "tried": not self.refused}
 
     def __str__(self) -> str:
         """The candidate in words."""
-        if self.fit is None:
-            return f"{self.name}: could not be tried with these readings: {self.found}"
-        how = "very strong" if self.evidence > STRONG else "some" if self.evidence > POSSIBLE else "no"
-        word = "" if self.possible else ", which is not physically possible"
-        return (
-            f"{self.name}: {how} evidence (log-likelihood ratio {short(0.5 * self.gain, 3)}, BIC {self.evidence:+.3g}); "
-            f"found {self.found}{word}; RMSE {short(self.rmse[0], 3)} -> {short(self.rmse[1], 3)} K"
+        if self.refused:
+            return f"{self.name}: could not be tried with these readings: {self.refused}"
+        how = "very strong" if self.evidence > VERY_STRONG else "some" if self.evidence > WORTH_A_WORD else "no"
+        text = (
+            f"{self.name}: {how} evidence (twice the logarithm of the Bayes factor {self.evidence:+.3g}; {self.widths[0]:+.3g} with half "
+            f"and {self.widths[1]:+.3g} with twice the prior's width)"
         )
+        word = "" if self.possible else ", which is not physically possible"
+        return f"{text}; found {self.found}{word}; RMSE {short(self.rmse[0], 3)} -> {short(self.rmse[1], 3)} K"
 
 
 @dataclass(frozen=True, eq=False)
@@ -234,7 +196,7 @@ class Criticism(Result):
     @property
     def suggested(self) -> Candidate | None:
         """The best supported element whose value is possible, with very strong evidence; None where there is none."""
-        return next((c for c in self.candidates if c.fit is not None and c.possible and c.evidence > STRONG), None)
+        return next((c for c in self.candidates if c.found and c.possible and c.evidence > VERY_STRONG), None)
 
     def to_dict(self) -> dict[str, Any]:
         """Return traces and candidates, in SI; `suggested` is the name of the best supported one, or nothing."""
@@ -254,16 +216,15 @@ class Criticism(Result):
         lines += [f"  failed check: {check}" for check in self.checks]
         lines += [f"  {t}" for t in (coloured or self.traces)[:8]]
         if self.candidates:
-            lines.append("  candidates, each refitted alone:")
-            lines += [f"    {c}" for c in self.candidates if c.fit is None or c.evidence > POSSIBLE]
-            idle = [c.name for c in self.candidates if c.fit is not None and c.evidence <= POSSIBLE]
+            lines.append("  candidates, each alone:")
+            lines += [f"    {c}" for c in self.candidates if c.refused or c.evidence > WORTH_A_WORD]
+            idle = [c.name for c in self.candidates if not c.refused and c.evidence <= WORTH_A_WORD]
             lines += [f"    no evidence for {'; '.join(idle)}"] if idle else []
             best = self.suggested
             if best is not None:
-                rivals = [
-                    c for c in self.candidates if c is not best and c.possible and best.evidence - c.evidence < 6.0 and c.evidence > STRONG
-                ]
-                also = f" These readings cannot separate it from {' or '.join(c.name for c in rivals)}." if rivals else ""
+                others = [c for c in self.candidates if c is not best and c.found and c.possible and c.evidence > VERY_STRONG]
+                rivals = [c.name for c in others if best.evidence - c.evidence < 2.0 * TIE]
+                also = f" These readings cannot separate it from {' or '.join(rivals)}." if rivals else ""
                 lines.append(f"  Suggested: {best.name}: {best.found}.{also}")
             elif coloured:
                 lines.append(
@@ -273,14 +234,13 @@ class Criticism(Result):
 
 
 @takes_objects
-def criticise(fit: Calibration, elements: bool | None = None, *, executor: Workers = None) -> Criticism:
+def criticise(fit: Calibration, elements: bool | None = None) -> Criticism:
     """Residual analysis of a fit: are the residuals white noise, and which missing element would explain them?
 
     Parameters
     ----------
     fit : Calibration   The fit.
     elements : bool     Whether missing elements are tried in refits; by default only where residuals are not independent, or too large.
-    executor            As in `ensemble`: who makes the refits.
 
     Raises
     ------
@@ -289,8 +249,9 @@ def criticise(fit: Calibration, elements: bool | None = None, *, executor: Worke
     Notes
     -----
     Ljung and Box, Biometrika 65 (1978) 297-303, DOI 10.1093/biomet/65.2.297; Bartlett's test of the cumulated periodogram, in Box, Jenkins
-    and Reinsel, Time Series Analysis, 3rd ed., section 8.2.5. The likelihood ratio allows the model as it is to have its residuals by
-    chance: on either side they are independent errors and a part that wanders, each as large and as slow as makes them most likely.
+    and Reinsel, Time Series Analysis, 3rd ed., section 8.2.5. The Bayes factor allows the model as it is to have its residuals by chance:
+    on either side they are independent errors and a part that wanders, as large and as slow as makes them likeliest. Values that an element
+    adds are integrated over the widths of their priors.
     """
     if fit.request is None or fit.problem is None:
         raise IdentificationError("this calibration was not made by a fit in this session; repeat the fit.", fit.stage)
@@ -300,12 +261,7 @@ def criticise(fit: Calibration, elements: bool | None = None, *, executor: Worke
         refuse_unseen(fit.model, "a search for missing elements")
     if not wanted:
         return Criticism(fit.stage, traces, (), checks)
-    modes: Modes = {}
-    old = _likelihood(fit, modes)
-    missing = (*missing_elements(fit, fit.request), *unlogged_powers(fit.request))
-    refits = dict(in_tasks(_refit, [(f"the refit with {m.name}", (m.request,)) for m in missing], executor))
-    tried = [_tried(fit, old, m, refits[k], modes) for k, m in enumerate(missing)]
-    return Criticism(fit.stage, traces, tuple(sorted(tried, key=lambda c: -c.evidence)), checks)
+    return Criticism(fit.stage, traces, tuple(_tried(fit, fit.request)), checks)
 
 
 def running_locals(fit: Calibration) -> list[str]:
@@ -341,10 +297,6 @@ def running_locals(fit: Calibration) -> list[str]:
         if best[0] < 0.01:
             out.append(f"{best[1]} (by chance: {short(best[0])}). It compensates heat that the model lacks.")
     return out
-
-
-FEWEST_RECORDS = 6
-"""Records from which a value of single records is compared with an input."""
 
 
 def _mean_inputs(experiment: Experiment) -> dict[str, float]:
@@ -397,45 +349,40 @@ def _traces(fit: Calibration) -> list[TraceCriticism]:
     return out
 
 
-def _refit(request: Request) -> Calibration | ThermidError:
-    """Return a fit with a missing element, or why there is none; a task of a worker."""
-    try:
-        # an element that the readings do not ask for ends where it does nothing, and no search would better that
-        return refit(replace(request, search="local", doubts=True))
-    except ThermidError as error:
-        return error
+def _tried(fit: Calibration, request: Request) -> list[Candidate]:
+    """Return every missing element, the best supported first; those that promise most are refitted, and what is suggested in full."""
+    from threadpoolctl import threadpool_limits
 
-
-def _tried(fit: Calibration, old: tuple[float, int], missing: MissingElement, found: Calibration | ThermidError, modes: Modes) -> Candidate:
-    """Return what a refit with an element says."""
-    before = _rmse(fit)
-    try:
-        if isinstance(found, ThermidError):
-            raise found
-        words, possible = missing.judge(found)
-    except ThermidError as error:
-        return Candidate(missing.name, error.message, False, -np.inf, -np.inf, (before, before), None)
-    gain, count = 2.0 * (_likelihood(found, modes)[0] - old[0]), old[1]
-    added = max(len(found.fitted) - len(fit.fitted), 1) + missing.chosen
-    evidence = gain - added * np.log(max(count, 2.0))
-    return Candidate(missing.name, words, possible, gain, evidence, (before, _rmse(found)), found, missing.chosen)
-
-
-def _rmse(fit: Calibration) -> float:
-    squares = [s.rmse**2 * s.samples for s in fit.sensors.values()]
-    return float(np.sqrt(sum(squares) / max(sum(s.samples for s in fit.sensors.values()), 1)))
-
-
-def _likelihood(fit: Calibration, modes: Modes) -> tuple[float, int]:
-    """Return the logarithm of the likelihood of all residuals, independent and wandering parts chosen for each trace, and their number.
-
-    `modes` keeps what depends on the times alone, for the next fit.
-    """
-    total, count = 0.0, 0
-    for b in fit.blocks:
-        z, times = stretches(b.residuals, b.times)
-        if (b.record, b.sensor) not in modes:
-            modes[b.record, b.sensor] = modes_of(times)
-        total += trace_likelihood(z, modes[b.record, b.sensor], 0.3 * b.noise * (z.size / b.residuals.size) ** 0.5)
-        count += z.size
-    return total, count
+    with threadpool_limits(limits=1):
+        base = fitted_structure((), request, fit.fitted)
+        before, refused = base.rmse, list[tuple[str, str]]()
+        made: list[tuple[str, FittedStructure | None]] = []
+        for n, score in enumerate(promises(base, (*missing_elements(fit, request), *unlogged_powers(request)), refused)):
+            try:
+                begun = (score.change.request, base.fitted, score.start)
+                made.append((score.change.name, fitted_structure((score.change,), *begun) if n < REFITTED else None))
+            except (ThermidError, np.linalg.LinAlgError) as error:
+                refused.append((score.change.name, str(error)))
+    noise = noise_of([base.weighing, *(one.weighing for _, one in made if one is not None)])
+    out: list[tuple[Candidate, FittedStructure | None]] = []
+    for name, one in made:
+        if one is None:
+            out.append((Candidate(name, "", True, 0.0, (0.0, 0.0), (before, before)), None))
+            continue
+        words, possible = one.judged()[0]
+        halved, _, doubled = 2.0 * (one.weighing.logs - base.weighing.logs)[:, noise]
+        averaged = 2.0 * float(one.weighing.averaged[noise] - base.weighing.averaged[noise])
+        out.append((Candidate(name, words, possible, averaged, (float(halved), float(doubled)), (before, one.rmse)), one))
+    out.sort(key=lambda each: -each[0].evidence)
+    out += [(Candidate(name, "", False, -np.inf, (-np.inf, -np.inf), (before, before), refused=why), None) for name, why in refused]
+    for n, (candidate, one) in enumerate(out):
+        if one is not None and candidate.possible and candidate.evidence > VERY_STRONG:
+            try:
+                found = refit(adopted(one))
+                words, possible = one.changes[0].judge(found)
+                out[n] = replace(candidate, found=words, possible=possible, fit=found), one
+            except ThermidError as error:
+                out[n] = replace(candidate, refused=error.message, found=""), None
+            if out[n][0].fit is not None and out[n][0].possible:
+                break
+    return [candidate for candidate, _ in out]

@@ -4,7 +4,7 @@ In: a `Calibration`. Out: the fits with a defect that its readings allow, each w
 
 Every defect (sensors that lag, a mass, a leak) is fitted together with the clock of the powers, which the fit finds too, and the clock is
 tried alone. A sampled power changed somewhere between two samples: early, in the middle and late are tried, each as likely. Weights are
-those of Bayesian model averaging with the criterion of Schwarz (Hoeting and others, Statistical Science 14 (1999) 382-417).
+those of Bayesian model averaging (Hoeting and others, Statistical Science 14 (1999) 382-417) with the one score of causes (`weighing`).
 """
 
 from __future__ import annotations
@@ -21,36 +21,30 @@ from thermid.fit.calibration import Calibration, fit_problem
 from thermid.fit.discrepancy import discrepancy_kept
 from thermid.fit.problem import MEASURED, Experiment, Request, Unknown, build_problem, starting_point
 from thermid.inference._explain.candidates import Fitted, MissingElement, hidden_defects
+from thermid.inference._explain.causes import SizedValue
+from thermid.inference._explain.thresholds import (
+    FAR_PART,
+    FAR_STEPS,
+    LEAST,
+    MIDDLE,
+    MOST_CHANGES,
+    MOST_NODES,
+    MOST_RECORDS,
+    MOST_SAMPLES,
+    MOST_STEPS,
+    MOST_UNKNOWNS,
+    NOISY,
+    PATIENCE,
+    REACH,
+    REST,
+    TAKEN,
+    UNDETERMINED,
+    VERY_STRONG,
+)
+from thermid.inference._explain.weighing import CauseScore, noise_of, shares, weighed_at
 from thermid.measure.amounts import short
 from thermid.measure.records import Channel, Record
 from thermid.simulation.scenarios import Scenario
-
-NOISY = 1.5
-"""Chi-square per degree of freedom above which residuals ask for an explanation, and below which they have one. [-]"""
-STRONG = 10.0
-"""Difference of BIC that proves a defect: Kass and Raftery, J. Am. Stat. Assoc. 90 (1995) 773."""
-DECIDED = 0.5
-"""Relative error of a defect's own values above which the readings do not show it: the fit without it stands for it. [-]"""
-LEAST = 0.02
-"""Weight beside the best below which a defect is left out. [-]"""
-TAKEN = 0.25
-"""Part of chi-square that a linearised step with a defect takes off, below which it is not worth its refits. [-]"""
-MIDDLE = 0.5
-"""Where in the interval between two samples a power is taken to have changed at first. [-]"""
-MOST_CHANGES = 20
-"""Changes of a power up to which their instants matter; of more of them a shift of all is the clock's."""
-FAR_STEPS, FAR_PART = 8.0, 0.05
-"""How far a clock may be off: in samples, and in lengths of the record, whichever is more. [-]"""
-MOST_STEPS = 20_000
-"""Steps of one run after which a refit is given up."""
-REACH = 100.0
-"""Factor from where they begin within which the values of a defect are looked for. [-]"""
-PATIENCE = 60
-"""Evaluations after which a refit is given up."""
-REST = 4.0
-"""Standard deviations of noise and accuracy within which first readings and surroundings are one temperature. [-]"""
-MOST_UNKNOWNS, MOST_SAMPLES, MOST_NODES, MOST_RECORDS = 16, 20_000, 20, 4
-"""What a fit may hold for some ten refits of it to be worth their time."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -72,12 +66,12 @@ class ExplainedFit:
 
 @dataclass(frozen=True)
 class _Tried:
-    """One refit: its defect, where in their intervals powers changed, Schwarz's criterion, its part of what is likely before [-]."""
+    """One refit: its defect, where in their intervals powers changed, its score, its part of what is likely before [-]."""
 
     change: MissingElement | None
     instant: float
     fit: Calibration
-    criterion: float
+    weighing: CauseScore
     share: float = 1.0
 
 
@@ -85,8 +79,8 @@ class _Tried:
 def explained(fit: Calibration) -> tuple[ExplainedFit, ...]:
     """Return the fits with hidden defects that explain the residuals of a fit, the likeliest first; empty where none is proved.
 
-    A defect is proved where its fit leaves residuals of the stated noise and its BIC is lower by `STRONG` than that of the fit without
-    it. Fits that are not much worse share its weight.
+    A defect is proved where its fit leaves residuals of the stated noise and the readings are likelier with it, by twice the logarithm of a
+    Bayes factor of `VERY_STRONG`. Fits that are not much worse share its weight.
 
     Parameters
     ----------
@@ -125,16 +119,15 @@ def _explained(fit: Calibration, request: Request) -> tuple[ExplainedFit, ...]:
         for start in change.starts if change is not None else ():
             if min((t.fit.reduced_chi_square for t in found), default=np.inf) > NOISY:
                 found += [t for t in [_tried(seen, change, MIDDLE, clock, start)] if t is not None]
-    if not found or _unproved(fit, min(found, key=_lowest)):
+    if not found or _unproved(fit, max(found, key=_likeliest)):
         return ()
     if clock is not None and clock.sampled:
-        at, _ = _instant(seen, min(found, key=_lowest), clock)
+        at, _ = _instant(seen, max(found, key=_likeliest), clock)
         begun = {id(t.change): _values(t.fit) for t in found}
         there = [t for c in changes if (t := _tried(seen, c, at, clock, begun.get(id(c), {}))) is not None]
         found = [x for t in _near(there or found) for x in _over_instants(seen, t, clock)]
     kept = _near(found)
-    lowest, level = min(t.criterion for t in kept), max(1.0, min(kept, key=_lowest).fit.reduced_chi_square)
-    weights = np.array([t.share * np.exp(-0.5 * (t.criterion - lowest) / level) for t in kept])
+    weights = np.array([t.share for t in kept]) * shares([t.weighing for t in kept])
     out = [
         ExplainedFit("" if t.change is None else t.change.name, _found_in(t), float(w), t.fit)
         for t, w in zip(kept, weights / weights.sum(), strict=True)
@@ -163,21 +156,26 @@ def _promises(fit: Calibration, request: Request, change: MissingElement | None,
     return left <= max(NOISY, (1.0 - TAKEN) * fit.reduced_chi_square)
 
 
-def _lowest(t: _Tried) -> float:
-    return t.criterion
+def _likeliest(t: _Tried) -> float:
+    return t.weighing.best
 
 
 def _unproved(fit: Calibration, best: _Tried) -> bool:
     """Whether the best of several defects leaves more than noise, or is not much better than the fit of the deck."""
-    level = best.fit.reduced_chi_square
-    return level > NOISY or _criterion(fit) - best.criterion < STRONG * max(1.0, level)
+    return best.fit.reduced_chi_square > NOISY or _over(best.weighing, _weighed(fit, None)) < 0.5 * VERY_STRONG
 
 
 def _near(found: Sequence[_Tried]) -> list[_Tried]:
     """Return those that are not much less likely than the best."""
-    best = min(found, key=_lowest)
-    far = -2.0 * max(1.0, best.fit.reduced_chi_square) * float(np.log(LEAST))
-    return [t for t in found if t.criterion - best.criterion < far]
+    noise = noise_of(t.weighing for t in found)
+    most = max(t.weighing.averaged[noise] for t in found)
+    return [t for t in found if t.weighing.averaged[noise] > most + np.log(LEAST)]
+
+
+def _over(one: CauseScore, other: CauseScore) -> float:
+    """Return the logarithm of the Bayes factor of one over another, under one noise."""
+    noise = noise_of((one, other))
+    return float(one.averaged[noise] - other.averaged[noise])
 
 
 def _values(fit: Calibration) -> dict[str, float]:
@@ -225,14 +223,17 @@ def _over_instants(request: Request, near: _Tried, clock: _Clock) -> list[_Tried
     out = [replace(t, share=share) for share, t in found if t is not None]
     if len(out) < len(points):
         return [near, *(replace(t, share=1.0) for t in out)]
-    lowest = min(t.criterion for t in out)
-    return out if third else [replace(t, criterion=lowest) for t in out]  # the likelihood of the instant is in the shares
+    likeliest = max(out, key=_likeliest).weighing
+    return out if third else [replace(t, weighing=likeliest) for t in out]  # the likelihood of the instant is in the shares
 
 
-def _criterion(found: Calibration) -> float:
-    """Return the criterion of Schwarz of a fit, but for what all fits of the same readings share. [-]"""
-    count = found.freedom + len(found.fitted)
-    return found.chi_square + len(found.fitted) * float(np.log(max(count, 2.0)))
+def _weighed(found: Calibration, change: MissingElement | None) -> CauseScore:
+    """Return the score of a fit with a defect; a clock is evenly likely within its range."""
+    assert found.problem is not None
+    late = [u for u in found.problem.unknowns if u.kind == "local" and u.name.endswith(": delay")]
+    sizes = {u.name: SizedValue(0.0, (u.high - u.low) / 12.0**0.5) for u in late}
+    at = np.array(list(found.fitted.values()))
+    return weighed_at(found.problem, at, {**sizes, **(change.sizes if change is not None else {})})
 
 
 def _tried(
@@ -254,7 +255,7 @@ def _tried(
         shown = change is None or not asked or (change.judge(found)[1] and found.own.fair and _decided(request, found))
     except (ThermidError, np.linalg.LinAlgError):
         return None
-    return _Tried(change, instant, found, _criterion(found)) if shown and found.converged else None
+    return _Tried(change, instant, found, _weighed(found, change)) if shown and found.converged else None
 
 
 def _refit(request: Request, begin: Mapping[str, float], known: Sequence[str]) -> Calibration:
@@ -281,7 +282,7 @@ def _refit(request: Request, begin: Mapping[str, float], known: Sequence[str]) -
 def _decided(request: Request, found: Calibration) -> bool:
     """Whether the values that a defect adds have errors that are small beside them."""
     own = [v for p, v in found.values.parameters.items() if p not in request.free]
-    return all(v.error < DECIDED * abs(v.value) for v in own)
+    return all(v.error < UNDETERMINED * abs(v.value) for v in own)
 
 
 def _found_in(tried: _Tried) -> str:

@@ -16,15 +16,12 @@ from thermid.base.errors import IdentificationError, ThermidError
 from thermid.base.linear_algebra import Array
 from thermid.base.results import Result
 from thermid.fit.calibration import Calibration
-from thermid.inference._explain.candidates import GROUPS, Fault, faults_of
+from thermid.inference._explain.candidates import Fault, faults_of
+from thermid.inference._explain.causes import GROUPS
+from thermid.inference._explain.thresholds import DIAGNOSED, DIAGNOSED_ROUNDS, DIAGNOSED_STRETCHES, EXPLAINS
 from thermid.simulation.runs import Simulator, prepare
 
-BINS = 24
-"""Stretches of time into which every log is thinned."""
-ROUNDS, REFITTED = 4, 6
 NOTHING = "nothing"
-MOST = 0.7
-"""Part of the weighted squares that a fault must take away to be called the explanation."""
 Tried = tuple[float, float, float, float, float]
 """Log of the evidence over that of no fault, amount, its error, weighted squares left, RMS left [K]."""
 
@@ -129,13 +126,13 @@ def cases_of(told: Calibration, grown: Any, candidates: Sequence[Fault], extra: 
     for e in told.experiments:
         own = [b for b in told.blocks if b.record == e.record.name]
         begin, end = float(min(b.times[0] for b in own)), float(max(b.times[-1] for b in own))
-        edges = np.linspace(begin, end, BINS + 1)
+        edges = np.linspace(begin, end, DIAGNOSED_STRETCHES + 1)
         centres = 0.5 * (edges[1:] + edges[:-1])
-        deviations, errors = np.zeros((len(own), BINS)), np.zeros((len(own), BINS))
+        deviations, errors = np.zeros((len(own), DIAGNOSED_STRETCHES)), np.zeros((len(own), DIAGNOSED_STRETCHES))
         for k, b in enumerate(own):
-            place = np.clip(np.searchsorted(edges, b.times, side="right") - 1, 0, BINS - 1)
-            count = np.bincount(place, minlength=BINS)
-            sums = np.bincount(place, b.residuals, minlength=BINS)
+            place = np.clip(np.searchsorted(edges, b.times, side="right") - 1, 0, DIAGNOSED_STRETCHES - 1)
+            count = np.bincount(place, minlength=DIAGNOSED_STRETCHES)
+            sums = np.bincount(place, b.residuals, minlength=DIAGNOSED_STRETCHES)
             filled = count > 0
             deviations[k] = np.interp(centres, centres[filled], sums[filled] / count[filled])
             noise = float(e.observations[k].noise or 0.05) if k < len(e.observations) else 0.05
@@ -146,7 +143,7 @@ def cases_of(told: Calibration, grown: Any, candidates: Sequence[Fault], extra: 
         starts = {s: tuple(dict.fromkeys(names)) for s, names in begun.items() if names}
         initial = [n for names in starts.values() for n in names]
         free = tuple(dict.fromkeys([c.free for c in candidates if c.free] + list(extra) + initial))
-        ready = prepare(grown, e.bare, free, times=np.linspace(0.0, e.bare.seconds, 4 * BINS + 1))
+        ready = prepare(grown, e.bare, free, times=np.linspace(0.0, e.bare.seconds, 4 * DIAGNOSED_STRETCHES + 1))
         room = ready.wiring.network.boundaries[0]
         out.append(Case(ready, tuple(b.sensor for b in own), tuple(b.node for b in own), centres, deviations, errors, room, starts))
     return out
@@ -206,13 +203,13 @@ class Diagnosis(Result):
     @property
     def single(self) -> bool:
         """Whether one fault explains most of it; else it only comes nearest among those that were tried one by one."""
-        return self.best is not None and self.best.explained >= MOST
+        return self.best is not None and self.best.explained >= EXPLAINS
 
     def __str__(self) -> str:
         """Return the diagnosis as text."""
         if self.group == NOTHING:
             return f"deviations of {self.rms:.2f} K (RMS) are within the stated errors of sensors and model; no fault is needed"
-        lines = [f"deviations of {self.rms:.2f} K (RMS): {self.group} ({100 * self.groups[self.group]:.0f} %): {GROUPS[self.group]}"]
+        lines = [f"deviations of {self.rms:.2f} K (RMS): {self.group} ({100 * self.groups[self.group]:.0f} %): {GROUPS[self.group].words}"]
         if not self.single:
             lines = [f"deviations of {self.rms:.2f} K (RMS): no single fault explains most of them; the best candidate is {self.group}"]
         for s in self.suspects[:5]:
@@ -283,7 +280,7 @@ def _weighed(bench: FaultBench) -> Diagnosis:
     # those that matter again, with the response where they end and not where they begin
     for group in GROUPS:
         ranked = sorted((k for k, c in enumerate(bench.candidates) if c.group == group), key=lambda k: -tried[k][0])
-        for k in ranked[:REFITTED]:
+        for k in ranked[:DIAGNOSED]:
             if bench.candidates[k].free:
                 tried[k] = _refitted(bench, bench.candidates[k], z, tried[k])
     logs = {g: _log_mean([tried[k][0] for k, c in enumerate(bench.candidates) if c.group == g]) for g in GROUPS}
@@ -310,7 +307,7 @@ def _linear(bench: FaultBench, c: Fault, z: Array) -> Tried:
 
 def _refitted(bench: FaultBench, c: Fault, z: Array, begun: Tried) -> Tried:
     amount, best = begun[1], begun
-    for _ in range(ROUNDS):
+    for _ in range(DIAGNOSED_ROUNDS):
         try:
             added, s = bench.moved(c, amount)
         except ThermidError:

@@ -13,9 +13,11 @@ from thermid.base.linear_algebra import Array
 from thermid.base.units import format_value
 from thermid.fit.calibration import Calibration
 from thermid.fit.power import ONE_TURN, SHAPES, PowerCourse, watts, with_load
-from thermid.fit.problem import Experiment, Influence, Request, Unknown
+from thermid.fit.problem import Experiment, Influence, Request, Unknown, build_problem
 from thermid.inference._explain.candidates import MissingElement, first_step, laid_open
+from thermid.inference._explain.causes import SIZES, SizedValue
 from thermid.inference._explain.rough_fit import QUICK, ROUNDS, RoughEnd, RoughFit
+from thermid.inference._explain.thresholds import MANY_LOADS, MAX_HEATED_NODES, PULSES, TELLING_DIFFERENCE, TURNS
 from thermid.measure.amounts import duration_text, short
 from thermid.model.elements import HeatLoad
 from thermid.model.laws import TableSignal
@@ -25,19 +27,7 @@ from thermid.physics.constants import ICE_POINT
 from thermid.simulation.runs import Solution, prepare
 from thermid.simulation.scenarios import Scenario
 
-PULSES = 20
-"""Stretches of a record in which heat is tried; windows are made of whole ones first."""
-MAX_HEATED_NODES = 30
-"""Nodes that store heat in which unlogged heat is looked for: each has `PULSES` derivatives of every node's temperature."""
 PLACED = "unlogged_heat_"
-MANY = 3
-"""Most nodes and loads at which a course of an unlogged power is tried."""
-TURNS = 3
-"""How often a window is looked for again, from where the last one led."""
-OWN = 0.3
-"""Standard deviation of how much stronger moving air takes heat from one surface than from another. [-]"""
-SMALL = 0.2
-"""Difference below which a measured temperature says nothing of the heat that leaves by it. [K]"""
 MOVING = ("convection", "effective")
 
 
@@ -107,7 +97,11 @@ class Heat:
         given: tuple[Influence, ...] = (Influence(self.experiment, f"scale.{self.load}", 1.0),)
         request, acts = (self.request, given) if self.load else self._request()
         low = -1.0 if self.load or self.kind == "fan" else -np.inf
-        own = [(Unknown(f"{PLACED}own_{t.name}", "power", (t,), 0.0), OWN) for t in acts] if self.kind == "fan" and len(acts) > 1 else []
+        own = (
+            [(Unknown(f"{PLACED}own_{t.name}", "power", (t,), 0.0), SIZES["surface"].spread) for t in acts]
+            if self.kind == "fan" and len(acts) > 1
+            else []
+        )
         return RoughFit.of(request, fit, [*own, (Unknown(f"{PLACED}amount", "power", acts, 0.0, low=low), self.sd)])
 
     def placed(self, fit: RoughFit, base: RoughEnd) -> tuple[Heat, RoughEnd]:
@@ -181,7 +175,7 @@ def air_flows(fit: RoughFit, end: RoughEnd, experiment: int, boundary: str) -> d
         trace = seen.get(node)
         there = as_fitted[node].kelvin if trace is None else np.interp(times, trace.centres, trace.measured)
         simulated = as_built[node].kelvin - air
-        into = into * np.clip((there - air) / np.where(np.abs(simulated) > SMALL, simulated, np.inf), 0.0, 5.0)
+        into = into * np.clip((there - air) / np.where(np.abs(simulated) > TELLING_DIFFERENCE, simulated, np.inf), 0.0, 5.0)
         out[node] = (times, out[node][1] + into if node in out else into)
     return out
 
@@ -212,6 +206,12 @@ def heats_of(request: Request, fit: RoughFit, base: RoughEnd, logged: Collection
             if row.path not in logged and row.path not in e.scenario.loads and not scaled:
                 yield Heat("load", row.path, request, i, {}, (0.0, span), row.path, 1.0, span)
         yield from _windows(request, fit, base, i)
+
+
+def _largest(fit: RoughFit) -> float:
+    """Return the largest power that logs and scenarios give, 1 W at least. [W]"""
+    given = (s.bounds for e in fit.problem.experiments for s in e.scenario.loads.values())
+    return max([1.0, *(float(np.abs(w).max()) for w in given if np.size(w))])
 
 
 def _misfit(fit: RoughFit, base: RoughEnd, experiment: int) -> float:
@@ -305,11 +305,11 @@ def _windows(request: Request, fit: RoughFit, base: RoughEnd, i: int) -> Iterato
     span = e.scenario.seconds
     made = Pulses.of(request, fit, i)
     left, pulses = made.seen(fit.named(base))
-    power = max([1.0, *(float(np.abs(w).max()) for w in (s.bounds for s in e.scenario.loads.values()) if np.size(w))])
+    power = _largest(fit)
     ends = np.array([0.0, span])
     tried: list[tuple[str, str, Mapping[str, tuple[Array, Array]], float]] = []
-    tried += [("load", node, {node: (ends, np.ones(2))}, 3.0 * power) for node in made.nodes]
-    tried += [("fan", b, air_flows(fit, base, i, b), 2.0) for b in e.network.boundaries if air_paths(e, b)]
+    tried += [("load", node, {node: (ends, np.ones(2))}, SIZES["unlogged"].at(power).spread) for node in made.nodes]
+    tried += [("fan", b, air_flows(fit, base, i, b), SIZES["fan"].spread) for b in e.network.boundaries if air_paths(e, b)]
     for kind, name, flows, sd in tried:
         for window in best_windows(made.shape(pulses, flows), left, sd, made.edges):
             yield Heat(kind, name, request, i, flows, window, "", sd, span)
@@ -352,7 +352,7 @@ def unlogged_powers(request: Request) -> Iterator[MissingElement]:
     steps = [(node, first_step(fit.problem.experiments, path)) for path, node in loads.items()]
     begins = {node: step[0] if step is not None else 0.0 for node, step in reversed(steps)}
     nodes = list(dict.fromkeys(loads.values())) or list(dict.fromkeys(t.node for t in fit.traces))
-    started = [best for node in nodes[:MANY] if (best := _start_up(request, fit, base, node, begins.get(node, 0.0))) is not None]
+    started = [best for node in nodes[:MANY_LOADS] if (best := _start_up(request, fit, base, node, begins.get(node, 0.0))) is not None]
     if started:
         yield min(started, key=lambda each: each[0])[1]
     # what begins with the record is a start-up
@@ -360,7 +360,7 @@ def unlogged_powers(request: Request) -> Iterator[MissingElement]:
     ends = [(end.cost, h) for h in stretches if (end := _end(h.rough(fit), fit.named(base))) is not None]
     if ends:
         yield _stretch(request, min(ends, key=lambda each: each[0])[1])
-    for load in [n for n in loads if n in request.model.loads][:MANY]:
+    for load in [n for n in loads if n in request.model.loads][:MANY_LOADS]:
         if (regulated := _regulated(request, fit, base, load)) is not None:
             yield regulated
 
@@ -398,9 +398,8 @@ def _start_up(request: Request, fit: RoughFit, base: RoughEnd, node: str, begin:
 
     after = f" and begin = '{short(begin, 6)} [s]'" if begin > 0.0 else ""
     kept = f"; to include it write [stages.courses.start_up] with into = '{node}'{after}"
-    return least, MissingElement(
-        f"a start-up transient of the power at '{node}'{kept}", course.within(request), judge, course.within, chosen=1
-    )
+    title, sizes = f"a start-up transient of the power at '{node}'{kept}", {"start_up.power": SIZES["course"].at(_largest(fit))}
+    return least, MissingElement(title, course.within(request), judge, course.within, sizes=sizes, additive=True, chosen=1)
 
 
 def _stretch(request: Request, heat: Heat) -> MissingElement:
@@ -415,7 +414,8 @@ def _stretch(request: Request, heat: Heat) -> MissingElement:
         power = told["unlogged.power"].value
         return f"{short(abs(power), 3)} W {'more' if power > 0 else 'less'} {heat.when}", True
 
-    return MissingElement(f"a power at '{heat.name}' that no log gives, {heat.when}", make(request), judge, make, chosen=2)
+    title, sizes = f"a power at '{heat.name}' that no log gives, {heat.when}", {"unlogged.power": SizedValue(0.0, heat.sd)}
+    return MissingElement(title, make(request), judge, make, sizes=sizes, chosen=2)
 
 
 def _regulated(request: Request, fit: RoughFit, base: RoughEnd, load: str) -> MissingElement | None:
@@ -452,4 +452,6 @@ def _regulated(request: Request, fit: RoughFit, base: RoughEnd, load: str) -> Mi
         return f"{short(gain, 3)} W/K below {format_value(setpoint, 'degC')}", gain > 0.0
 
     name = f"a regulated load: the power of '{load}' follows the temperature of '{given.into}'"
-    return MissingElement(name, make(request), judge, make)
+    begun = {u.name: u.start for u in build_problem(make(request)).unknowns if u.name.startswith(f"{load}.proportional.")}
+    sizes = {n: SIZES["gain"].at(v) if n.endswith("gain") else SizedValue(v, SIZES["setpoint"].spread / v) for n, v in begun.items()}
+    return MissingElement(name, make(request), judge, make, sizes=sizes)

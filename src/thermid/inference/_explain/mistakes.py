@@ -19,52 +19,29 @@ from thermid.base.errors import ThermidError
 from thermid.base.linear_algebra import Array
 from thermid.fit.problem import Prior, Request, Unknown
 from thermid.inference._explain.candidates import Fitted, plain_lacks
-from thermid.inference._explain.heats import MAX_HEATED_NODES, Heat, heats_of, stores_of
+from thermid.inference._explain.causes import MISTAKES, SIZES
+from thermid.inference._explain.heats import Heat, heats_of, stores_of
 from thermid.inference._explain.rough_fit import QUICK, ROUNDS, Extra, RoughEnd, RoughFit
+from thermid.inference._explain.thresholds import (
+    ANY_NEW_VALUE,
+    DEGREE,
+    FAR,
+    FULL,
+    LAGS,
+    LEFT,
+    MAX_HEATED_NODES,
+    MOST_RECORDS_SEARCHED,
+    NAMED,
+    OVER_STRUCTURE,
+    QUIET,
+    SECOND,
+    SHIFTS,
+    USUAL_ROOM,
+)
 from thermid.measure.amounts import duration_text, short
 from thermid.measure.records import Channel, Record
 from thermid.physics.constants import ICE_POINT
 from thermid.simulation.network import Network
-
-FULL = 101.0
-"""Largest number that a duty cycle in per cent reaches, with what rounding adds."""
-SHIFTS = (0.005, 0.01, 0.02, 0.03, 0.04, 0.05, 0.065, 0.08, 0.1, 0.125, 0.15, 0.2)
-"""Shifts of a clock that are tried, as parts of a record."""
-DEGREE = 1.8
-"""Degrees Fahrenheit in a kelvin. [-]"""
-ROOM = (14.0, 34.0)
-"""Readings at the start of a log that a room may have. [degC]"""
-KINDS = {
-    "per cent": "a power logged in per cent but read in watts",
-    "unit": "a column in another unit than assumed",
-    "exchanged": "two exchanged columns",
-    "node": "a sensor on another part than stated in the campaign",
-    "clock": "a log with a shifted clock",
-    "load": "a power that is not logged, or was not applied",
-    "sensor": "a sensor that is detached, or wrong",
-    "fan": "a change of the air flow during the log",
-}
-"""Kind of mistake -> what it is."""
-NAMED = 9.0
-"""Least gain in the logarithm of the posterior's height from which a mistake is named; chance and the search among many are in it. [-]"""
-LEFT = 0.4
-"""Part of the misfit, of readings and deck together, that a named mistake may leave. [-]"""
-MOST = 4
-"""Records that are looked at: the worst ones, where there are more."""
-ANY = 3.0
-"""Standard deviation of the logarithm of a value of an element that the model may lack. [-]"""
-RIVAL = 3.0
-"""What a mistake must gain over an element that the model may lack: what that explains as well is not blamed on a mistake. [-]"""
-SECOND = 6
-"""How many of the best hypotheses are fitted to the end, once all were fitted roughly."""
-QUIET = 0.8
-"""Squares per thinned reading up to which nothing is looked for. [-]"""
-FAR = 1.2
-"""Squares of the weak priors per unknown from which the deck is thought contradicted. [-]"""
-LAGS = (15.0, 40.0, 120.0)
-"""Time constants with which a sensor that came loose goes to the temperature of its surroundings. [s]"""
-AGAINST = {"per cent": 2.0, "unit": 3.0, "exchanged": 2.0, "node": 3.0, "clock": 5.0, "load": 6.5, "sensor": 6.0, "fan": 6.0}
-"""What a kind must gain first: how seldom it is, and what its free amounts and instants gain by chance. [-]"""
 
 
 @dataclass(frozen=True)
@@ -73,7 +50,7 @@ class Mistake:
 
     Parameters
     ----------
-    kind : str              A key of `KINDS`.
+    kind : str              A key of `MISTAKES`.
     name : str              The channel, channels, load, node or boundary that it is about.
     words : str             It in words, with its size.
     gain : float            Logarithm of how much likelier the readings and the deck are with it, its rarity taken off. [-]
@@ -177,7 +154,7 @@ def _found(request: Request, name: str) -> Mistakes:
     stores = len(stores_of(fit.problem.experiments[0]))
     if stores > MAX_HEATED_NODES:
         return Mistakes(name, bad=bad, failed=f"{stores} nodes store heat, and it takes networks of up to {MAX_HEATED_NODES}")
-    if len(request.records) > MOST:
+    if len(request.records) > MOST_RECORDS_SEARCHED:
         request = _worst(request, fit, base)
         fit, before = RoughFit.of(request), fit.named(base)
         base = fit.best(before, None)  # of fewer records an unknown of one may have another name
@@ -186,7 +163,7 @@ def _found(request: Request, name: str) -> Mistakes:
     ranked = sorted((f for f in quick if f[1] is not None), key=lambda f: -_gain(f[0], f[1], base))
     found = sorted((f for h, _ in ranked[:SECOND] for f in _placed(h, fit, base)), key=lambda f: -_gain(f[0], f[1], base))
     found = [f for f in found if _gain(f[0], f[1], base) >= NAMED and f[1].cost < LEFT * base.cost]
-    least = RIVAL + base.cost - _of_structure(request, fit, base) if found else NAMED
+    least = OVER_STRUCTURE + base.cost - _of_structure(request, fit, base) if found else NAMED
     named: dict[tuple[str, str], Mistake] = {}
     for h, end in found:
         if _gain(h, end, base) >= least:
@@ -215,7 +192,7 @@ def _unheld(fit: RoughFit, known: Container[str]) -> RoughFit:
 
     def unheld(u: Unknown) -> Unknown:
         new = u.kind == "parameter" and u.log and u.prior is not None and u.name not in known
-        return replace(u, prior=Prior(u.to_fitted(u.start), ANY)) if new else u
+        return replace(u, prior=Prior(u.to_fitted(u.start), ANY_NEW_VALUE)) if new else u
 
     return replace(fit, problem=replace(fit.problem, unknowns=tuple(map(unheld, fit.problem.unknowns))))
 
@@ -225,14 +202,14 @@ def _worst(request: Request, fit: RoughFit, base: RoughEnd) -> Request:
     missed: dict[str, float] = {}
     for t, left in zip(fit.traces, base.left, strict=True):
         missed[t.record] = max(missed.get(t.record, 0.0), float(np.mean((t.whiten @ left) ** 2)))
-    kept = sorted(missed, key=lambda r: -missed[r])[:MOST]
+    kept = sorted(missed, key=lambda r: -missed[r])[:MOST_RECORDS_SEARCHED]
     scenarios = {n: s for n, s in request.scenarios.items() if n in ("*", *kept)}
     return replace(request, records=tuple(r for r in request.records if r.name in kept), scenarios=scenarios)
 
 
 def _gain(h: Hypothesis, end: RoughEnd | None, base: RoughEnd) -> float:
     """Return the gain of a hypothesis in the logarithm of the posterior's height, its rarity taken off. [-]"""
-    return -np.inf if end is None else base.cost - end.cost - AGAINST[h.kind] - h.against
+    return -np.inf if end is None else base.cost - end.cost - MISTAKES[h.kind].against - h.against
 
 
 def _fitted(h: Hypothesis, fit: RoughFit, base: RoughEnd, rounds: int = QUICK) -> RoughEnd | None:
@@ -384,7 +361,10 @@ def _units(request: Request) -> Iterator[Hypothesis]:
             yield _plain("unit", ", ".join(names), words, f'Write unit = "{text}" for {_listed(names)}.', other)
     for names in _alone_and_all(warm):
         first = [float(c.values[c.valid][0]) - ICE_POINT for n, c in warm.items() if n in names]
-        usual = sum(ROOM[0] <= t <= ROOM[1] for t in first), sum(ROOM[0] <= (t - 32.0) / 1.8 <= ROOM[1] for t in first)
+        usual = (
+            sum(USUAL_ROOM[0] <= t <= USUAL_ROOM[1] for t in first),
+            sum(USUAL_ROOM[0] <= (t - 32.0) / 1.8 <= USUAL_ROOM[1] for t in first),
+        )
         against = 4.0 if usual[0] >= usual[1] else -5.0  # the start of a log at 73 degC is seldom, at 23 degC it is a room
         words = f"{_listed(names)} {'is' if len(names) == 1 else 'are'} in degrees Fahrenheit but was read in degrees Celsius"
         other = _mapped(request, names, _from_fahrenheit)
@@ -522,7 +502,7 @@ def _shifted(request: Request, names: list[str], shift: float) -> Request:
 def _of_readings(fit: RoughFit, base: RoughEnd) -> Iterator[Hypothesis]:
     for n in range(len(fit.traces)):
         for loose in (True, False):
-            since = fit.best_since(base, n, loose, 1.0 if loose else 3.0)
+            since = fit.best_since(base, n, loose, SIZES["loose" if loose else "sensor"].spread)
             yield of_reading(Extra(n, since, loose), fit)
 
 

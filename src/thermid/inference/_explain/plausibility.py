@@ -15,6 +15,7 @@ from thermid.base.errors import IdentificationError, NameNotFoundError, nearest
 from thermid.base.results import Result
 from thermid.fit.calibration import Calibration
 from thermid.fit.problem import power_while_on
+from thermid.inference._explain.thresholds import BARE, CORRELATION, EFFICIENCY, EMISSIVITY, FORCED, SPECIFIC_HEAT, UNDETERMINED
 from thermid.measure.amounts import short
 from thermid.model.laws import literal
 from thermid.model.tree import FlatConductor
@@ -26,18 +27,7 @@ from thermid.simulation.network import Network
 from thermid.simulation.runs import simulate
 from thermid.values.fitted import FittedValue
 
-CORRELATION = 1.5
-"""A correlation for a body in still air is taken as good to a factor: neighbours, orientation and draughts."""
-FORCED = 25.0
-"""Most that slow fans bring over equipment. [W/(m^2 K)]"""
-EMISSIVITY = (0.02, 0.98)
-BARE = (100.0, 5e4)
-"""Contact of metal on metal: dry and hand-tight 100 to 1000, machined under 0.1 to 10 MPa 2000 to 50 000. [W/(m^2 K)]"""
 CONTACTS = "Incropera, 6th ed., Tables 3.1 and 3.2; Yovanovich, IEEE Trans. CPT 28 (2005) 182"
-HEAT = (385.0, 1500.0)
-"""Specific heats of what equipment is made of, copper to plastics. [J/(kg K)]"""
-EFFICIENCY = (0.6, 0.97)
-"""Efficiencies of converters in equipment. [-]"""
 
 
 @dataclass(frozen=True)
@@ -161,12 +151,8 @@ def plausibility(fit: Calibration, *, weights: Mapping[str, str] | None = None, 
     findings |= {f.path: f for f in _weights(fit, network, owners, weights or {})}
     findings |= {f.path: f for f in _losses(fit, network, owners, delivered or {})}
     kept = tuple(findings[p] for p in (*fitted, *(p for p in findings if p not in fitted)) if p in findings)
-    open_ = tuple(_undecided(v) for v in fitted.values() if v.error > LOOSE * abs(v.value))
+    open_ = tuple(_undecided(v) for v in fitted.values() if v.error > UNDETERMINED * abs(v.value))
     return Plausibility(fit.stage, kept, tuple(p for p in fitted if p not in findings), open_)
-
-
-LOOSE = 0.5
-"""Relative error from which a 95 % interval reaches zero, and no range can reject the value."""
 
 
 def _undecided(v: FittedValue) -> str:
@@ -238,7 +224,12 @@ def _plain(network: Network, owners: Mapping[str, FittedValue]) -> Iterator[Rang
             "The area, or another heat path, is wrong",
         ),
         "exchange_factor": (0.0, 1.0, "an exchange factor", "its definition", "The area, or another heat path, is wrong"),
-        "specific_heat": (*HEAT, "a specific heat of solids", "table of materials", "The mass is wrong, or a second mass follows it"),
+        "specific_heat": (
+            *SPECIFIC_HEAT,
+            "a specific heat of solids",
+            "table of materials",
+            "The mass is wrong, or a second mass follows it",
+        ),
         "conductivity": (
             0.02,
             best * 1.1,
@@ -279,10 +270,10 @@ def _weights(fit: Calibration, network: Network, owners: Mapping[str, FittedValu
             meaning = f"It needs {capacity / weight:.4g} J/(kg K) of {weight:.3g} kg: "
             meaning += (
                 "a mass that was not weighed follows it, or the power is too large"
-                if capacity / weight > HEAT[1]
+                if capacity / weight > SPECIFIC_HEAT[1]
                 else ("part of the mass follows more slowly, or the power is too small")
             )
-            low, high = HEAT[0] * weight * scale, HEAT[1] * weight * scale
+            low, high = SPECIFIC_HEAT[0] * weight * scale, SPECIFIC_HEAT[1] * weight * scale
             yield RangeCheck(v.path, v.value, v.error, low, high, f"{weight:.3g} kg of metal to plastics", "table of materials", meaning)
 
 

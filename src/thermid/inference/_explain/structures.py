@@ -1,19 +1,16 @@
-"""Search for a structure: changes of a network scored by one evaluation each, the best refitted, kept where held-out readings ask for them.
+"""Search for a structure: of changes of a network those that promise most are refitted, and kept where the readings are likelier.
 
-In: a `Request` with the structure to begin from. Out: a `StructureSearch`: every structure that was fitted, with its held-out likelihood,
-the one that is proposed, those that the readings cannot separate from it, and the test that would.
+In: a `Request` with the structure to begin from. Out: a `StructureSearch`: every structure that was fitted, with how likely readings are
+with it, the one that is proposed, those that the readings cannot separate from it, and the test that would.
 
-A change is scored by the step of Gauss and Newton from its start: what one evaluation with derivatives promises. Refits are judged by
-cross-validation: readings are held out in parts (records, or stretches of a single record), the parameters follow from all others by one
-step of Gauss and Newton at the end of the fit, and a held-out part has its own starts and ambient fitted to it. All structures are weighed
-by one noise per trace, that of the structure with the smallest residuals, widened by how long its residuals wander (Burnham and Anderson,
-Model Selection and Multimodel Inference, 2nd ed., Springer 2002, section 2.5: QAIC).
+What one evaluation with derivatives promises of a change says whether it is refitted, and no more. Refits have the one score of all causes
+(`weighing`): the likelihood of the readings, all values integrated over the widths of the table.
 """
 
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from typing import Any
 
@@ -24,61 +21,29 @@ from thermid.base.errors import IdentificationError, ThermidError
 from thermid.base.linear_algebra import Array
 from thermid.base.units import from_si, unit
 from thermid.fit.calibration import Fit, minimise
-from thermid.fit.problem import Prior, Problem, Request, Unknown, build_problem, loss_of, starting_point
+from thermid.fit.problem import Prior, Problem, Request, Unknown, build_problem, starting_point
 from thermid.inference._explain.candidates import Fitted, MissingElement, changes_of
+from thermid.inference._explain.causes import SizedValue
+from thermid.inference._explain.thresholds import (
+    ABOUT_START,
+    ANY_VALUE,
+    CHALLENGES,
+    CHOSEN,
+    EVALUATIONS,
+    FREE_STEP,
+    PROMISED_STEP,
+    SEARCHED,
+    SHOWN,
+    TIE,
+    WIDE,
+)
+from thermid.inference._explain.weighing import CauseScore, noise_of, weighed_at
 from thermid.measure.amounts import short
-from thermid.measure.records import BoolArray
+from thermid.measure.records import noise_seen
 from thermid.model.laws import Constant, TableSignal
 from thermid.model.parameters import exact
 from thermid.simulation.runs import simulate
 from thermid.simulation.scenarios import Scenario
-
-TIE = 2.0
-"""Difference of held-out log-likelihoods below which two structures cannot be separated. [-]"""
-PARTS, STRETCHES = 10, 6
-"""Parts in which readings are held out, in turn, and the stretches of a single record that make one part."""
-PRIOR_STEP = 1.5
-"""Standard deviation that a score allows each logarithm, so that one step is not believed farther than it can be. [-]"""
-FREE_STEP = 20.0
-"""The same for a value that begins small and whose effect is proportional to it, over `PRIOR_STEP`. [-]"""
-SHOWN = 400
-"""Most readings of a test that may separate two structures. [-]"""
-CHALLENGES = 3
-"""Structures of one mass more that are refitted at the end."""
-STARTS = 5.0
-"""Standard deviation of a start about its first reading, in noises; 1 K at least. [-]"""
-LOOSE = 5.0
-"""Standard deviation of the logarithm of a parameter of which nothing is known. [-]"""
-NEAR = 0.5
-"""How far a logarithm may move when a part of the readings is left out, as a standard deviation. [-]"""
-WIDE = 8.0
-"""So many standard errors are wider than the bounds of a value that the readings hardly determine; a full fit refuses it at two."""
-EVALUATIONS = 8000
-"""Most evaluations of a search: runs of every record with derivatives. A count, so that a busy machine finds what an idle one finds. [-]"""
-DONE = 3e-3
-"""A search of one structure ends at this part of a standard error. [-]"""
-
-
-@dataclass(frozen=True, eq=False)
-class HeldOut:
-    """Squares of held-out residuals, by trace.
-
-    Parameters
-    ----------
-    squares : dict      (record, sensor) -> sum of squares of held-out residuals, in units of the stated noise. [-]
-    inside : dict       The same of the fit itself.
-    counts : dict       (record, sensor) -> readings.
-    memory : dict       (record, sensor) -> by how much correlation of the residuals widens a sum of squares, 1 for white ones. [-]
-    """
-
-    squares: Mapping[tuple[str, str], float]
-    inside: Mapping[tuple[str, str], float]
-    counts: Mapping[tuple[str, str], int]
-    memory: Mapping[tuple[str, str], float]
-
-    def likelihood(self, scale: Mapping[tuple[str, str], float]) -> float:
-        """Return the held-out log-likelihood but for a constant; `scale` is the variance of each trace in units of its stated noise."""
-        return -0.5 * sum(square / scale[trace] for trace, square in self.squares.items())
 
 
 @dataclass(frozen=True, eq=False)
@@ -91,7 +56,7 @@ class FittedStructure:
     request : Request
     problem : Problem
     end : Fit                           Where its fit ended.
-    held : HeldOut
+    weighing : CauseScore                 How likely the readings are with it.
     nodes : int                         Masses of the model, sensors that lag among them.
     """
 
@@ -99,7 +64,7 @@ class FittedStructure:
     request: Request
     problem: Problem
     end: Fit
-    held: HeldOut
+    weighing: CauseScore
     nodes: int
 
     @property
@@ -179,8 +144,7 @@ class StructureSearch:
     Parameters
     ----------
     structures : tuple of FittedStructure     All that were fitted, in order; the first is the one at the beginning.
-    proposed : FittedStructure                The simplest of those that held-out readings support equally well.
-    scale : dict                        (record, sensor) -> variance that all are weighed by, in units of the stated noise. [-]
+    proposed : FittedStructure                The simplest of those that the readings support equally well.
     refused : tuple of (str, str)       Changes that could not be fitted, and why.
     scored : int                        Changes that were scored.
     evaluations : int                   What it took: runs of every record with derivatives.
@@ -189,7 +153,6 @@ class StructureSearch:
 
     structures: tuple[FittedStructure, ...]
     proposed: FittedStructure
-    scale: Mapping[tuple[str, str], float]
     refused: tuple[tuple[str, str], ...]
     scored: int
     evaluations: int
@@ -201,12 +164,13 @@ class StructureSearch:
         return self.structures[0]
 
     def likelihood(self, one: FittedStructure) -> float:
-        """Held-out log-likelihood over that of the structure at the beginning. [-]"""
-        return one.held.likelihood(self.scale) - self.start.held.likelihood(self.scale)
+        """Logarithm of the Bayes factor over the structure at the beginning. [-]"""
+        noise = noise_of(s.weighing for s in self.structures)
+        return float(one.weighing.averaged[noise] - self.start.weighing.averaged[noise])
 
     @property
     def ties(self) -> tuple[FittedStructure, ...]:
-        """Structures that the readings cannot separate from the proposed one: held-out log-likelihoods within two units of it, or above.
+        """Structures that the readings cannot separate from the proposed one: Bayes factors within two units of it, or above.
 
         Of those with as many masses the likeliest stands for all.
         """
@@ -228,24 +192,21 @@ class StructureSearch:
         """Return the answer, what was tried, and what cannot be told, as text."""
         gain = self.likelihood(self.proposed)
         if self.proposed is self.start:
-            lines = ["No change of the structure is supported by the hold-out readings."]
+            lines = ["No change of the structure is supported by the readings."]
         else:
-            lines = [f"Proposed: {self.proposed.name} (log-likelihood of the hold-out readings {gain:+.3g})."]
+            lines = [f"Proposed: {self.proposed.name} (logarithm of the Bayes factor {gain:+.3g})."]
             lines.append(f"  RMSE {short(self.start.rmse, 3)} -> {short(self.proposed.rmse, 3)} K")
             for (text, possible), change in zip(self.proposed.judged(), self.proposed.changes, strict=True):
                 lines.append(f"  {change.name}: {text}{'' if possible else ', which is not physically possible'}")
         for one in self.ties:
             if one.nodes != self.proposed.nodes:
                 apart = self.likelihood(one) - gain
-                lines.append(
-                    f"  Not separable from it: {one.name} ({one.nodes} masses; log-likelihood of the hold-out readings differs by "
-                    f"{apart:+.2g})."
-                )
+                lines.append(f"  Not separable from it: {one.name} ({one.nodes} masses; logarithm of the Bayes factor {apart:+.2g}).")
                 lines.append(f"    {telling_test(self.proposed, one)}")
         tried = {s.name: s for s in sorted(self.structures[1:], key=self.likelihood)}  # of one name the likeliest stands
         best = sorted(tried.values(), key=lambda s: -self.likelihood(s))
         shown = [f"    {s.name}: {self.likelihood(s):+.3g}{'' if s.possible else ', not physically possible'}" for s in best[:8]]
-        lines += ["  refitted, log-likelihood of the hold-out readings relative to the first structure:", *shown] if shown else []
+        lines += ["  refitted, logarithm of the Bayes factor over the first structure:", *shown] if shown else []
         lines.append(f"  {self.scored} changes scored, {len(self.structures) - 1} refitted in {self.evaluations} evaluations")
         if not self.complete:
             lines.append("  The budget of evaluations ended the search, so more changes may be supported. Allow more: --evaluations.")
@@ -261,7 +222,7 @@ def search_structure(
     evaluations: int = EVALUATIONS,
     begin: Mapping[str, float] | None = None,
 ) -> StructureSearch:
-    """Search for changes of structure that held-out readings support.
+    """Search for changes of structure that readings support.
 
     Parameters
     ----------
@@ -337,7 +298,6 @@ class _Searching:
         return StructureSearch(
             tuple(self.done),
             self._simplest(best),
-            self._scale(),
             tuple(self.refused),
             self.scored,
             self.budget.spent,
@@ -345,33 +305,29 @@ class _Searching:
         )
 
     def _round(self, best: FittedStructure) -> FittedStructure | None:
-        """Return the best structure one or two changes on; None where held-out readings support none."""
-        scores = sorted(self._scores(best), key=lambda s: -s.gain)
+        """Return the best structure one or two changes on; None where the readings support none."""
+        scores = self._scores(best)
         chosen = [s for s in scores[: self.width] if s.gain > 0.5]
         pairs = [_pair(a, b) for k, a in enumerate(scores[:3]) for b in scores[k + 1 : 3] if min(a.gain, b.gain) > TIE]
         made = [self._refitted(best, score) for score in chosen]
-        scale = self._scale()
-        single = max((m.held.likelihood(scale) for m in made if m is not None and m.possible), default=-np.inf)
+        single = max((self.log(m) for m in made if m is not None and m.possible), default=-np.inf)
         # a pair is worth a refit where no single change is proved
-        if single < best.held.likelihood(scale) + TIE:
+        if single < self.log(best) + TIE:
             made += [self._refitted(best, pair) for pair in pairs]
-        scale = self._scale()
         able = self._proved(made, best, len(scores))
         if not able:
             return None
-        top = max(m.held.likelihood(scale) for m in able)
-        near = [m for m in able if m.held.likelihood(scale) > top - TIE]
-        return min(near, key=lambda m: _rank(m, scale))
+        top = max(self.log(m) for m in able)
+        return min((m for m in able if self.log(m) > top - TIE), key=self._rank)
 
     def _proved(self, made: Sequence[FittedStructure | None], best: FittedStructure, tried: int) -> list[FittedStructure]:
-        """Return the structures whose held-out readings are likelier than those of the best by more than chance among those tried gives.
+        """Return the structures with which readings are likelier than with the best by more than chance among those tried gives.
 
         The best of many that do nothing gains about the logarithm of their number, and every mass more that one change brings, such as a
         lag of each sensor, gains by chance as a change of its own would.
         """
-        scale = self._scale()
-        own = best.held.likelihood(scale) + math.log(max(tried, 1))
-        return [m for m in made if m and m.possible and m.held.likelihood(scale) > own + TIE * max(m.nodes - best.nodes, 1)]
+        own = self.log(best) + math.log(max(tried, 1))
+        return [m for m in made if m and m.possible and self.log(m) > own + TIE * max(m.nodes - best.nodes, 1)]
 
     def _challenged(self, best: FittedStructure) -> FittedStructure:
         """Return the best after the likeliest structures of one mass more were refitted.
@@ -380,43 +336,20 @@ class _Searching:
         chance among these few gives: the rounds before ask for more, because they choose among all changes.
         """
         while not self.budget.over:
-            scores = [s for s in sorted(self._scores(best), key=lambda s: -s.gain) if s.change.nodes == 1][:CHALLENGES]
+            scores = [s for s in self._scores(best) if s.change.nodes == 1][:CHALLENGES]
             able = self._proved([self._refitted(best, score) for score in scores], best, len(scores))
             if not able:
                 break
-            scale = self._scale()
-            best = max(able, key=lambda m: m.held.likelihood(scale))
+            best = max(able, key=lambda m: self.log(m))
         return best
 
     def _scores(self, best: FittedStructure) -> list[PromisedChange]:
-        """Return the score of every change."""
-        seen = Fitted.of_problem(best.request, best.problem, best.end.fitted)
-        reduced = max(best.end.chi_square / max(best.problem.freedom, 1.0), 1e-12)
-        known = best.fitted
-        before = _promised(best.problem, best.end.fitted, known, False)
-        out = []
-        for change in self.changes(seen):
-            if self.budget.over:
-                break
-            try:
-                problem = build_problem(change.request)
-            except ThermidError as error:
-                self.refused.append((change.name, error.message))
-                continue
-            for start in change.starts or ({},):
-                try:
-                    after = _promised(problem, _from(problem, best, start), known, change.additive)
-                except ThermidError:
-                    continue
-                self.scored += 1
-                self.budget.spent += 1
-                out.append(PromisedChange(change, start, (before - after) / reduced))
-        best_of: dict[str, PromisedChange] = {}
-        for score in out:
-            rival = best_of.get(score.change.name)
-            if rival is None or score.gain > rival.gain:
-                best_of[score.change.name] = score
-        return list(best_of.values())
+        """Return what every change promises, the most first."""
+        changes = self.changes(Fitted.of_problem(best.request, best.problem, best.end.fitted)) if not self.budget.over else ()
+        scored = promises(best, changes, self.refused)
+        count = sum(max(len(s.change.starts), 1) for s in scored)
+        self.scored, self.budget.spent = self.scored + count, self.budget.spent + count
+        return scored
 
     def _refitted(self, best: FittedStructure, score: PromisedChange) -> FittedStructure | None:
         if self.budget.over:
@@ -432,12 +365,11 @@ class _Searching:
     def _pruned(self, best: FittedStructure) -> FittedStructure:
         """Return the structure without changes that others have made superfluous."""
         while len(best.changes) > 1 and not self.budget.over:
-            scale = self._scale()
             made = [self._without(best, k) for k in range(len(best.changes) - 1)]  # the last one was just proved
-            fewer = [m for m in made if m and m.possible and m.held.likelihood(scale) > best.held.likelihood(scale) - TIE]
+            fewer = [m for m in made if m and m.possible and self.log(m) > self.log(best) - TIE]
             if not fewer:
                 return best
-            best = max(fewer, key=lambda m: m.held.likelihood(scale))
+            best = max(fewer, key=lambda m: self.log(m))
         return best
 
     def _without(self, best: FittedStructure, place: int) -> FittedStructure | None:
@@ -457,34 +389,26 @@ class _Searching:
         """Refit what a law that bends may stand for: a contact in its place, which of equals is the simpler one."""
         for place in [k for k, change in enumerate(best.changes) if change.bends]:
             plain = None if self.budget.over else self._without(best, place)
-            scores = sorted(self._scores(plain), key=lambda s: -s.gain) if plain else []
+            scores = self._scores(plain) if plain else []
             for score in [s for s in scores if not s.change.nodes and not s.change.bends][:CHALLENGES]:
                 self._refitted(plain or best, score)
 
-    def _scale(self) -> dict[tuple[str, str], float]:
-        """Return the variance of each trace: that of the structure with the smallest residuals, widened by how long they wander."""
-        richest = min(self.done, key=lambda s: sum(s.held.inside.values()))
-        held = richest.held
-        # no reading is trusted beyond what is stated of its noise
-        return {t: max(held.inside[t] / max(held.counts[t], 1), 0.5) * held.memory[t] for t in held.inside}
+    def log(self, one: FittedStructure) -> float:
+        """Return the logarithm of how likely readings are, under the noise of the likeliest structure."""
+        return float(one.weighing.averaged[noise_of(s.weighing for s in self.done)])
+
+    def _rank(self, one: FittedStructure) -> tuple[int, int, int, float]:
+        """Return what the simplest of equals is least in: masses, laws that bend, values, then how unlikely readings are.
+
+        A law that bends acts otherwise at other powers: where the readings do not ask for it, it predicts another test worse.
+        """
+        return one.nodes, sum(c.bends for c in one.changes), sum(len(c.sizes) + c.chosen for c in one.changes), -self.log(one)
 
     def _simplest(self, best: FittedStructure) -> FittedStructure:
-        """Return the simplest of the structures whose held-out readings are as likely as those of the best."""
-        scale = self._scale()
-        own = best.held.likelihood(scale)
-        alike = [
-            s for s in self.done if (s.possible or not s.changes) and s.held.likelihood(scale) > own - TIE * max(best.nodes - s.nodes, 1)
-        ]
-        return min(alike, key=lambda s: _rank(s, scale)) if alike else best
-
-
-def _rank(one: FittedStructure, scale: Mapping[tuple[str, str], float]) -> tuple[int, int, float]:
-    """Return what the simplest of equals is least in: masses, laws that bend, then held-out likelihood with half a unit for each number.
-
-    A law that bends acts otherwise at other powers: where the readings do not ask for it, it predicts another test worse.
-    """
-    count = len(one.problem.unknowns) + sum(c.chosen for c in one.changes)
-    return one.nodes, sum(c.bends for c in one.changes), 0.5 * count - one.held.likelihood(scale)
+        """Return the simplest of the structures with which readings are as likely as with the best."""
+        own = self.log(best)
+        alike = [s for s in self.done if (s.possible or not s.changes) and self.log(s) > own - TIE * max(best.nodes - s.nodes, 1)]
+        return min(alike, key=self._rank) if alike else best
 
 
 def _pair(a: PromisedChange, b: PromisedChange) -> PromisedChange:
@@ -503,8 +427,34 @@ def _from(problem: Problem, best: FittedStructure, start: Mapping[str, float]) -
     return at
 
 
-def _promised(problem: Problem, at: Array, known: Mapping[str, float], additive: bool) -> float:
-    """Return the cost that one step of Gauss and Newton promises, half a sum of squares whatever the loss.
+def promises(best: FittedStructure, changes: Iterable[MissingElement], refused: list[tuple[str, str]]) -> list[PromisedChange]:
+    """Return what one evaluation promises of each change from its best start, the most first; one that cannot be built joins those refused.
+
+    It says which changes are worth a refit, and no more: where a step leads too far, nothing of it may come true.
+    """
+    reduced = max(best.end.chi_square / max(best.problem.freedom, 1.0), 1e-12)
+    known = best.fitted
+    before = _promised(best.problem, best.end.fitted, known, False)[0]
+    out = []
+    for change in changes:
+        try:
+            problem = build_problem(change.request)
+        except ThermidError as error:
+            refused.append((change.name, error.message))
+            continue
+        own = []
+        for start in change.starts or ({},):
+            try:
+                after, larger = _promised(problem, _from(problem, best, start), known, change.additive)
+                own.append((before - after, {**start, **larger}))
+            except ThermidError:
+                continue
+        out += [PromisedChange(change, start, gain / reduced) for gain, start in sorted(own, key=lambda each: -each[0])[:1]]
+    return sorted(out, key=lambda s: -s.gain)
+
+
+def _promised(problem: Problem, at: Array, known: Mapping[str, float], additive: bool) -> tuple[float, dict[str, float]]:
+    """Return the cost that one step of Gauss and Newton promises, half a sum of squares whatever the loss, and what small values become.
 
     Parameters
     ----------
@@ -515,7 +465,7 @@ def _promised(problem: Problem, at: Array, known: Mapping[str, float], additive:
     priors, slopes = problem.prior_rows(at)
     rows, matrix = np.concatenate([found.rows, priors]), np.concatenate([found.slopes, slopes])
     new = np.array([additive and u.name not in known for u in problem.unknowns], dtype=bool)
-    scale = np.array([PRIOR_STEP if u.log else PRIOR_STEP * u.scale for u in problem.unknowns]) * np.where(new, FREE_STEP, 1.0)
+    scale = np.array([PROMISED_STEP if u.log else PROMISED_STEP * u.scale for u in problem.unknowns]) * np.where(new, FREE_STEP, 1.0)
     for _ in range(2):
         wide = np.concatenate([matrix * scale, np.eye(scale.size)])
         step = np.linalg.lstsq(wide, np.concatenate([-rows, np.zeros(scale.size)]), rcond=None)[0]
@@ -524,7 +474,14 @@ def _promised(problem: Problem, at: Array, known: Mapping[str, float], additive:
             break
         scale = np.where(backward, 0.0, scale)
     left = rows + matrix @ (scale * step)
-    return 0.5 * float(left @ left + step @ step)
+    moved = zip(problem.unknowns, at, new, scale * step, strict=True)
+    larger = {u.name: u.to_value(float(x)) * float(np.clip(1.0 + s, 0.1, 100.0)) for u, x, grows, s in moved if grows and u.log}
+    return 0.5 * float(left @ left + step @ step), larger
+
+
+def sizes_of(changes: Sequence[MissingElement]) -> dict[str, SizedValue]:
+    """Return path -> prior of what several changes add."""
+    return {path: size for c in changes for path, size in c.sizes.items()}
 
 
 def fitted_structure(
@@ -534,7 +491,7 @@ def fitted_structure(
     start: Mapping[str, float] | None = None,
     budget: EvaluationBudget | None = None,
 ) -> FittedStructure:
-    """Fit one structure and hold out its readings in parts.
+    """Fit one structure and weigh it.
 
     Parameters
     ----------
@@ -549,7 +506,8 @@ def fitted_structure(
     IdentificationError     When its budget is used up, or it does not end.
     SolverError             When a record cannot be run.
     """
-    problem = _loosely_held(build_problem(request))
+    sizes = sizes_of(changes)
+    problem = _loosely_held(build_problem(request), sizes)
     at = starting_point(problem.unknowns)
     for k, u in enumerate(problem.unknowns):
         if start and u.name in start:
@@ -557,119 +515,41 @@ def fitted_structure(
         elif u.name in known:
             at[k] = known[u.name]
 
-    end = minimise(problem, request.loss, request.loss_scale, at, (budget or EvaluationBudget()).watch(request.name), DONE)
+    end = minimise(problem, request.loss, request.loss_scale, at, (budget or EvaluationBudget()).watch(request.name), SEARCHED)
     if not np.isfinite(end.cost):
         raise IdentificationError("its fit does not end at a finite cost.", request.name)
     numbers = problem.experiments[0].network.numbers()
     nodes = sum(c is not None and float(value_of(c)) > 0 for c in numbers.capacitances.values())
-    return FittedStructure(changes, request, problem, end, held_out(problem, end, request), nodes)
+    weighing = weighed_at(problem, end.fitted, sizes, request.loss, request.loss_scale).less(CHOSEN * sum(c.chosen for c in changes))
+    return FittedStructure(changes, request, problem, end, weighing, nodes)
 
 
-def _loosely_held(problem: Problem) -> Problem:
-    """Return a problem in which nothing drifts off for nothing.
+def _loosely_held(problem: Problem, sizes: Mapping[str, SizedValue]) -> Problem:
+    """Return a problem in which nothing drifts off for nothing, with the noise that readings show where none is stated.
 
-    Positive parameters without a prior have one of a factor of exp(5); a start at a first reading has one about it, generous beside noise.
+    Values that a change adds have their prior of the table. Positive parameters without a prior have one of a factor of exp(5); a start at
+    a first reading has one about it, generous beside noise.
     """
+    shown: dict[str, float] = {}
+    for e in problem.experiments:
+        for o in e.observations:
+            shown[o.sensor] = max(shown.get(o.sensor, 1e-3), noise_seen(e.record.channels[o.sensor]))
+    problem = replace(problem, noise={**problem.noise, **shown})
     sigma = max((o.sigma(problem.noise) for o in problem.observations()), default=1.0)
-    near = max(STARTS * sigma, 1.0)
+    near = max(ABOUT_START * sigma, 1.0)
 
     def held(u: Unknown) -> Unknown:
+        if u.name in sizes and sizes[u.name].middle:
+            return replace(
+                u, prior=Prior(u.to_fitted(sizes[u.name].middle), sizes[u.name].spread * (1.0 if u.log else sizes[u.name].middle))
+            )
         if u.prior is None and u.kind == "parameter" and u.log:
-            return replace(u, prior=Prior(u.to_fitted(u.start), LOOSE))
+            return replace(u, prior=Prior(u.to_fitted(u.start), ANY_VALUE))
         if u.prior is None and u.kind == "local" and ": initial." in u.name:
             return replace(u, prior=Prior(u.start, near))
         return u
 
     return replace(problem, unknowns=tuple(held(u) for u in problem.unknowns))
-
-
-def held_out(problem: Problem, end: Fit, request: Request) -> HeldOut:
-    """Cross-validate a fit by one step of Gauss and Newton for each part of the readings that is held out.
-
-    The values of a single record (its start, its ambient) are fitted to all its readings.
-    """
-    blocks = problem.blocks(end.fitted)
-    slopes = [s for i in range(len(problem.experiments)) for s in _slopes_of(problem, i, end.fitted)]
-    weights = [np.sqrt(loss_of(b.weighted**2, request.loss, request.loss_scale)[1]) for b in blocks]
-    rows = [w * b.weighted for w, b in zip(weights, blocks, strict=True)]
-    slopes = [w[:, None] * s for w, s in zip(weights, slopes, strict=True)]
-    priors = problem.prior_rows(end.fitted)[1]
-    parts = _parts_of([b.record for b in blocks], [b.times for b in blocks])
-    local = np.array([u.kind == "local" for u in problem.unknowns], dtype=bool)
-    log = np.array([u.log for u in problem.unknowns], dtype=bool)
-    whole = sum((s.T @ s for s in slopes), np.zeros((local.size, local.size)))
-    squares = {(b.record, b.sensor): 0.0 for b in blocks}
-    for part in parts:
-        chosen = [(k, mask) for k, mask in part if mask.any()]
-        own = [(rows[k][mask], slopes[k][mask]) for k, mask in chosen]
-        shift = _without(own, whole, priors, (local, log))
-        for (k, _), (r, s) in zip(chosen, own, strict=True):
-            left = r + s @ shift
-            squares[blocks[k].record, blocks[k].sensor] += float(left @ left)
-    inside = {(b.record, b.sensor): float(r @ r) for b, r in zip(blocks, rows, strict=True)}
-    counts = {(b.record, b.sensor): b.residuals.size for b in blocks}
-    memory = {(b.record, b.sensor): _memory(r) for b, r in zip(blocks, rows, strict=True)}
-    return HeldOut(squares, inside, counts, memory)
-
-
-def _slopes_of(problem: Problem, i: int, fitted: Array) -> list[Array]:
-    table = problem.slopes(i, fitted)
-    return [table[o.index, k, :] for k, o in enumerate(problem.experiments[i].observations)]
-
-
-def _without(own: Sequence[tuple[Array, Array]], whole: Array, priors: Array, kinds: tuple[BoolArray, BoolArray]) -> Array:
-    """Return how all unknowns move (unknowns,) once a part of the readings is left out.
-
-    Starts and other values of a single record are no part of the structure: they follow from all readings of their record, those held out
-    among them, once the shared values have moved. A logarithm moves within `NEAR`, or one step would be believed where it cannot hold.
-
-    Parameters
-    ----------
-    own : list              Residuals and derivatives of the readings that are left out.
-    whole : array           J'J of all readings.
-    priors : array          Derivatives of the priors.
-    kinds : (array, array)  Which unknowns are those of single records, and which are logarithms.
-    """
-    local, log = kinds
-    cross = sum((s.T @ s for _, s in own), np.zeros_like(whole))
-    slope = sum((s.T @ r for r, s in own), np.zeros(whole.shape[0]))
-    full = whole + priors.T @ priors
-    size = np.sqrt(np.maximum(np.diag(full), 1e-300))
-    held = np.where(local, 1.0, np.where(log, 1.0 / (NEAR * size) ** 2, 1e-6)) + 1e-9
-    # normal equations without the part: (J'J + P'P - J_p'J_p) shift = J_p'r_p, in units where their diagonal is 1
-    matrix = (full - cross) / np.outer(size, size) + np.diag(held)
-    shift = np.where(local, 0.0, np.linalg.solve(matrix, slope / size) / size)
-    if local.any():
-        mine = full[np.ix_(local, local)] / np.outer(size[local], size[local]) + 1e-9 * np.eye(int(local.sum()))
-        shift[local] = -np.linalg.solve(mine, (full[local] @ shift) / size[local]) / size[local]
-    return np.asarray(shift)
-
-
-def _parts_of(records: Sequence[str], times: Sequence[Array]) -> list[list[tuple[int, Array]]]:
-    """Return what is held out in each turn, as (trace, mask): whole records in turn; of one or two records every tenth stretch."""
-    names = list(dict.fromkeys(records))
-    if len(names) >= 3:
-        groups = [names[k :: min(PARTS, len(names))] for k in range(min(PARTS, len(names)))]
-        return [[(k, np.ones(t.size, dtype=bool)) for k, t in enumerate(times) if records[k] in group] for group in groups]
-    out = []
-    for name in names:
-        own = [k for k in range(len(times)) if records[k] == name]
-        edges = np.quantile(np.concatenate([times[k] for k in own]), np.linspace(0.0, 1.0, PARTS * STRETCHES + 1))
-        turn = {k: np.clip(np.searchsorted(edges, times[k], side="right") - 1, 0, PARTS * STRETCHES - 1) % PARTS for k in own}
-        out += [[(k, turn[k] == part) for k in own] for part in range(PARTS)]
-    return out
-
-
-def _memory(residuals: Array) -> float:
-    """Return by how much correlation widens the spread of a sum of residuals: 1 + 2 (sum of autocorrelations until they vanish)."""
-    z = residuals - residuals.mean()
-    power = float(z @ z)
-    if z.size < 8 or power <= 0:
-        return 1.0
-    spectrum = np.abs(np.fft.rfft(z, 2 * z.size)) ** 2
-    memory = np.fft.irfft(spectrum)[: z.size] / power
-    end = int(np.argmax(memory < 2.0 / np.sqrt(z.size))) or z.size
-    return float(max(1.0 + 2.0 * memory[1:end].sum(), 1.0))
 
 
 def telling_test(one: FittedStructure, other: FittedStructure) -> str:

@@ -6,6 +6,7 @@ from collections.abc import Collection
 from dataclasses import dataclass
 from typing import Final
 
+from thermid.inference.diagnosis import WATCHED
 from thermid.simulation.network import Network
 
 
@@ -21,21 +22,27 @@ class SuspectValue:
 
 
 PATHS: Final = {
-    "htc": ("air", "less air flow: check the fan", "more air flow: check the fan and lids"),
-    "effective_htc": ("air", "less air flow: check the fan", "more air flow: check the fan and lids"),
-    "htc.coefficient": ("air", "less air flow", "more air flow"),
-    "contact_conductance": ("joint", "conducts worse: check for a loose joint", "conducts better: check for an unintended contact"),
-    "conductance": ("joint", "conducts worse: check for a loose joint", "conducts better: check for an unintended contact"),
-    "resistance": ("joint", "conducts better: check for an unintended contact", "conducts worse: check for a loose joint"),
-    "conductivity": ("heat path", "conducts worse", "conducts better"),
+    "htc": "air",
+    "effective_htc": "air",
+    "htc.coefficient": "free air",
+    "contact_conductance": "joint",
+    "conductance": "joint",
+    "resistance": "joint",
+    "conductivity": "heat path",
 }
-"""Field of a conductor -> kind, and what a lower and a higher value mean."""
+"""Field of a conductor -> what it is in the table of causes."""
+
+
+def _suspect(kind: str, whose: str, path: str, falls: bool = False) -> SuspectValue:
+    """Return a value with the words of the table; where a path falls with its value, lower and higher change places."""
+    cause = WATCHED[kind]
+    words = (cause.higher, cause.lower) if falls else (cause.lower, cause.higher)
+    return SuspectValue("air" if kind == "free air" else kind, whose, path, *words)
 
 
 def ambients_of(network: Network, logged: Collection[str]) -> tuple[SuspectValue, ...]:
     """Return the temperatures of boundaries that nobody logs, which may be other than stated; their values are what is added. [K]"""
-    words = ("colder than stated: log it, or give its temperature", "warmer than stated: log it, or give its temperature")
-    return tuple(SuspectValue("ambient", b, b, *words) for b in network.boundaries if b not in logged)
+    return tuple(_suspect("ambient", b, b) for b in network.boundaries if b not in logged)
 
 
 def suspects_of(network: Network) -> tuple[SuspectValue, ...]:
@@ -43,15 +50,11 @@ def suspects_of(network: Network) -> tuple[SuspectValue, ...]:
     out: dict[str, SuspectValue] = {}
     parameters = network.flat.parameters
     for c in network.flat.conductors:
-        for name, words in PATHS.items():
-            if name in c.fields:
-                path = parameters.literal_behind(c.fields[name])
-                out.setdefault(path, SuspectValue(words[0], c.path, path, words[1], words[2]))
-                break
+        name = next((n for n in PATHS if n in c.fields), "")
+        if name:
+            path = parameters.literal_behind(c.fields[name])
+            out.setdefault(path, _suspect(PATHS[name], c.path, path, name == "resistance"))
     for load in network.flat.loads:
         if load.node in network.nodes:
-            scale = f"scale.{load.path}"
-            out.setdefault(
-                scale, SuspectValue("power", load.path, scale, "heats less than logged or stated", "heats more than logged or stated")
-            )
+            out.setdefault(f"scale.{load.path}", _suspect("power", load.path, f"scale.{load.path}"))
     return tuple(out.values())

@@ -15,7 +15,7 @@ from thermid.base.dual import value_of
 from thermid.fit.calibration import Calibration
 from thermid.fit.problem import Request
 from thermid.inference._explain.candidates import changes_of, faults_of, missing_elements
-from thermid.inference._explain.criticism import Candidate, Criticism, TraceCriticism, ljung_box, modes_of, periodogram, trace_likelihood
+from thermid.inference._explain.criticism import Candidate, Criticism, TraceCriticism, ljung_box, periodogram
 from thermid.inference._explain.diagnosis import Diagnosis, Suspect
 from thermid.inference._explain.plausibility import RangeCheck
 from thermid.model.laws import TableSignal
@@ -41,28 +41,6 @@ def test_the_band_of_the_periodogram_is_the_quantile_of_kolmogorov() -> None:
     distance, band = periodogram(RNG.standard_normal(401))
     assert band == pytest.approx(stats.kstwobign.ppf(0.95) / np.sqrt(199), rel=2e-3)
     assert distance < band
-
-
-@pytest.mark.parametrize("slow", [0.0, 2.0])
-def test_the_likelihood_of_a_trace_is_that_of_a_normal_distribution(slow: float) -> None:
-    """White, and with a part whose correlations fall as exp(-dt / time): the largest of the densities over times and shares."""
-    times = np.linspace(0.0, 60.0, 61)
-    apart = np.abs(times[:, None] - times)
-    z = RNG.standard_normal(61) + slow * np.linalg.cholesky(np.exp(-apart / 12.0)) @ RNG.standard_normal(61)
-    best = -np.inf
-    for time in np.geomspace(1.0, 60.0, 25):
-        for ratio in (0.0, *np.geomspace(1e-3, 1e3, 60)):
-            shape = np.eye(61) + ratio * np.exp(-apart / time)
-            own = z @ np.linalg.solve(shape, z) / 61
-            best = max(best, -0.5 * (61 * np.log(own) + np.linalg.slogdet(shape)[1] + 61))
-    assert trace_likelihood(z, modes_of(times), 1e-3) == pytest.approx(best, abs=0.25)
-
-
-def test_independent_errors_are_not_likelier_than_the_least_that_is_possible() -> None:
-    z = 0.1 * RNG.standard_normal(40)
-    least = 0.5
-    wanted = -0.5 * (40 * np.log(least**2) + z @ z / least**2)
-    assert trace_likelihood(z, [], least) == pytest.approx(wanted)
 
 
 def trace(**more: Any) -> TraceCriticism:
@@ -94,10 +72,10 @@ class TestWhatATraceIsCalled:
 
 
 class TestEvidence:
-    """Differences of BIC by Kass and Raftery: above 10 very strong, above 2 worth a word, within 6 no strong preference."""
+    """Twice logarithms of Bayes factors by Kass and Raftery: above 10 very strong, above 2 worth a word, within 6 no preference."""
 
-    def candidate(self, evidence: float, name: str = "a lag", fit: Any = "fit") -> Candidate:
-        return Candidate(name, "x", True, evidence, evidence, (1.0, 0.5), fit)
+    def candidate(self, evidence: float, name: str = "a lag") -> Candidate:
+        return Candidate(name, "x", True, evidence, (evidence, evidence), (1.0, 0.5))
 
     @pytest.mark.parametrize(("evidence", "word"), [(10.5, "very strong"), (9.5, "some"), (2.1, "some"), (1.9, "no")])
     def test_words(self, evidence: float, word: str) -> None:
@@ -277,17 +255,6 @@ class TestDiagnosis:
         told = td.inference.diagnose(td.compare(model, td.Record.from_arrays("bench", run.times, made), scenario=given))
         found = next(s for s in told.suspects if s.name == "power of a.heat")
         assert found.amount == pytest.approx(-0.9 - 0.1 / 8.0, abs=0.003)
-
-
-def test_evidence_is_the_gain_less_what_chance_gains(plain: Calibration) -> None:
-    """BIC: twice the gain in log-likelihood less the logarithm of the number of stretches, at most 150 of a trace, a parameter."""
-    told = td.inference.criticise(plain, elements=True)
-    tried = [c for c in told.candidates if c.fit is not None]
-    for c in tried:
-        assert c.fit is not None
-        added = len(c.fit.fitted) - len(plain.fitted) + c.chosen
-        assert c.gain - c.evidence == pytest.approx(added * np.log(150))
-    assert tried
 
 
 def test_the_heat_balance_closes_within_twice_its_error() -> None:

@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 
 import thermid as td
-from thermid.inference._explain.criticism import ljung_box, modes_of, periodogram, trace_likelihood
+from thermid.inference._explain.criticism import ljung_box, periodogram
 from unit.fit.bench import HTC, MASS, box, log
 
 BARE = {"surfaces/skin/effective_htc": "6 [W/(m^2 K)]", "nodes/case/mass": "1.5 [kg]"}
@@ -30,19 +30,6 @@ def fitted(truth: td.Model, node: str = "case", **more: Any) -> td.Calibration:
     data = log(truth, {}, {"T": node}, **{"noise": 0.05, **more})
     data = data.with_channels(replace(data.channel("T"), target="case"))
     return td.calibrate(box(BARE), data, [HTC, MASS])
-
-
-@pytest.mark.campaign
-def test_processes_say_the_same_as_one() -> None:
-    """Refits, the two ends of a profile, and actions are tasks of any workers."""
-    fit = fitted(box(LAG), "bulb")
-    one, two = (td.inference.criticise(fit, executor=workers) for workers in (None, 2))
-    assert [(c.name, c.evidence) for c in one.candidates] == [(c.name, c.evidence) for c in two.candidates]
-    one_end, two_ends = (td.inference.profile(fit, HTC, executor=workers) for workers in (None, 2))
-    assert (one_end.low, one_end.high) == (two_ends.low, two_ends.high)
-    room = td.Scenario("room", boundaries={"air": "20 [degC]"}, start="20 [degC]", duration="2 [h]")
-    asked, shared = (td.inference.next_test(fit, HTC, scenario=room, executor=workers) for workers in (None, 2))
-    assert str(asked) == str(shared)
 
 
 def test_noise_is_left_alone() -> None:
@@ -100,14 +87,15 @@ def test_an_impossible_value_is_said_and_not_suggested() -> None:
     assert "which is not physically possible" in str(odd)
 
 
-def test_an_element_that_the_log_cannot_tell_is_refused_in_words() -> None:
-    # at rest from the first reading a second mass does nothing
+def test_nothing_speaks_for_an_element_that_the_log_cannot_tell() -> None:
+    # at rest from the first reading a second mass does nothing: with any width of its prior the readings are as likely
     data = log(box(BARE), {}, {"T": "case"}, start="steady", swing=0.0, samples=101)
     fit = td.calibrate(box(BARE), data, [HTC], scenario=td.Scenario("s", start="steady"))
     found = td.inference.criticise(fit, elements=True)
-    refused = [c for c in found.candidates if c.fit is None]
-    assert refused
-    assert any(": could not be tried with these readings:" in str(c) for c in refused)
+    mass = next(c for c in found.candidates if c.name.startswith("a second mass"))
+    assert mass.evidence < 2.0
+    assert max(mass.widths) < 2.0
+    assert found.suggested is None
 
 
 class TestMeasures:
@@ -127,16 +115,6 @@ class TestMeasures:
         assert chance < 1e-6
         distance, band = periodogram(z)
         assert distance > 3 * band
-
-    def test_likelihood_of_wandering_residuals_is_that_of_their_covariance(self) -> None:
-        rng = np.random.default_rng(5)
-        t = np.arange(80.0)
-        covariance = 0.04 * np.exp(-np.abs(t[:, None] - t) / 10.0) + 0.01 * np.eye(80)
-        z = np.linalg.cholesky(covariance) @ rng.standard_normal(80)
-        exact = -0.5 * (z @ np.linalg.solve(covariance, z) + np.linalg.slogdet(covariance)[1])
-        best = trace_likelihood(z, modes_of(t), 1e-6)
-        # the best of three free numbers lies above the truth by half a chi-square of three
-        assert exact - 0.3 < best < exact + 6.0
 
 
 def test_picture(tmp_path: Path) -> None:

@@ -1,0 +1,165 @@
+"""Every number by which a cause is named or passed over, beside the sizes of causes (`causes`): value, unit, source, what it does."""
+
+from __future__ import annotations
+
+from typing import Final
+
+# ---- candidates
+
+COLD: Final = 293.15
+"""Temperature at which a power is taken to be the logged one where its node has no reading. [K]"""
+SLOWEST_SAMPLES: Final = 10.0
+"""Samples that a power takes to settle, at least. [-]"""
+TIP: Final = 0.1
+"""A node of this part of its neighbour's heat capacity is the sensor of it. [-]"""
+BEGINS: Final = 0.05
+"""Part of what a part loses already that a new way of its heat begins with. [-]"""
+MOST_PLACES: Final = 6
+"""Places of a network that are looked at for changes: the observed ones first."""
+SLOWEST_MASS: Final = 10.0
+"""Time constant of a new mass, in lengths of the longest record, beyond which readings know nothing of it. [-]"""
+PACES: Final = (0.03, 0.2, 1.0, 5.0)
+"""Time constants at which a new mass is tried, in parts of that of the part beside it. [-]"""
+
+# ---- criticism
+
+VERY_STRONG, WORTH_A_WORD = 10.0, 2.0
+"""Twice the logarithms of Bayes factors that prove a cause, and that are worth a word: Kass and Raftery, J. Am. Stat. Assoc. 90 (1995)
+773-795, DOI 10.1080/01621459.1995.10476572. [-]"""
+SURE_SLOPE: Final = 3.0
+"""Standard errors from which residuals are said to go with temperature, power or time. [-]"""
+MOST_LAGS, REFITTED = 20, 10
+"""Lags that a test of whiteness sums, and elements that are refitted: those that one evaluation promises most of."""
+FEWEST_RECORDS: Final = 6
+"""Records from which a value of single records is compared with an input."""
+
+# ---- defects
+
+NOISY: Final = 1.5
+"""Chi-square per degree of freedom above which residuals ask for an explanation, and below which they have one. [-]"""
+LEAST: Final = 0.02
+"""Weight beside the best below which a defect is left out. [-]"""
+TAKEN: Final = 0.25
+"""Part of chi-square that a linearised step with a defect takes off, below which it is not worth its refits. [-]"""
+MIDDLE: Final = 0.5
+"""Where in the interval between two samples a power is taken to have changed at first. [-]"""
+MOST_CHANGES: Final = 20
+"""Changes of a power up to which their instants matter; of more of them a shift of all is the clock's."""
+FAR_STEPS, FAR_PART = 8.0, 0.05
+"""How far a clock may be off: in samples, and in lengths of the record, whichever is more. [-]"""
+MOST_STEPS: Final = 20_000
+"""Steps of one run after which a refit is given up."""
+REACH: Final = 100.0
+"""Factor from where they begin within which the values of a defect are looked for. [-]"""
+PATIENCE: Final = 60
+"""Evaluations after which a refit is given up."""
+REST: Final = 4.0
+"""Standard deviations of noise and accuracy within which first readings and surroundings are one temperature. [-]"""
+MOST_UNKNOWNS, MOST_SAMPLES, MOST_NODES, MOST_RECORDS = 16, 20_000, 20, 4
+"""What a fit may hold for some ten refits of it to be worth their time."""
+
+# ---- diagnosis
+
+DIAGNOSED_STRETCHES: Final = 24
+"""Stretches of time into which every log is thinned."""
+DIAGNOSED_ROUNDS, DIAGNOSED = 4, 6
+"""Steps in which the size of a fault is found beside the equations, and how many of the likeliest faults are looked at so."""
+EXPLAINS: Final = 0.7
+"""Part of the weighted squares that a fault must take away to be called the explanation."""
+
+# ---- heats
+
+PULSES: Final = 20
+"""Stretches of a record in which heat is tried; windows are made of whole ones first."""
+MAX_HEATED_NODES: Final = 30
+"""Nodes that store heat in which unlogged heat is looked for: each has `PULSES` derivatives of every node's temperature."""
+MANY_LOADS: Final = 3
+"""Most nodes and loads at which a course of an unlogged power is tried."""
+TURNS: Final = 3
+"""How often a window is looked for again, from where the last one led."""
+TELLING_DIFFERENCE: Final = 0.2
+"""Difference below which a measured temperature says nothing of the heat that leaves by it. [K]"""
+
+# ---- mistakes
+
+FULL: Final = 101.0
+"""Largest number that a duty cycle in per cent reaches, with what rounding adds."""
+SHIFTS: Final = (0.005, 0.01, 0.02, 0.03, 0.04, 0.05, 0.065, 0.08, 0.1, 0.125, 0.15, 0.2)
+"""Shifts of a clock that are tried, as parts of a record."""
+DEGREE: Final = 1.8
+"""Degrees Fahrenheit in a kelvin. [-]"""
+USUAL_ROOM: Final = (14.0, 34.0)
+"""Readings at the start of a log that a room may have. [degC]"""
+NAMED: Final = 9.0
+"""Least gain in the logarithm of the posterior's height from which a mistake is named; chance and the search among many are in it. [-]"""
+LEFT: Final = 0.4
+"""Part of the misfit, of readings and deck together, that a named mistake may leave. [-]"""
+MOST_RECORDS_SEARCHED: Final = 4
+"""Records that are looked at: the worst ones, where there are more."""
+ANY_NEW_VALUE: Final = 3.0
+"""Standard deviation of the logarithm of a value of an element that the model may lack. [-]"""
+OVER_STRUCTURE: Final = 3.0
+"""What a mistake must gain over an element that the model may lack: what that explains as well is not blamed on a mistake. [-]"""
+SECOND: Final = 6
+"""How many of the best hypotheses are fitted to the end, once all were fitted roughly."""
+QUIET: Final = 0.8
+"""Squares per thinned reading up to which nothing is looked for. [-]"""
+FAR: Final = 1.2
+"""Squares of the weak priors per unknown from which the deck is thought contradicted. [-]"""
+LAGS: Final = (15.0, 40.0, 120.0)
+"""Time constants with which a sensor that came loose goes to the temperature of its surroundings. [s]"""
+
+# ---- plausibility
+
+CORRELATION: Final = 1.5
+"""A correlation for a body in still air is taken as good to a factor: neighbours, orientation and draughts."""
+FORCED: Final = 25.0
+"""Most that slow fans bring over equipment. [W/(m^2 K)]"""
+EMISSIVITY: Final = (0.02, 0.98)
+"""Emissivities of surfaces, polished metal to paint (Incropera, 6th ed., A.11). [-]"""
+BARE: Final = (100.0, 5e4)
+"""Contact of metal on metal: dry and hand-tight 100 to 1000, machined under 0.1 to 10 MPa 2000 to 50 000. [W/(m^2 K)]"""
+SPECIFIC_HEAT: Final = (385.0, 1500.0)
+"""Specific heats of what equipment is made of, copper to plastics. [J/(kg K)]"""
+EFFICIENCY: Final = (0.6, 0.97)
+"""Efficiencies of converters in equipment. [-]"""
+UNDETERMINED: Final = 0.5
+"""Relative error from which a 95 % interval reaches zero: no range can reject the value, and a defect with it is not shown. [-]"""
+
+# ---- structures
+
+TIE: Final = 3.0
+"""Logarithm of a Bayes factor below which two causes, or structures, cannot be separated: 20 to 1 (Kass and Raftery 1995). [-]"""
+PROMISED_STEP: Final = 1.5
+"""Standard deviation that a promise allows each logarithm, so that one step is not believed farther than it can be. [-]"""
+FREE_STEP: Final = 20.0
+"""The same for a value that begins small and whose effect is proportional to it, over `PROMISED_STEP`. [-]"""
+SHOWN: Final = 400
+"""Most readings of a test that may separate two structures. [-]"""
+CHALLENGES: Final = 3
+"""Structures of one mass more that are refitted at the end."""
+ABOUT_START: Final = 5.0
+"""Standard deviation of a start about its first reading, in noises; 1 K at least. [-]"""
+ANY_VALUE: Final = 5.0
+"""Standard deviation of the logarithm of a parameter of which nothing is known. [-]"""
+WIDE: Final = 8.0
+"""So many standard errors are wider than the bounds of a value that the readings hardly determine; a full fit refuses it at two."""
+EVALUATIONS: Final = 8000
+"""Most evaluations of a search: runs of every record with derivatives. A count, so that a busy machine finds what an idle one finds. [-]"""
+SEARCHED: Final = 0.03
+"""A search of one structure ends at this part of a standard error. [-]"""
+
+# ---- balance
+
+BALANCE_STEP: Final = 1e-3
+"""Relative change over which the balance is differentiated by a value of a fit."""
+
+# ---- weighing
+
+STRETCHES: Final = 240
+"""Stretches of time in which a trace of more readings is looked at, two readings in each at least: a lag or a delay shows in the first of
+them after a step. [-]"""
+WIDTHS: Final = (0.5, 1.0, 2.0)
+"""Factors on every width of the table over which a score is averaged, each as likely. [-]"""
+CHOSEN: Final = 3.0
+"""What a number that was chosen before a fit costs, such as the time of a course: the logarithm of how many were tried. [-]"""

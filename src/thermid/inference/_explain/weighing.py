@@ -1,0 +1,104 @@
+"""The one score: how likely the readings are with a cause, over as the model is, with all values integrated over the widths of the table.
+
+In: a problem, where its fit ended, the prior of each value that a cause adds (`causes`). Out: a `CauseScore`. The noise is the fit's own:
+white as stated, and a part that wanders as large and as slow as makes the readings likeliest (`fit.uncertainty.evidences`). Where the fit
+ended the model is linear in its values (Laplace: MacKay, Information Theory, Inference, and Learning Algorithms, 2003, chapter 28).
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from thermid.base.linear_algebra import Array
+from thermid.fit.problem import Problem
+from thermid.fit.uncertainty import binned, evidences
+from thermid.inference._explain.causes import SizedValue
+from thermid.inference._explain.thresholds import STRETCHES, WIDTHS
+
+
+@dataclass(frozen=True, eq=False)
+class CauseScore:
+    """How likely readings are.
+
+    Parameters
+    ----------
+    logs : array (widths, noises)   Logarithms of their likelihood, but for what all models of them share, with each factor on the widths
+                                    of the table, under each noise of a grid.
+    """
+
+    logs: Array
+
+    @property
+    def best(self) -> float:
+        """The logarithm under the noise that makes the readings likeliest."""
+        return float(self.averaged.max())
+
+    @property
+    def averaged(self) -> Array:
+        """The logarithms, averaged over the widths (noises,): causes that these rank differently share what is likely."""
+        return np.asarray(np.logaddexp.reduce(self.logs, axis=0) - np.log(len(WIDTHS)))
+
+    def less(self, amount: float) -> CauseScore:
+        """Return it less an amount."""
+        return CauseScore(self.logs - amount)
+
+
+def noise_of(weighings: Iterable[CauseScore]) -> int:
+    """Return the place of the one noise by which several models are compared: that of the model with which readings are likeliest.
+
+    Noise is the instrument's and the room's. What a worse model leaves is not taken for it.
+    """
+    return int(max(weighings, key=lambda w: w.best).averaged.argmax())
+
+
+def weighed_at(
+    problem: Problem,
+    fitted: Array,
+    sizes: Mapping[str, SizedValue],
+    loss: str = "linear",
+    loss_scale: float = 1.0,
+) -> CauseScore:
+    """Return how likely the readings of a problem are, linear in its values where they stand.
+
+    Parameters
+    ----------
+    problem : Problem           Its own priors count for values that have no size in the table.
+    fitted : array (unknowns,)  In the fitted form.
+    sizes : dict                Unknown -> its prior.
+
+    Raises
+    ------
+    SolverError   When a record cannot be run.
+    """
+    from scipy.special import log_ndtr
+
+    pieces = [*binned(problem, fitted, loss, loss_scale, STRETCHES).values()]
+    own = np.array([u.name in sizes for u in problem.unknowns], dtype=bool)
+    values, slopes = problem.prior_rows(fitted)
+    stated = ~slopes[:, own].any(axis=1) if values.size else np.zeros(0, dtype=bool)
+    priors, pulls, spent = [], [], []
+    for factor in WIDTHS:
+        left, matrix = values[stated], slopes[stated]
+        for k in np.flatnonzero(own):
+            u = problem.unknowns[k]
+            row, slope = sizes[u.name].row(u.to_value(float(fitted[k])), u.log, factor)
+            left, matrix = np.append(left, row), np.concatenate([matrix, slope * np.eye(own.size)[[k]]])
+        priors.append(matrix.T @ matrix)
+        pulls.append(-matrix.T @ left)
+        spent.append(0.5 * float(left @ left))
+    logs, moves, errors = evidences(pieces, np.array(priors), np.array(pulls))
+    one_sided = [k for k in np.flatnonzero(own) if problem.unknowns[k].log and not sizes[problem.unknowns[k].name].middle]
+    for k in one_sided:  # of a normal about nothing only the upper half is possible: twice the density, times what lies above
+        logs = logs + np.log(2.0) + log_ndtr((1.0 + moves[..., k]) / errors[..., k])
+    return CauseScore(logs - np.array(spent)[:, None])
+
+
+def shares(weighings: Sequence[CauseScore]) -> Array:
+    """Return the probability of each of several causes of the same readings under one noise, averaged over the widths."""
+    noise = noise_of(weighings)
+    logs = np.array([w.logs[:, noise] for w in weighings])
+    weights = np.exp(logs - logs.max(axis=0))
+    return np.asarray((weights / weights.sum(axis=0)).mean(axis=1))
