@@ -8,7 +8,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
-from typing import Protocol
+from typing import NamedTuple, Protocol
 
 import numpy as np
 
@@ -20,6 +20,12 @@ from thermid.fit._problem.residuals import FAILED, Compressed, Sums, Unknown, st
 NEAR, DONE = 0.02, 1e-4
 """A search goes on with new steps once the step ahead is below this part of every unknown's typical change, and ends once it is below this
 part of a standard error."""
+ROUNDS = 200
+"""Evaluations of a descent at most."""
+DIVERGED = (
+    "the fit diverged: its derivatives are not finite. Give its parameters min and max, or priors. Check the log too: a column, a unit or a "
+    "node may be wrong."
+)
 LOSSES = ("linear", "soft_l1", "huber", "cauchy")
 
 
@@ -101,27 +107,168 @@ class KeptFit:
     remarks: tuple[str, ...] = ()
 
 
-class _Arrived(Exception):  # noqa: N818 - it ends a search, nothing went wrong
-    """The step ahead is so small that it is not worth a run."""
+class Local(NamedTuple):
+    """What a cost is beside some values x: ``cost + r'J s + |J s|^2 / 2`` a step s away.
 
-    def __init__(self, x: Array, step: str) -> None:
-        super().__init__(f"the step ahead is below {step}")
-        self.x = x
+    Parameters
+    ----------
+    cost : float                        Half the sum of squares of the rows r; or minus a log-likelihood. [-]
+    rows : array (rows,)                r, such that J'r is the gradient.
+    slopes : array (rows, unknowns)     J, such that J'J is the information.
+    cost: float
+    level : float                       What the noise of the rows is really worth, in squares of that they are weighed by. [-]
+    """
+
+    cost: float
+    rows: Array
+    slopes: Array
+    level: float = 1.0
 
 
-class _Search:
-    """What `least_squares` asks for; residuals and derivatives come from one run, all runs on the steps of one among them."""
+class Descent(NamedTuple):
+    """Where a descent ended: the values, half the gain that a full step would still promise, how it ended, whether it came to an end."""
 
-    def __init__(
-        self, problem: LeastSquares, loss: str, loss_scale: float, progress: Callable[[int, float], None] | None, done: float = DONE
-    ) -> None:
-        self.problem, self.loss, self.loss_scale, self.progress, self.done = problem, loss, loss_scale, progress, done
+    x: Array
+    ahead: float
+    message: str
+    converged: bool
+
+
+@dataclass(frozen=True)
+class StopRule:
+    """When a descent ends.
+
+    Parameters
+    ----------
+    near : float        When the full step ahead changes every unknown by less than this part of its typical change. [-]
+    done : float        When the full step ahead is below this part of a standard error: it promises half its square of the cost. [-]
+    relative : float    When a step lowers the cost by less than this part of it. [-]
+    rounds : int        After so many evaluations in any case; it then did not converge.
+    """
+
+    near: float = 0.0
+    done: float = 0.0
+    relative: float = 1e-10
+    rounds: int = ROUNDS
+
+
+def descend(
+    local: Callable[[Array], Local], start: Array, bounds: tuple[Array, Array], scale: Array, stop: StopRule, reach: float | None = None
+) -> Descent:
+    """Return where a damped descent of Gauss and Newton from a start (unknowns,) ends, within bounds.
+
+    Steps s stay within a region of trust, |s / scale| <= reach: of the model of `Local` each is the best in there (Levenberg and
+    Marquardt's, More, Lecture Notes in Mathematics 630 (1978) 105). The region shrinks where a step gains less than a quarter of what it
+    promises, and grows where it gains three quarters. What a step would carry across a bound stops there, and the others follow it.
+
+    Parameters
+    ----------
+    local : callable    Values (unknowns,) -> the cost beside them; a SolverError, anywhere but at the start, turns the descent back.
+    scale : array       Typical changes of the unknowns.
+    stop : StopRule
+    reach : float       The region of trust at first; by default as far as the start is from zero.
+
+    Raises
+    ------
+    SolverError   Of the start; and where derivatives are not finite.
+    """
+    x = np.clip(start, *bounds)
+    here = local(x)
+    reach = reach or max(float(np.linalg.norm(x / scale)), 1.0)
+    count, gained = 1, np.inf
+    while True:
+        if not (np.isfinite(here.slopes).all() and np.isfinite(here.rows).all()):
+            raise SolverError(DIVERGED, "fit")
+        full = _step(here, x, bounds, scale, np.inf)
+        ahead = _promised(here, full)
+        if (np.abs(full) < stop.near * scale).all():
+            return Descent(x, ahead, f"the step ahead is below {stop.near:g} of every typical change", True)
+        if 2.0 * ahead <= stop.done**2 * max(here.level, 1.0):
+            return Descent(x, ahead, f"the step ahead is below {stop.done:g} standard errors", True)
+        if gained < stop.relative * here.cost:
+            return Descent(x, ahead, f"a step gained less than {stop.relative:g} of the sum of squares", True)
+        while True:
+            if count >= stop.rounds:
+                return Descent(x, ahead, f"no end after {counted(count, 'evaluation')}", False)
+            step = full if np.linalg.norm(full / scale) <= reach else _step(here, x, bounds, scale, reach)
+            promised, size = _promised(here, step), float(np.linalg.norm(step / scale))
+            new = np.clip(x + step, *bounds)
+            there = _tried(local, new)
+            count += 1
+            gained = here.cost - there.cost
+            if gained < 0.25 * promised:
+                reach = 0.25 * size
+            elif gained > 0.75 * promised and size > 0.95 * reach:
+                reach = 2.0 * reach
+            if gained > 0.0:
+                break
+            if promised < stop.relative * abs(here.cost) or size < 1e-10:
+                return Descent(x, ahead, "no step gains any more", True)
+        x, here = new, there
+
+
+def _tried(local: Callable[[Array], Local], x: Array) -> Local:
+    try:
+        found = local(x)
+    except SolverError:
+        return Local(np.inf, np.zeros(0), np.zeros((0, x.size)))
+    return found if np.isfinite(found.cost) else found._replace(cost=np.inf)
+
+
+def _promised(here: Local, step: Array) -> float:
+    """Return by how much a step lowers the cost where the model holds: ``-r'J s - |J s|^2 / 2``."""
+    change = here.slopes @ step
+    return -float(here.rows @ change + 0.5 * change @ change)
+
+
+def _step(here: Local, x: Array, bounds: tuple[Array, Array], scale: Array, reach: float) -> Array:
+    """Return the step (unknowns,) within a region of trust that lowers the model's cost most, unknowns held at bounds that it meets."""
+    low, high = bounds
+    slopes = here.slopes * scale
+    gradient = slopes.T @ here.rows
+    free = ~(((x <= low) & (gradient > 0.0)) | ((x >= high) & (gradient < 0.0)))
+    step = np.zeros(x.size)
+    while free.any():
+        step[free] = _within(slopes[:, free], here.rows + slopes[:, ~free] @ step[~free], reach)
+        end = x + step * scale
+        beyond = free & ((end < low) | (end > high))
+        if not beyond.any():
+            break
+        step[beyond] = (np.clip(end, low, high) - x)[beyond] / scale[beyond]
+        free &= ~beyond
+    return step * scale
+
+
+def _within(slopes: Array, rows: Array, reach: float) -> Array:
+    """Return s that makes |r + J s| least with |s| <= reach: ``(J'J + damping) s = -J'r``, the damping from the length of s."""
+    left, sizes, right = np.linalg.svd(slopes, full_matrices=False)
+    force = left.T @ rows
+    seen = sizes > np.finfo(float).eps * max(slopes.shape) * sizes.max(initial=0.0)
+    force, sizes, right = force[seen], sizes[seen], right[seen]
+    part = force / sizes
+    damping = 0.0
+    # Newton's method on 1 / reach - 1 / |s|, which is nearly straight in the damping (More 1978); it comes from below
+    for _ in range(20):
+        length = float(np.linalg.norm(part))
+        if length <= 1.01 * reach:
+            break
+        bend = float(np.sum(part**2 / (sizes**2 + damping)))
+        damping += (length / reach - 1.0) * length**2 / bend
+        part = sizes * force / (sizes**2 + damping)
+    length = float(np.linalg.norm(part))
+    return np.asarray(-(part * min(1.0, reach / length) if length > 0.0 else part) @ right)
+
+
+class _Runs:
+    """A problem as `descend` asks for it; residuals and derivatives come from one run, all runs on the steps of one among them."""
+
+    def __init__(self, problem: LeastSquares, loss: str, loss_scale: float, progress: Callable[[int, float], None] | None) -> None:
+        self.problem, self.loss, self.loss_scale, self.progress = problem, loss, loss_scale, progress
         self.count = 0
-        self.best: tuple[float, Array] | None = None
-        self.fine = False
+        self.best: tuple[float, Array, Compressed] | None = None
         self.scale = np.array([u.scale for u in problem.unknowns])
         self._settled: Array | None = None
-        self._known: dict[bytes, Compressed] = {}
+        self._latest: tuple[Array, Compressed] | None = None
         self._meshes: tuple[Array, ...] = ()
 
     def settle(self, x: Array) -> None:
@@ -131,50 +278,42 @@ class _Search:
         ------
         SolverError   When a record cannot be run.
         """
-        if self._settled is not None and (np.abs(x - self._settled) < NEAR * self.scale).all():
-            return
-        found = self.problem.compressed(x, self.loss, self.loss_scale)
-        self._known, self._meshes, self._settled = {x.tobytes(): found}, found.meshes, x
+        if self._settled is None or not (np.abs(x - self._settled) < NEAR * self.scale).all():
+            found = self.problem.compressed(x, self.loss, self.loss_scale)
+            self._meshes, self._settled, self._latest, self.best = found.meshes, x, (x, found), None
 
     def at(self, x: Array) -> Compressed:
-        """Return the residuals at some values; the latest two sets of values are remembered."""
-        key = x.tobytes()
-        if key not in self._known:
-            found = self.problem.compressed(x, self.loss, self.loss_scale, self._meshes)
-            self._known = dict([*self._known.items()][-1:]) | {key: found}
-        return self._known[key]
+        """Return the residuals at some values; the latest and the best are remembered."""
+        for known in (self._latest, self.best and self.best[1:]):
+            if known is not None and np.array_equal(known[0], x):
+                return known[1]
+        found = self.problem.compressed(x, self.loss, self.loss_scale, self._meshes)
+        self._latest = x, found
+        return found
 
-    def residuals(self, x: Array) -> Array:
-        """Return the residuals; of a run that the integrator could not finish very large ones, so that the optimiser turns back."""
+    def local(self, x: Array) -> Local:
+        """Return the cost beside some values.
+
+        Raises
+        ------
+        SolverError   When a record cannot be run.
+        """
         self.count += 1
-        samples = self.problem.samples
+        priors, prior_slopes = self.problem.prior_rows(x)
         try:
             found = self.at(x)
-            rows, square = found.rows, self.problem.square(found)
         except SolverError:
-            square = samples * FAILED**2
-            rows = np.zeros(next(iter(self._known.values())).rows.size)
-            rows[-1] = np.sqrt(square)
-        out = np.concatenate([rows, self.problem.prior_rows(x)[0]])
-        cost = float(out @ out)
+            if self.progress is not None:
+                self.progress(self.count, FAILED)
+            raise
+        rows = np.concatenate([found.rows, priors])
+        cost = 0.5 * float(rows @ rows)
         if self.best is None or cost < self.best[0]:
-            self.best = cost, x.copy()
+            self.best = cost, x.copy(), found
+        level = self.problem.square(found) / self.problem.samples
         if self.progress is not None:
-            self.progress(self.count, float(np.sqrt(square / samples)))
-        return out
-
-    def slopes(self, x: Array) -> Array:
-        """Return their derivatives, unless the step of Gauss and Newton from here is not worth a run."""
-        priors, prior_slopes = self.problem.prior_rows(x)
-        found = self.at(x)
-        slopes, rows = np.concatenate([found.slopes, prior_slopes]), np.concatenate([found.rows, priors])
-        step = np.linalg.lstsq(slopes / self.scale, -rows, rcond=None)[0]
-        if not self.fine and (np.abs(step) < NEAR).all():
-            raise _Arrived(x, f"{NEAR} of every typical change")
-        gain = float(np.sum(((slopes / self.scale) @ step) ** 2))  # in squares of a standard error, where the noise is what is stated
-        if self.fine and gain < self.done**2 * max(1.0, self.problem.square(found) / self.problem.samples):
-            raise _Arrived(x, f"{self.done:g} standard errors")
-        return slopes
+            self.progress(self.count, float(np.sqrt(level)))
+        return Local(cost, rows, np.concatenate([found.slopes, prior_slopes]), level)
 
 
 def minimise(
@@ -184,6 +323,8 @@ def minimise(
     start: Array | None = None,
     progress: Callable[[int, float], None] | None = None,
     done: float = DONE,
+    rounds: int = ROUNDS,
+    reach: float | None = None,
     stoppable: bool = False,
 ) -> Fit:
     """Return the least-squares fit of a problem.
@@ -195,7 +336,9 @@ def minimise(
     loss_scale : float      Residual, in units of the noise, from which the loss bends.
     start : array           In the fitted form; the unknowns' own start by default.
     progress : callable     Called with the number of evaluations and the RMS of the weighted residuals.
-    done : float            The search ends once the step ahead is below this part of a standard error. [-]
+    done : float            The descent ends once the step ahead is below this part of a standard error. [-]
+    rounds : int            It ends after so many evaluations in any case, not converged.
+    reach : float           How far the first step may go, in typical changes of the unknowns; as in `descend` by default.
     stoppable : bool        Whether the interrupt key ends it with the best values so far, once there are any: `Fit.stopped`, not converged.
 
     Raises
@@ -209,50 +352,23 @@ def minimise(
     if not unknowns:
         return ended(problem, at, loss, loss_scale, message="no parameter was free")
     low, high = (np.array(b) for b in zip(*(u.fitted_bounds() for u in unknowns), strict=True))
-    at = np.clip(at, np.nextafter(low, np.inf), np.nextafter(high, -np.inf))
-    search = _Search(problem, loss, loss_scale, progress, done)
+    bounds = np.nextafter(low, np.inf), np.nextafter(high, -np.inf)
+    runs = _Runs(problem, loss, loss_scale, progress)
+    at = np.clip(at, *bounds)
     try:
-        for fine in (False, True):
-            search.fine = fine
-            search.settle(at)  # a model that cannot be run at the start says why, in the integrator's words
-            at, message, converged = _searched(search, at, (low, high))
+        runs.settle(at)  # a model that cannot be run at the start says why, in the integrator's words
+        at = descend(runs.local, at, bounds, runs.scale, StopRule(near=NEAR, relative=1e-3, rounds=rounds), reach).x
+        runs.settle(at)
+        # no log determines a sum of squares to less than rounding, nor asks for more than the step that ends it would gain
+        fine = StopRule(done=done, relative=min(1e-10, max(done**2, 1e-15)), rounds=rounds)
+        end = descend(runs.local, at, bounds, runs.scale, fine, reach)
     except KeyboardInterrupt:
-        if search.best is None or not stoppable:
+        if runs.best is None or not stoppable:
             raise
-        at, message = search.best[1], f"stopped by the user after {counted(search.count, 'evaluation')}, at the best values so far"
-        return replace(_fit_at(problem, at, search.at(at), search.count, message, False), stopped=True)
-    return _fit_at(problem, at, search.at(at), search.count, message, converged)
-
-
-def _searched(search: _Search, at: Array, bounds: tuple[Array, Array]) -> tuple[Array, str, bool]:
-    """Return where a search from some values ends, how, and whether it converged."""
-    from scipy.optimize import least_squares
-
-    tolerance = min(1e-10, max(search.done**2, 1e-15)) if search.fine else 1e-3
-    try:
-        # where a log contradicts its model a search may run very far, and its region of trust may have no slope left to divide by
-        with np.errstate(over="ignore", invalid="ignore", divide="ignore"):
-            found = least_squares(
-                search.residuals,
-                at,
-                jac=search.slopes,
-                bounds=bounds,
-                x_scale=search.scale,
-                method="trf",
-                ftol=tolerance,
-                xtol=min(1e-10, max(search.done**2, 1e-15)),
-                gtol=1e-10,
-                max_nfev=200,
-            )
-    except _Arrived as arrived:
-        return arrived.x, str(arrived), True
-    except np.linalg.LinAlgError:
-        raise SolverError(
-            "the fit diverged: its derivatives are not finite. Give its parameters min and max, or priors. Check the log too: a "
-            "column, a unit or a node may be wrong.",
-            "fit",
-        ) from None
-    return found.x, found.message, bool(found.success)
+        _, at, data = runs.best
+        message = f"stopped by the user after {counted(runs.count, 'evaluation')}, at the best values so far"
+        return replace(_fit_at(problem, at, data, runs.count, message, False), stopped=True)
+    return _fit_at(problem, end.x, runs.at(end.x), runs.count, end.message, end.converged)
 
 
 def ended(
