@@ -5,7 +5,6 @@ from __future__ import annotations
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass
-from functools import cached_property
 from pathlib import Path
 from typing import Any, Final
 
@@ -18,7 +17,8 @@ from thermid.base.files import read_bytes, scratch
 from thermid.base.linear_algebra import Array, null_space
 from thermid.base.units import unit
 from thermid.fit.calibration import Fit, covariances, minimise
-from thermid.fit.problem import Compressed, Sums, Unknown
+from thermid.fit.problem import Compressed, Sums, Unknown, wanders
+from thermid.fit.uncertainty import autocorrelation_of_traces, trace_in_stretches
 from thermid.interop._fmu.host import fmpy_package
 
 STEP: Final = 1e-3
@@ -43,7 +43,7 @@ class FittedFmu:
     rms : dict              Output -> RMS of its residuals, in its unit.
     noise : dict            Output -> the standard deviation it was weighed by, in its unit.
     ratio : float           Residuals over that noise (the root of the reduced chi-square). [-]
-    autocorrelation : dict  Output -> correlation of neighbouring residuals. [-]
+    dependent : tuple       Outputs whose residuals are autocorrelated: white noise and a part that wanders, as in every fit.
     undetermined : tuple    Groups of parameters that only combinations of are determined.
     bounds : tuple of str   Parameters that ended at a bound.
     converged : bool
@@ -57,7 +57,7 @@ class FittedFmu:
     rms: Mapping[str, float]
     noise: Mapping[str, float]
     ratio: float
-    autocorrelation: Mapping[str, float]
+    dependent: tuple[str, ...]
     undetermined: tuple[tuple[str, ...], ...]
     bounds: tuple[str, ...]
     converged: bool
@@ -72,9 +72,8 @@ class FittedFmu:
         out += [f"AT A BOUND: {name}" for name in self.bounds]
         if self.ratio > MISSED:
             out.append(f"NOT ADEQUATE: the residuals are {self.ratio:.3g} times the noise; errors are widened by that")
-        dependent = [name for name, rho in self.autocorrelation.items() if rho > 0.5]
-        if dependent:
-            out.append(f"residuals of {', '.join(dependent)} are autocorrelated: the errors count neighbouring readings as dependent")
+        if self.dependent:
+            out.append(f"residuals of {', '.join(self.dependent)} are autocorrelated: the errors count neighbouring readings as dependent")
         return tuple(out)
 
     def to_dict(self) -> dict[str, Any]:
@@ -112,8 +111,8 @@ def calibrate_fmu(
 ) -> FittedFmu:
     """Fit parameters of an FMU of FMI 2 or 3 to readings of its outputs.
 
-    Derivatives are central differences of runs. Errors are those of least squares with the stated noise, widened by the ratio of residuals
-    to it where that exceeds one, and by the autocorrelation of the residuals (a factor of (1 + rho)/(1 - rho) on each variance).
+    Derivatives are central differences of runs. Errors are those of least squares with the stated noise, widened by residuals that
+    exceed it or wander, as those of every fit are.
 
     Parameters
     ----------
@@ -307,37 +306,13 @@ class _Problem:
         return found.chi_square
 
 
-@dataclass(frozen=True, eq=False)
-class _Told:
-    """Statistics at the end of a fit."""
-
-    problem: _Problem
-    found: Fit
-
-    @cached_property
-    def level(self) -> float:
-        """Mean square of the residuals in units of the noise, at least one. [-]"""
-        freedom = max(self.problem.samples - len(self.problem.unknowns), 1)
-        return self.found.chi_square / freedom
-
-    def correlations(self) -> dict[str, float]:
-        """Return output -> correlation of neighbouring residuals; zero where nothing wanders."""
-        own = self.problem.residuals(self.found.fitted)
-        out = {}
-        for name, r, at in zip(self.problem.noise, own, self.problem.used, strict=True):
-            x = r[at] - r[at].mean() if at.any() else r[at]
-            rho = float(x[1:] @ x[:-1] / (x @ x)) if x.size > 2 and x @ x > 0 else 0.0
-            out[name] = min(rho, 0.99) if rho > 2.0 / np.sqrt(max(x.size, 1)) else 0.0
-        return out
-
-
 def _told(problem: _Problem, found: Fit) -> FittedFmu:
     """Return the values with their errors, and what must be said of them."""
-    stats = _Told(problem, found)
-    correlations = stats.correlations()
-    worst = max(correlations.values(), default=0.0)
-    widened = max(stats.level, 1.0) * (1.0 + worst) / (1.0 - worst)
-    variances = np.diag(covariances(found, widened)[0])
+    own, slopes, times = problem.residuals(found.fitted), problem.slopes(found.fitted), problem.runner.times
+    pairs = list(zip(problem.noise, own, slopes, problem.used, strict=True))
+    pieces = {("readings", name): trace_in_stretches(r[at], times[at], s[at]) for name, r, s, at in pairs if at.any()}
+    spread = autocorrelation_of_traces(pieces, found, problem.samples)
+    variances = np.diag(covariances(found, spread.variance_factor, spread.score_excess)[0])
     values = problem.values(found.fitted)
     slopes = np.array([u.slope(float(x)) for u, x in zip(problem.unknowns, found.fitted, strict=True)])
     errors = np.sqrt(np.where(np.isfinite(variances), np.maximum(variances, 0.0), np.inf)) * np.abs(slopes)
@@ -347,9 +322,7 @@ def _told(problem: _Problem, found: Fit) -> FittedFmu:
     )
     silent = [n for n, column in zip(names, found.jacobian.T, strict=True) if not np.any(column)]
     lost = {n for group in groups for n in group} | set(silent)
-    own = problem.residuals(found.fitted)
-    pairs = zip(problem.noise, own, problem.used, strict=True)
-    rms = {name: problem.noise[name] * float(np.sqrt(np.mean(r[at] ** 2))) for name, r, at in pairs if at.any()}
+    rms = {name: problem.noise[name] * float(np.sqrt(np.mean(r[at] ** 2))) for name, r, _, at in pairs if at.any()}
     at_bound = _bounds(problem.unknowns, values)
     told: Callable[[str, float], float] = lambda n, e: np.inf if n in lost else float(e)  # noqa: E731
     return FittedFmu(
@@ -358,8 +331,8 @@ def _told(problem: _Problem, found: Fit) -> FittedFmu:
         {n: told(n, e) for n, e in zip(names, errors, strict=True)},
         rms,
         problem.noise,
-        float(np.sqrt(stats.level)),
-        correlations,
+        float(np.sqrt(found.chi_square / max(problem.samples - len(problem.unknowns), 1))),
+        tuple(t.sensor for t in spread.traces if wanders(t.effective_samples, t.samples)),
         groups + tuple((n,) for n in silent),
         at_bound,
         found.converged,
