@@ -23,8 +23,8 @@ part of a standard error."""
 ROUNDS = 200
 """Evaluations of a descent at most."""
 DIVERGED = (
-    "the fit diverged: its derivatives are not finite. Give its parameters min and max, or priors. Check the log too: a column, a unit or a "
-    "node may be wrong."
+    "the fit diverged: its derivatives are not finite. Give its parameters min and max, or priors. Check the log too: a column, a unit or "
+    "a node may be wrong."
 )
 LOSSES = ("linear", "soft_l1", "huber", "cauchy")
 

@@ -275,8 +275,8 @@ class Search:
         if many == DESCENTS or found.stopped:
             return found
         made = "no further one was" if not many else "one further was" if many == 1 else f"{many} further ones were"
-        words = f"{why}, so a descent may have ended in the wrong valley. One takes {counted(first.evaluations, 'evaluation')}, so {made} made unasked. "
-        words += f"search = 'multistart' makes {DESCENTS}."
+        words = f"{why}, so a descent may have ended in the wrong valley. One takes {counted(first.evaluations, 'evaluation')}, so {made} "
+        words += f"made unasked. search = 'multistart' makes {DESCENTS}."
         return replace(found, remarks=(*found.remarks, words))
 
     def _further(self, first: Fit) -> int:
