@@ -20,8 +20,8 @@ from thermid.fit._problem.residuals import FAILED, Compressed, Sums, Unknown, st
 NEAR, DONE = 0.02, 1e-4
 """A search goes on with new steps once the step ahead is below this part of every unknown's typical change, and ends once it is below this
 part of a standard error."""
-ROUNDS = 200
-"""Evaluations of a descent at most."""
+EVALUATIONS = 200
+"""Of a descent at most."""
 DIVERGED = (
     "the fit diverged: its derivatives are not finite. Give its parameters min and max, or priors. Check the log too: a column, a unit or "
     "a node may be wrong."
@@ -107,26 +107,12 @@ class KeptFit:
     remarks: tuple[str, ...] = ()
 
 
-class Local(NamedTuple):
-    """What a cost is beside some values x: ``cost + r'J s + |J s|^2 / 2`` a step s away.
-
-    Parameters
-    ----------
-    cost : float                        Half the sum of squares of the rows r; or minus a log-likelihood. [-]
-    rows : array (rows,)                r, such that J'r is the gradient.
-    slopes : array (rows, unknowns)     J, such that J'J is the information.
-    cost: float
-    level : float                       What the noise of the rows is really worth, in squares of that they are weighed by. [-]
-    """
-
-    cost: float
-    rows: Array
-    slopes: Array
-    level: float = 1.0
+LocalCost = tuple[float, Array, Array]
+"""Of a cost at some values: itself, rows r and slopes J, such that a step s away it is ``cost + r'J s + |J s|^2 / 2``. [-]"""
 
 
 class Descent(NamedTuple):
-    """Where a descent ended: the values, half the gain that a full step would still promise, how it ended, whether it came to an end."""
+    """Where a descent ended: the values, the gain that a full step would still promise, how it ended, whether it came to an end."""
 
     x: Array
     ahead: float
@@ -134,38 +120,35 @@ class Descent(NamedTuple):
     converged: bool
 
 
-@dataclass(frozen=True)
-class StopRule:
-    """When a descent ends.
-
-    Parameters
-    ----------
-    near : float        When the full step ahead changes every unknown by less than this part of its typical change. [-]
-    done : float        When the full step ahead is below this part of a standard error: it promises half its square of the cost. [-]
-    relative : float    When a step lowers the cost by less than this part of it. [-]
-    rounds : int        After so many evaluations in any case; it then did not converge.
-    """
-
-    near: float = 0.0
-    done: float = 0.0
-    relative: float = 1e-10
-    rounds: int = ROUNDS
-
-
 def descend(
-    local: Callable[[Array], Local], start: Array, bounds: tuple[Array, Array], scale: Array, stop: StopRule, reach: float | None = None
+    local: Callable[[Array], LocalCost],
+    start: Array,
+    bounds: tuple[Array, Array],
+    scale: Array,
+    *,
+    near: float = 0.0,
+    done: float = DONE,
+    relative: float = 1e-10,
+    samples: float = np.inf,
+    rounds: int = EVALUATIONS,
+    reach: float | None = None,
 ) -> Descent:
     """Return where a damped descent of Gauss and Newton from a start (unknowns,) ends, within bounds.
 
-    Steps s stay within a region of trust, |s / scale| <= reach: of the model of `Local` each is the best in there (Levenberg and
-    Marquardt's, More, Lecture Notes in Mathematics 630 (1978) 105). The region shrinks where a step gains less than a quarter of what it
-    promises, and grows where it gains three quarters. What a step would carry across a bound stops there, and the others follow it.
+    Steps s stay within a region of trust, |s / scale| <= reach; of what the rows and slopes promise each is the best in there (Levenberg
+    and Marquardt's, More, Lecture Notes in Mathematics 630 (1978) 105). The region shrinks where a step gains less than a quarter of what
+    it promises, and grows where it gains three quarters. What a step would carry across a bound stops there, and the others follow it.
 
     Parameters
     ----------
-    local : callable    Values (unknowns,) -> the cost beside them; a SolverError, anywhere but at the start, turns the descent back.
+    local : callable    Values -> half the sum of squares of its rows, or another cost with rows and slopes of its gradient J'r and
+                        information J'J. A SolverError, anywhere but at the start, turns the descent back.
     scale : array       Typical changes of the unknowns.
-    stop : StopRule
+    near : float        It ends when the full step ahead changes every unknown by less than this part of its typical change; [-]
+    done : float        when that step is below this part of a standard error; [-]
+    relative : float    when a step lowers the cost by less than this part of it; [-]
+    samples : float     how many readings tell what a standard error is worth, where rows are larger than their noise; none by default;
+    rounds : int        after so many evaluations in any case: it then did not converge.
     reach : float       The region of trust at first; by default as far as the start is from zero.
 
     Raises
@@ -173,63 +156,62 @@ def descend(
     SolverError   Of the start; and where derivatives are not finite.
     """
     x = np.clip(start, *bounds)
-    here = local(x)
+    cost, rows, slopes = local(x)
     reach = reach or max(float(np.linalg.norm(x / scale)), 1.0)
     count, gained = 1, np.inf
     while True:
-        if not (np.isfinite(here.slopes).all() and np.isfinite(here.rows).all()):
+        if not (np.isfinite(slopes).all() and np.isfinite(rows).all()):
             raise SolverError(DIVERGED, "fit")
-        full = _step(here, x, bounds, scale, np.inf)
-        ahead = _promised(here, full)
-        if (np.abs(full) < stop.near * scale).all():
-            return Descent(x, ahead, f"the step ahead is below {stop.near:g} of every typical change", True)
-        if 2.0 * ahead <= stop.done**2 * max(here.level, 1.0):
-            return Descent(x, ahead, f"the step ahead is below {stop.done:g} standard errors", True)
-        if gained < stop.relative * here.cost:
-            return Descent(x, ahead, f"a step gained less than {stop.relative:g} of the sum of squares", True)
+        full = _step(rows, slopes, x, bounds, scale, np.inf)
+        ahead = _promised(rows, slopes, full)
+        if (np.abs(full) < near * scale).all():
+            return Descent(x, ahead, f"the step ahead is below {near:g} of every typical change", True)
+        if 2.0 * ahead <= done**2 * max(2.0 * cost / samples, 1.0):
+            return Descent(x, ahead, f"the step ahead is below {done:g} standard errors", True)
+        if gained < relative * abs(cost):
+            return Descent(x, ahead, f"a step gained less than {relative:g} of the sum of squares", True)
         while True:
-            if count >= stop.rounds:
+            if count >= rounds:
                 return Descent(x, ahead, f"no end after {counted(count, 'evaluation')}", False)
-            step = full if np.linalg.norm(full / scale) <= reach else _step(here, x, bounds, scale, reach)
-            promised, size = _promised(here, step), float(np.linalg.norm(step / scale))
+            step = full if np.linalg.norm(full / scale) <= reach else _step(rows, slopes, x, bounds, scale, reach)
+            promised, size = _promised(rows, slopes, step), float(np.linalg.norm(step / scale))
             new = np.clip(x + step, *bounds)
             there = _tried(local, new)
-            count += 1
-            gained = here.cost - there.cost
+            count, gained = count + 1, cost - there[0]
             if gained < 0.25 * promised:
                 reach = 0.25 * size
             elif gained > 0.75 * promised and size > 0.95 * reach:
                 reach = 2.0 * reach
             if gained > 0.0:
                 break
-            if promised < stop.relative * abs(here.cost) or size < 1e-10:
+            if promised < relative * abs(cost) or size < 1e-10:
                 return Descent(x, ahead, "no step gains any more", True)
-        x, here = new, there
+        x, (cost, rows, slopes) = new, there
 
 
-def _tried(local: Callable[[Array], Local], x: Array) -> Local:
+def _tried(local: Callable[[Array], LocalCost], x: Array) -> LocalCost:
     try:
-        found = local(x)
+        cost, rows, slopes = local(x)
     except SolverError:
-        return Local(np.inf, np.zeros(0), np.zeros((0, x.size)))
-    return found if np.isfinite(found.cost) else found._replace(cost=np.inf)
+        return np.inf, x, x
+    return cost if np.isfinite(cost) else np.inf, rows, slopes
 
 
-def _promised(here: Local, step: Array) -> float:
-    """Return by how much a step lowers the cost where the model holds: ``-r'J s - |J s|^2 / 2``."""
-    change = here.slopes @ step
-    return -float(here.rows @ change + 0.5 * change @ change)
+def _promised(rows: Array, slopes: Array, step: Array) -> float:
+    """Return by how much a step lowers the cost as far as rows and slopes say: ``-r'J s - |J s|^2 / 2``."""
+    change = slopes @ step
+    return -float(rows @ change + 0.5 * change @ change)
 
 
-def _step(here: Local, x: Array, bounds: tuple[Array, Array], scale: Array, reach: float) -> Array:
-    """Return the step (unknowns,) within a region of trust that lowers the model's cost most, unknowns held at bounds that it meets."""
+def _step(rows: Array, slopes: Array, x: Array, bounds: tuple[Array, Array], scale: Array, reach: float) -> Array:
+    """Return the step (unknowns,) within a region of trust that promises most, unknowns held at bounds that it meets."""
     low, high = bounds
-    slopes = here.slopes * scale
-    gradient = slopes.T @ here.rows
+    slopes = slopes * scale
+    gradient = slopes.T @ rows
     free = ~(((x <= low) & (gradient > 0.0)) | ((x >= high) & (gradient < 0.0)))
     step = np.zeros(x.size)
     while free.any():
-        step[free] = _within(slopes[:, free], here.rows + slopes[:, ~free] @ step[~free], reach)
+        step[free] = _within(slopes[:, free], rows + slopes[:, ~free] @ step[~free], reach)
         end = x + step * scale
         beyond = free & ((end < low) | (end > high))
         if not beyond.any():
@@ -291,7 +273,7 @@ class _Runs:
         self._latest = x, found
         return found
 
-    def local(self, x: Array) -> Local:
+    def local(self, x: Array) -> LocalCost:
         """Return the cost beside some values.
 
         Raises
@@ -310,10 +292,9 @@ class _Runs:
         cost = 0.5 * float(rows @ rows)
         if self.best is None or cost < self.best[0]:
             self.best = cost, x.copy(), found
-        level = self.problem.square(found) / self.problem.samples
         if self.progress is not None:
-            self.progress(self.count, float(np.sqrt(level)))
-        return Local(cost, rows, np.concatenate([found.slopes, prior_slopes]), level)
+            self.progress(self.count, float(np.sqrt(self.problem.square(found) / self.problem.samples)))
+        return cost, rows, np.concatenate([found.slopes, prior_slopes])
 
 
 def minimise(
@@ -323,7 +304,7 @@ def minimise(
     start: Array | None = None,
     progress: Callable[[int, float], None] | None = None,
     done: float = DONE,
-    rounds: int = ROUNDS,
+    rounds: int = EVALUATIONS,
     reach: float | None = None,
     stoppable: bool = False,
 ) -> Fit:
@@ -357,11 +338,11 @@ def minimise(
     at = np.clip(at, *bounds)
     try:
         runs.settle(at)  # a model that cannot be run at the start says why, in the integrator's words
-        at = descend(runs.local, at, bounds, runs.scale, StopRule(near=NEAR, relative=1e-3, rounds=rounds), reach).x
+        at = descend(runs.local, at, bounds, runs.scale, near=NEAR, done=0.0, relative=1e-3, rounds=rounds, reach=reach).x
         runs.settle(at)
-        # no log determines a sum of squares to less than rounding, nor asks for more than the step that ends it would gain
-        fine = StopRule(done=done, relative=min(1e-10, max(done**2, 1e-15)), rounds=rounds)
-        end = descend(runs.local, at, bounds, runs.scale, fine, reach)
+        relative = min(1e-10, max(done**2, 1e-15))
+        count = problem.samples
+        end = descend(runs.local, at, bounds, runs.scale, done=done, relative=relative, samples=count, rounds=rounds, reach=reach)
     except KeyboardInterrupt:
         if runs.best is None or not stoppable:
             raise

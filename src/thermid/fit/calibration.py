@@ -12,11 +12,8 @@ from thermid.fit._calibration import (
 from thermid.fit._minimisation import (
     Fit as Fit,
     KeptFit as KeptFit,
-    Local as Local,
-    StopRule as StopRule,
     covariances as covariances,
     descend as descend,
     minimise as minimise,
 )
-from thermid.fit._search import box_of as box_of
 from thermid.fit._second_clocks import Alignment as Alignment, align as align

@@ -21,9 +21,8 @@ from thermid.fit._uncertainty.moved import (
 from thermid.fit._uncertainty.noise import (
     TraceNoise as TraceNoise,
     answers_to_inputs as answers_to_inputs,
-    autocorrelation_of_traces as autocorrelation_of_traces,
     binned as binned,
+    covariance_with_noise as covariance_with_noise,
     score_excess as score_excess,
     stretch_means as stretch_means,
-    trace_in_stretches as trace_in_stretches,
 )

@@ -19,7 +19,7 @@ from thermid.base.linear_algebra import Array, square_root, variance
 from thermid.fit._estimation.dynamics import At, Dynamics
 from thermid.fit._estimation.passing import Passing
 from thermid.fit._estimation.process import ProcessNoise
-from thermid.fit._minimisation import Local, StopRule, descend
+from thermid.fit._minimisation import LocalCost, descend
 from thermid.fit._problem.residuals import Problem, Unknown, prior_rows
 
 DIFFERENCE: Final = 1e-4
@@ -28,7 +28,6 @@ STEP: Final = 1.5
 """Length of the first step at most, in typical changes of the unknowns."""
 TRIVIAL: Final = 1e-4
 """Gain in the log-likelihood that may be left where no step gains any more: a hundredth of a standard error."""
-STOP: Final = StopRule(done=1e-4, relative=1e-12, rounds=80)
 CURVED: Final = 0.1
 """NoisyStep of differences of the gradient, in standard errors."""
 READING: Final = "reading noise of "
@@ -149,7 +148,7 @@ class Likelihood:
         low, high = (np.array(b) for b in zip(*(u.fitted_bounds() for u in self.unknowns), strict=True))
         scores: dict[bytes, LikelihoodScore] = {}
 
-        def local(fitted: Array) -> Local:
+        def local(fitted: Array) -> LocalCost:
             try:
                 with np.errstate(over="ignore", invalid="ignore", divide="ignore"):
                     score = scores[fitted.tobytes()] = self.score(fitted)
@@ -157,9 +156,9 @@ class Likelihood:
             except (np.linalg.LinAlgError, FloatingPointError) as error:
                 raise SolverError("the filter breaks off at these values.", "estimate") from error
             # rows r and slopes L' with the gradient L r and the information L L'
-            return Local(score.loss, np.linalg.lstsq(root, score.gradient, rcond=None)[0], root.T)
+            return score.loss, np.asarray(np.linalg.lstsq(root, score.gradient, rcond=None)[0], dtype=float), root.T
 
-        end = descend(local, start, (low, high), np.array([u.scale for u in self.unknowns]), STOP, STEP)
+        end = descend(local, start, (low, high), np.array([u.scale for u in self.unknowns]), relative=1e-12, reach=STEP)
         score = scores[end.x.tobytes()]
         information, positive = self._observed(end.x, score) if observed else (score.information, False)
         rows, _ = self.priors(end.x)

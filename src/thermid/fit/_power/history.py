@@ -16,7 +16,7 @@ from thermid.base.expression import Kelvin
 from thermid.base.linear_algebra import NOTHING, Array, Bools, covariance as information_inverse, quadratic_forms
 from thermid.base.results import PlottedTrace, Result
 from thermid.base.units import unit
-from thermid.fit._minimisation import Local, StopRule, descend
+from thermid.fit._minimisation import LocalCost, descend
 from thermid.fit._problem.gather import build_problem
 from thermid.fit._problem.request import Request, priors_of
 from thermid.fit._problem.residuals import Influence, Problem, SensorTrace, Unknown
@@ -33,7 +33,7 @@ from thermid.simulation.runs import simulate
 from thermid.simulation.scenarios import Scenario
 from thermid.values.spreads import deviation
 
-STARTS, DIFFERENCE = 12, 1e-6
+STARTS, LAW_STEP = 12, 1e-6
 """Starts of a law with a bend, and half the step of its differences, beside a coefficient."""
 TURN = 0.05
 """Half the width of the rounded turn of a V. [K]"""
@@ -251,25 +251,31 @@ def _best(h: PowerHistory, law: Formula, starts: list[list[float]]) -> tuple[Arr
         with np.errstate(all="ignore"):
             return np.asarray(weights @ (power - law(at, b)) / sd)
 
-    def local(b: Array) -> Local:
-        rows, steps = misses(b), DIFFERENCE * np.maximum(np.abs(b), 1.0)
+    def local(b: Array) -> LocalCost:
+        rows, steps = misses(b), LAW_STEP * np.maximum(np.abs(b), 1.0)
         slopes = np.column_stack([(misses(b + s) - misses(b - s)) / (2.0 * s.sum()) for s in np.diag(steps)])
         if not (np.isfinite(rows).all() and np.isfinite(slopes).all()):
             raise SolverError("the law gives no finite power.", h.load)
-        return Local(0.5 * float(rows @ rows), rows, slopes)
+        return 0.5 * float(rows @ rows), rows, slopes
 
     found = []
     for start in starts:
         begin = np.array(start)
         try:
-            size = np.linalg.norm(local(begin).slopes, axis=0)
+            size = np.linalg.norm(local(begin)[2], axis=0)
             scale = 1.0 / np.where(size > 0.0, size, 1.0)
-            at_end = descend(local, begin, (begin - np.inf, begin + np.inf), scale, StopRule(done=1e-4)).x
+            at_end = descend(local, begin, (begin - np.inf, begin + np.inf), scale).x
             found.append((local(at_end), at_end))
         except SolverError:
             continue
     if not found:
         return None
+    (cost, rows, slopes), b = min(found, key=lambda f: f[0][0])
+    level = max(1.0, 2.0 * cost / max(rows.size - b.size, 1))
+    # each mean by its own error, since a wrong law is wrong in all of them; that their errors hang together widens the result
+    solver = np.linalg.pinv(slopes)
+    errors = np.sqrt(np.diag(solver @ (covariance / np.outer(sd, sd)) @ solver.T) * level)
+    return b, errors
 
 
 def _law(h: PowerHistory, name: str, law: Formula, starts: list[list[float]], names: tuple[str, ...], write: Any) -> PowerLaw | None:

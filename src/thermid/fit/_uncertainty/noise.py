@@ -443,6 +443,20 @@ def autocorrelation_of_traces(
     return Autocorrelation(traces, variance_factor, score_excess(pieces, traces, variance_factor, inputs))
 
 
+def covariance_with_noise(
+    found: Fit, traces: Mapping[str, tuple[Array, Array, Array]], samples: int
+) -> tuple[Array, tuple[TraceNoise, ...]]:
+    """Return the covariance (unknowns, unknowns) of a fit to plain traces, widened where residuals exceed the noise or wander; and their noise.
+
+    Parameters
+    ----------
+    traces : dict   Name -> residuals (samples,) in units of the noise, their times [s], their derivatives (samples, unknowns).
+    samples : int   Readings of all traces.
+    """
+    spread = autocorrelation_of_traces({("readings", n): trace_in_stretches(*trace) for n, trace in traces.items()}, found, samples)
+    return covariances(found, spread.variance_factor, spread.score_excess)[0], spread.traces
+
+
 def _trace_noise(key: tuple[str, str], b: Binned, white: float, correlated: float, time: float) -> TraceNoise:
     """Return the noise of a trace, with the independent samples that it is worth."""
     total = float(b.count.sum())

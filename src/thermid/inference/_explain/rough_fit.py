@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 from thermid.base.errors import SolverError
 from thermid.base.linear_algebra import Array
 from thermid.base.units import unit
-from thermid.fit.calibration import Local, StopRule, descend
+from thermid.fit.calibration import descend
 from thermid.fit.problem import Observation, Prior, Problem, Request, Unknown, build_problem
 from thermid.model.tree import Model, parameter_table
 
@@ -21,7 +21,7 @@ BINS, FINE = 40, 4
 """Stretches into which every record is thinned, and instants in each at which the model is looked at."""
 FLOOR = 0.015
 """Standard deviation of what an honest model leaves, wandering over a fifth of a log, as a share of what the sensor ranged over. [-]"""
-STEP, DONE = 1.5, 0.1
+STEP, AHEAD = 1.5, 0.1
 """Length of the first step at most, in typical changes (a factor of 4.5 of a logarithm), and the step ahead that ends a descent, in
 standard errors."""
 ROUNDS, QUICK = 25, 4
@@ -302,11 +302,11 @@ class RoughFit:
         low, high = np.array(bounds).reshape(-1, 2).T
         ends: dict[bytes, RoughEnd] = {}
 
-        def local(x: Array) -> Local:
+        def local(x: Array) -> tuple[float, Array, Array]:
             end = ends[x.tobytes()] = self.at(x)
-            return Local(end.cost, end.rows, end.slopes)
+            return end.cost, end.rows, end.slopes
 
-        found = descend(local, start, (low, high), np.array(scale), StopRule(done=DONE, relative=1e-4, rounds=rounds + 1), STEP)
+        found = descend(local, start, (low, high), np.array(scale), done=AHEAD, relative=1e-4, rounds=rounds + 1, reach=STEP)
         return ends[found.x.tobytes()]
 
 

@@ -16,9 +16,9 @@ from thermid.base.expression import si_value
 from thermid.base.files import read_bytes, scratch
 from thermid.base.linear_algebra import Array, null_space
 from thermid.base.units import unit
-from thermid.fit.calibration import Fit, covariances, minimise
+from thermid.fit.calibration import Fit, minimise
 from thermid.fit.problem import Compressed, Sums, Unknown, wanders
-from thermid.fit.uncertainty import autocorrelation_of_traces, trace_in_stretches
+from thermid.fit.uncertainty import covariance_with_noise
 from thermid.interop._fmu.host import fmpy_package
 
 STEP: Final = 1e-3
@@ -310,9 +310,9 @@ def _told(problem: _Problem, found: Fit) -> FittedFmu:
     """Return the values with their errors, and what must be said of them."""
     own, slopes, times = problem.residuals(found.fitted), problem.slopes(found.fitted), problem.runner.times
     pairs = list(zip(problem.noise, own, slopes, problem.used, strict=True))
-    pieces = {("readings", name): trace_in_stretches(r[at], times[at], s[at]) for name, r, s, at in pairs if at.any()}
-    spread = autocorrelation_of_traces(pieces, found, problem.samples)
-    variances = np.diag(covariances(found, spread.variance_factor, spread.score_excess)[0])
+    traces = {name: (r[at], times[at], s[at]) for name, r, s, at in pairs if at.any()}
+    covariance, noises = covariance_with_noise(found, traces, problem.samples)
+    variances = np.diag(covariance)
     values = problem.values(found.fitted)
     slopes = np.array([u.slope(float(x)) for u, x in zip(problem.unknowns, found.fitted, strict=True)])
     errors = np.sqrt(np.where(np.isfinite(variances), np.maximum(variances, 0.0), np.inf)) * np.abs(slopes)
@@ -332,7 +332,7 @@ def _told(problem: _Problem, found: Fit) -> FittedFmu:
         rms,
         problem.noise,
         float(np.sqrt(found.chi_square / max(problem.samples - len(problem.unknowns), 1))),
-        tuple(t.sensor for t in spread.traces if wanders(t.effective_samples, t.samples)),
+        tuple(t.sensor for t in noises if wanders(t.effective_samples, t.samples)),
         groups + tuple((n,) for n in silent),
         at_bound,
         found.converged,
