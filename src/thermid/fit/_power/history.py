@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 from thermid.base.arguments import takes_objects
 from thermid.base.errors import IdentificationError, NameNotFoundError, SolverError, ThermidError, refuse_unknown
 from thermid.base.expression import Kelvin
-from thermid.base.linear_algebra import NOTHING, Array, Bools, covariance as information_inverse, quadratic_forms
+from thermid.base.linear_algebra import HALF_WIDTH_95, NOTHING, Array, Bools, covariance as information_inverse, quadratic_forms
 from thermid.base.results import PlottedTrace, Result
 from thermid.base.units import unit
 from thermid.fit._minimisation import LocalCost, descend
@@ -140,7 +140,9 @@ class PowerHistory(Result):
 
         axes = axes if axes is not None else Figure(figsize=(8, 3.6), layout="constrained").subplots()
         hours = self.times / 3600.0
-        axes.fill_between(hours, self.power - 1.96 * self.sd, self.power + 1.96 * self.sd, color="#9ecae1", label="95 %", linewidth=0)
+        axes.fill_between(
+            hours, self.power - HALF_WIDTH_95 * self.sd, self.power + HALF_WIDTH_95 * self.sd, color="#9ecae1", label="95 %", linewidth=0
+        )
         axes.plot(hours, self.power, color="#08519c", label="recovered")
         low, high = axes.get_ylim()
         axes.fill_between(hours, low, high, where=self.known, color="0.85", label="power known", zorder=0, linewidth=0)
@@ -154,7 +156,7 @@ class PowerHistory(Result):
 
     def _as_traces(self) -> Sequence[PlottedTrace]:
         """Return the power with its 95 % band."""
-        return [PlottedTrace(self.load, self.times, self.power, self.power - 1.96 * self.sd, self.power + 1.96 * self.sd)]
+        return [PlottedTrace(self.load, self.times, self.power, self.power - HALF_WIDTH_95 * self.sd, self.power + HALF_WIDTH_95 * self.sd)]
 
 
 @dataclass(frozen=True, eq=False)

@@ -14,7 +14,7 @@ from thermid.base.arguments import takes_objects
 from thermid.base.errors import IdentificationError, SolverError, ThermidError, nearest
 from thermid.base.expression import si_value
 from thermid.base.files import read_bytes, scratch
-from thermid.base.linear_algebra import Array, null_space
+from thermid.base.linear_algebra import HALF_WIDTH_95, Array, null_space
 from thermid.base.units import unit
 from thermid.fit.calibration import Fit, minimise
 from thermid.fit.problem import Compressed, Sums, Unknown, wanders
@@ -25,8 +25,6 @@ STEP: Final = 1e-3
 """Part of a value by which it is moved for a difference. [-]"""
 TOLERANCE: Final = 1e-8
 """Relative tolerance that is asked of the FMU, or of CVode."""
-WIDE: Final = 1.96
-"""Standard errors that 95 % of a normal distribution lie within."""
 MISSED: Final = 1.5
 """Ratio of residuals to stated noise from which the first line says that the model misses its readings."""
 
@@ -95,7 +93,9 @@ class FittedFmu:
         lines = [*self.remarks, f"{self.title}: {len(self.values)} parameters, {self.runs} runs"]
         for name, value in self.values.items():
             error = self.errors[name]
-            lines.append(f"  {name}  {value:.6g} +- {WIDE * error:.2g}" if np.isfinite(error) else f"  {name}  {value:.6g}, not determined")
+            lines.append(
+                f"  {name}  {value:.6g} +- {HALF_WIDTH_95 * error:.2g}" if np.isfinite(error) else f"  {name}  {value:.6g}, not determined"
+            )
         return "\n".join([*lines, *(f"  {name}  rms {rms:.4g}, noise {self.noise[name]:.4g}" for name, rms in self.rms.items())])
 
 

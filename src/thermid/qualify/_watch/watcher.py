@@ -16,7 +16,7 @@ import numpy as np
 
 from thermid.base.dual import value_of
 from thermid.base.errors import RecordError, SolverError
-from thermid.base.linear_algebra import Array, Bools
+from thermid.base.linear_algebra import HALF_WIDTH_95, Array, Bools
 from thermid.fit.estimation import WIENER, At, Belief, Dynamics, Passing, ProcessNoise
 from thermid.fit.problem import Bench, Experiment, bind
 from thermid.measure.amounts import duration_text, short
@@ -563,7 +563,8 @@ class _Window:
         read = {o.seat for o in self.dynamics.experiment.observations}
         sd = np.sqrt(last.variance[0])
         return tuple(
-            NodeBand(n, float(m), 1.96 * float(s), n in read) for n, m, s in zip(self.dynamics.states, last.mean[0], sd, strict=True)
+            NodeBand(n, float(m), HALF_WIDTH_95 * float(s), n in read)
+            for n, m, s in zip(self.dynamics.states, last.mean[0], sd, strict=True)
         )
 
     @property
