@@ -446,7 +446,7 @@ def autocorrelation_of_traces(
 def covariance_with_noise(
     found: Fit, traces: Mapping[str, tuple[Array, Array, Array]], samples: int
 ) -> tuple[Array, tuple[TraceNoise, ...]]:
-    """Return the covariance (unknowns, unknowns) of a fit to plain traces, widened where residuals exceed noise or wander; and these traces.
+    """Return the covariance (unknowns, unknowns) of a fit to plain traces, widened where residuals exceed noise or wander, and their noise.
 
     Parameters
     ----------
