@@ -20,7 +20,7 @@ from thermid.fit._problem.residuals import FAILED, Compressed, Sums, Unknown, st
 NEAR, DONE = 0.02, 1e-4
 """A search goes on with new steps once the step ahead is below this part of every unknown's typical change, and ends once it is below this
 part of a standard error."""
-EVALUATIONS = 200
+MOST_EVALUATIONS = 200
 """Of a descent at most."""
 DIVERGED = (
     "the fit diverged: its derivatives are not finite. Give its parameters min and max, or priors. Check the log too: a column, a unit or "
@@ -130,24 +130,22 @@ def descend(
     done: float = DONE,
     relative: float = 1e-10,
     samples: float = np.inf,
-    rounds: int = EVALUATIONS,
+    rounds: int = MOST_EVALUATIONS,
     reach: float | None = None,
 ) -> Descent:
     """Return where a damped descent of Gauss and Newton from a start (unknowns,) ends, within bounds.
 
-    Steps s stay within a region of trust, |s / scale| <= reach; of what the rows and slopes promise each is the best in there (Levenberg
-    and Marquardt's, More, Lecture Notes in Mathematics 630 (1978) 105). The region shrinks where a step gains less than a quarter of what
-    it promises, and grows where it gains three quarters. What a step would carry across a bound stops there, and the others follow it.
+    Steps s stay within a region of trust, |s / scale| <= reach, and promise most in there (Levenberg and Marquardt's: More, Lecture Notes
+    in Mathematics 630 (1978) 105). It shrinks where a step gains less than a quarter of what it promises, and grows where it gains three
+    quarters. What would cross a bound stops there, and the others follow. A SolverError turns back, but of the start.
 
     Parameters
     ----------
-    local : callable    Values -> half the sum of squares of its rows, or another cost with rows and slopes of its gradient J'r and
-                        information J'J. A SolverError, anywhere but at the start, turns the descent back.
+    local : callable    Values -> half the sum of squares of rows, or another cost of gradient J'r and information J'J.
     scale : array       Typical changes of the unknowns.
-    near : float        It ends when the full step ahead changes every unknown by less than this part of its typical change; [-]
-    done : float        when that step is below this part of a standard error; [-]
+    near, done : float  It ends when the full step ahead is below this part of every typical change, or of a standard error; [-]
     relative : float    when a step lowers the cost by less than this part of it; [-]
-    samples : float     how many readings tell what a standard error is worth, where rows are larger than their noise; none by default;
+    samples : float     how many readings tell what a standard error is worth, where rows are larger than their noise;
     rounds : int        after so many evaluations in any case: it then did not converge.
     reach : float       The region of trust at first; by default as far as the start is from zero.
 
@@ -304,7 +302,7 @@ def minimise(
     start: Array | None = None,
     progress: Callable[[int, float], None] | None = None,
     done: float = DONE,
-    rounds: int = EVALUATIONS,
+    rounds: int = MOST_EVALUATIONS,
     reach: float | None = None,
     stoppable: bool = False,
 ) -> Fit:

@@ -21,12 +21,13 @@ from thermid.base.extensions import optional
 from thermid.base.linear_algebra import NOTHING, Array, pseudo_inverse
 from thermid.base.units import counted
 from thermid.fit._minimisation import Fit, ended, minimise
-from thermid.fit._problem.residuals import Problem, loss_of, starting_point
+from thermid.fit._problem.residuals import Problem, Unknown, loss_of, starting_point
 from thermid.fit._uncertainty.noise import autocorrelation
 from thermid.simulation.runs import run_members
 
 Progress = Callable[[int, float], None]
 
+DECADE = math.log(10.0)
 SEARCHES = ("auto", "local", "multistart", "differential evolution", "cma")
 SCREENED, DESCENTS = 64, 5
 """How many points of the box are looked at without derivatives, and from how many of the best of them least squares descends."""
@@ -74,7 +75,7 @@ class Population:
     def of(cls, problem: Problem, loss: str, loss_scale: float) -> Population:
         """Return the population of a problem."""
         at = np.array([k for k, u in enumerate(problem.unknowns) if u.kind == "parameter"], dtype=np.int64)
-        corners = np.array([problem.unknowns[k].box for k in at]).reshape(-1, 2)
+        corners = np.array([box_of(problem.unknowns[k]) for k in at]).reshape(-1, 2)
         return cls(problem, loss, loss_scale, at, corners[:, 0], corners[:, 1])
 
     @property
@@ -108,6 +109,21 @@ class Population:
                 residuals = (o.measured[:, None] - found.temperatures(o.node)[o.index] - bias) / o.sigma(self.problem.noise)
                 cost += loss_of(residuals**2, self.loss, self.loss_scale)[0].sum(axis=0)
         return np.where(np.isfinite(cost), 0.5 * cost, np.inf)
+
+
+def box_of(unknown: Unknown) -> tuple[float, float]:
+    """Return where an unknown is looked for, in its fitted form.
+
+    Its bounds, cut at four standard deviations of its prior; where it has neither, a factor of ten either way of the start of a positive
+    quantity, and twice a typical change of any other.
+    """
+    low, high = unknown.fitted_bounds()
+    middle, reach = unknown.to_fitted(unknown.start), DECADE if unknown.log else 2.0 * unknown.scale
+    if unknown.prior is not None:
+        middle, reach = unknown.prior.mean, 4.0 * unknown.prior.sd
+        low, high = max(low, middle - reach), min(high, middle + reach)
+    low = low if math.isfinite(low) else min(middle - reach, high - reach)
+    return low, high if math.isfinite(high) else max(middle + reach, low + reach)
 
 
 def searched(problem: Problem, how: str, loss: str, loss_scale: float, progress: Progress | None = None, stoppable: bool = False) -> Fit:

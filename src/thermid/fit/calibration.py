@@ -16,4 +16,5 @@ from thermid.fit._minimisation import (
     descend as descend,
     minimise as minimise,
 )
+from thermid.fit._search import box_of as box_of
 from thermid.fit._second_clocks import Alignment as Alignment, align as align

@@ -15,7 +15,7 @@ from thermid.base.errors import IdentificationError, NameNotFoundError, SolverEr
 from thermid.base.extensions import optional
 from thermid.base.linear_algebra import HALF_WIDTH_95, Array, covariance
 from thermid.base.results import Result, Row
-from thermid.fit.calibration import Calibration
+from thermid.fit.calibration import Calibration, box_of
 from thermid.fit.problem import Compressed, Problem, Unknown, wanders
 
 ENOUGH = 50
@@ -306,7 +306,7 @@ class _Density:
         at = np.array([k for k, u in enumerate(problem.unknowns) if u.kind == "parameter"], dtype=np.int64)
         if not at.size:
             raise IdentificationError("no parameter was free, so there is nothing to sample.", fit.stage)
-        box = np.array([problem.unknowns[k].box for k in at])
+        box = np.array([box_of(problem.unknowns[k]) for k in at])
         end = np.array([fit.fitted[u.name] for u in problem.unknowns])
         return cls(problem, at, box, end, max(1.0, fit.reduced_chi_square))
 

@@ -17,7 +17,7 @@ from thermid.fit._minimisation import LOSSES
 from thermid.fit._problem.gather import build_problem
 from thermid.fit._problem.request import Request
 from thermid.fit._problem.residuals import Prior, Unknown
-from thermid.fit._search import Population, evolved
+from thermid.fit._search import Population, box_of, evolved
 
 TIMES = np.linspace(0.0, 6000.0, 201)
 BENCH = td.Scenario("bench", boundaries={"air": "20 [degC]"}, start="20 [degC]", duration="6000 [s]")
@@ -151,4 +151,4 @@ class TestPopulation:
     ],
 )
 def test_where_an_unknown_is_looked_for(unknown: Unknown, box: tuple[float, float]) -> None:
-    assert unknown.box == pytest.approx(box)
+    assert box_of(unknown) == pytest.approx(box)

@@ -96,21 +96,6 @@ class Unknown:
         width = self.high - self.low
         return width / 4 if math.isfinite(width) else abs(self.start) or 0.1
 
-    @property
-    def box(self) -> tuple[float, float]:
-        """Where it is looked for, in its fitted form.
-
-        Its bounds, cut at four standard deviations of its prior; where it has neither, a factor of ten either way of the start of a
-        positive quantity, and twice a typical change of any other.
-        """
-        low, high = self.fitted_bounds()
-        middle, reach = self.to_fitted(self.start), math.log(10.0) if self.log else 2.0 * self.scale
-        if self.prior is not None:
-            middle, reach = self.prior.mean, 4.0 * self.prior.sd
-            low, high = max(low, middle - reach), min(high, middle + reach)
-        low = low if math.isfinite(low) else min(middle - reach, high - reach)
-        return low, high if math.isfinite(high) else max(middle + reach, low + reach)
-
     def fitted_bounds(self) -> tuple[float, float]:
         """Return the bounds in the fitted form."""
         if not self.log:

@@ -21,8 +21,8 @@ BINS, FINE = 40, 4
 """Stretches into which every record is thinned, and instants in each at which the model is looked at."""
 FLOOR = 0.015
 """Standard deviation of what an honest model leaves, wandering over a fifth of a log, as a share of what the sensor ranged over. [-]"""
-STEP, AHEAD = 1.5, 0.1
-"""Length of the first step at most, in typical changes (a factor of 4.5 of a logarithm), and the step ahead that ends a descent, in
+STEP, STEP_AHEAD = 1.5, 0.02
+"""Root mean square of a first step at most, in typical changes (a factor of 4.5 of a logarithm), and the step ahead that ends a descent, in
 standard errors."""
 ROUNDS, QUICK = 25, 4
 """Most steps of a descent, and of one that only ranks."""
@@ -306,7 +306,8 @@ class RoughFit:
             end = ends[x.tobytes()] = self.at(x)
             return end.cost, end.rows, end.slopes
 
-        found = descend(local, start, (low, high), np.array(scale), done=AHEAD, relative=1e-4, rounds=rounds + 1, reach=STEP)
+        reach = STEP * math.sqrt(len(scale))
+        found = descend(local, start, (low, high), np.array(scale), done=STEP_AHEAD, relative=1e-4, rounds=rounds + 1, reach=reach)
         return ends[found.x.tobytes()]
 
 
