@@ -158,8 +158,6 @@ def descend(
     reach = reach or max(float(np.linalg.norm(x / scale)), 1.0)
     count, gained = 1, np.inf
     while True:
-        if not (np.isfinite(slopes).all() and np.isfinite(rows).all()):
-            raise SolverError(DIVERGED, "fit")
         full = _step(rows, slopes, x, bounds, scale, np.inf)
         ahead = _promised(rows, slopes, full)
         if (np.abs(full) < near * scale).all():
@@ -173,13 +171,10 @@ def descend(
                 return Descent(x, ahead, f"no end after {counted(count, 'evaluation')}", False)
             step = full if np.linalg.norm(full / scale) <= reach else _step(rows, slopes, x, bounds, scale, reach)
             promised, size = _promised(rows, slopes, step), float(np.linalg.norm(step / scale))
-            new = np.clip(x + step, *bounds)
-            there = _tried(local, new)
+            there = _tried(local, new := np.clip(x + step, *bounds))
             count, gained = count + 1, cost - there[0]
-            if gained < 0.25 * promised:
-                reach = 0.25 * size
-            elif gained > 0.75 * promised and size > 0.95 * reach:
-                reach = 2.0 * reach
+            farther = gained > 0.75 * promised and size > 0.95 * reach
+            reach = 0.25 * size if gained < 0.25 * promised else 2.0 * reach if farther else reach
             if gained > 0.0:
                 break
             if promised < relative * abs(cost) or size < 1e-10:
@@ -202,7 +197,14 @@ def _promised(rows: Array, slopes: Array, step: Array) -> float:
 
 
 def _step(rows: Array, slopes: Array, x: Array, bounds: tuple[Array, Array], scale: Array, reach: float) -> Array:
-    """Return the step (unknowns,) within a region of trust that promises most, unknowns held at bounds that it meets."""
+    """Return the step (unknowns,) within a region of trust that promises most, unknowns held at bounds that it meets.
+
+    Raises
+    ------
+    SolverError   When a derivative is not finite.
+    """
+    if not (np.isfinite(slopes).all() and np.isfinite(rows).all()):
+        raise SolverError(DIVERGED, "fit")
     low, high = bounds
     slopes = slopes * scale
     gradient = slopes.T @ rows
