@@ -15,7 +15,7 @@ import numpy as np
 from thermid.base.errors import IdentificationError, SolverError, refuse_unknown
 from thermid.base.linear_algebra import NOTHING, Array, covariance, finite, sandwich
 from thermid.base.units import counted
-from thermid.fit._problem.residuals import FAILED, Compressed, Sums, Unknown, starting_point
+from thermid.fit._problem.residuals import Compressed, Sums, Unknown, starting_point
 
 NEAR, DONE = 0.02, 1e-4
 """A search goes on with new steps once the step ahead is below this part of every unknown's typical change, and ends once it is below this
@@ -282,12 +282,7 @@ class _Runs:
         """
         self.count += 1
         priors, prior_slopes = self.problem.prior_rows(x)
-        try:
-            found = self.at(x)
-        except SolverError:
-            if self.progress is not None:
-                self.progress(self.count, FAILED)
-            raise
+        found = self.at(x)
         rows = np.concatenate([found.rows, priors])
         cost = 0.5 * float(rows @ rows)
         if self.best is None or cost < self.best[0]:

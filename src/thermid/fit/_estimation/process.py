@@ -98,8 +98,8 @@ def read_process(given: Mapping[str, Any], network: Network, where: str) -> tupl
 
 
 def _one(raw: str, given: Any, network: Network, where: str) -> ProcessNoise:
-    size, over, time = ("", "", "") if isinstance(given, Mapping) else str(given).partition(" over ")  # a text: SIZE over TIME
-    table = dict(given) if isinstance(given, Mapping) else {"size": size.strip(), "time": time.strip()} if over else {"size": given}
+    first, over, after = ("", "", "") if isinstance(given, Mapping) else str(given).partition(" over ")  # a text: SIZE over TIME
+    table = dict(given) if isinstance(given, Mapping) else {"size": first.strip(), "time": after.strip()} if over else {"size": given}
     unknown = [k for k in table if k not in KEYS]
     if unknown:
         raise IdentificationError(
