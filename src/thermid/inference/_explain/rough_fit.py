@@ -307,8 +307,8 @@ class RoughFit:
             return end.cost, end.rows, end.slopes
 
         reach = STEP * math.sqrt(len(scale))
-        found = descend(local, start, (low, high), np.array(scale), done=STEP_AHEAD, relative=1e-4, rounds=rounds + 1, reach=reach)
-        return ends[found.x.tobytes()]
+        descent = descend(local, start, (low, high), np.array(scale), done=STEP_AHEAD, relative=1e-4, rounds=rounds + 1, reach=reach)
+        return ends[descent.x.tobytes()]
 
 
 def _held(model: Model, u: Unknown) -> Unknown:
