@@ -295,8 +295,8 @@ class RoughFit:
         ------
         SolverError   When the start cannot be run.
         """
-        own = self.problem.unknowns
-        bounds, scale = [u.fitted_bounds() for u in own], [u.scale for u in own]
+        unknowns = self.problem.unknowns
+        bounds, scale = [u.fitted_bounds() for u in unknowns], [u.scale for u in unknowns]
         if self.extra is not None:
             bounds, scale = [*bounds, (0.0, 1.1) if self.extra.loose else (-np.inf, np.inf)], [*scale, 1.0]
         low, high = np.array(bounds).reshape(-1, 2).T
