@@ -133,9 +133,9 @@ def _check(value: Any, words: tuple[str, ...], name: str, function: str) -> None
         if not kinds or any(k in words for k in kinds):
             return
         what = kinds[0]
-    wanted = [*(w for w in words if w in MADE), *(["the path of a file or folder"] if {"PathLike", "Path"} & {*words} else [])]
+    takes = [*(w for w in words if w in MADE), *(["the path of a file or folder"] if {"PathLike", "Path"} & {*words} else [])]
     raise DeckError(
-        f"`{name}` takes {' or '.join(wanted) or 'a dictionary'}, not {what}.{_advice(words, value)}", function, code="value.wrong-kind"
+        f"`{name}` takes {' or '.join(takes) or 'a dictionary'}, not {what}.{_advice(words, value)}", function, code="value.wrong-kind"
     )
 
 
