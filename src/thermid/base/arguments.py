@@ -133,13 +133,10 @@ def _check(value: Any, words: tuple[str, ...], name: str, function: str) -> None
         if not kinds or any(k in words for k in kinds):
             return
         what = kinds[0]
-    raise DeckError(f"`{name}` takes {_wanted(words)}, not {what}.{_advice(words, value)}", function, code="value.wrong-kind")
-
-
-def _wanted(words: tuple[str, ...]) -> str:
-    objects = [w for w in words if w in MADE]
-    paths = ["the path of a file or folder"] if any(t in words for t in ("PathLike", "Path")) else []
-    return " or ".join([*objects, *paths]) or "a dictionary"
+    takes = [*(w for w in words if w in MADE), *(["the path of a file or folder"] if {"PathLike", "Path"} & {*words} else [])]
+    raise DeckError(
+        f"`{name}` takes {' or '.join(takes) or 'a dictionary'}, not {what}.{_advice(words, value)}", function, code="value.wrong-kind"
+    )
 
 
 def _advice(words: tuple[str, ...], value: Any) -> str:

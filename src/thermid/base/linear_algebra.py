@@ -25,6 +25,9 @@ NOTHING = 1e-12
 """What rounding leaves: length of a column, beside the longest, up to which no row depends on its unknown, and singular value of scaled
 rows up to which a combination has no effect. Between this and RANK_TOLERANCE rows depend on it, weakly: its error is finite and large."""
 
+HALF_WIDTH_95 = 1.959964
+"""Standard errors from the middle of a normal distribution to an end of the range that holds 95 %. [-]"""
+
 
 def scaled(rows: Array) -> tuple[Array, Array, Bools]:
     """Return rows with columns of length one, these lengths (1 of a column without entries), and which columns have entries.

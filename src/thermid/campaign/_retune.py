@@ -661,12 +661,13 @@ def known_below(below: Store, what: Replacement) -> Store:
     """
     place = {s.path for s in what.starts}
     bench = {s.path for s in what.starts if s.of_part}
-
-    def of_place(s: State) -> bool:
-        own = all(inside(p, what.path) or p in place for p in s.paths)
-        return s.kind == "parameter" and own and not (s.path in bench and s.at == what.path)
-
-    return below.only(of_place)
+    return below.only(
+        lambda s: (
+            s.kind == "parameter"
+            and all(inside(p, what.path) or p in place for p in s.paths)
+            and not (s.path in bench and s.at == what.path)
+        )
+    )
 
 
 def starts_of(before: Store, old: Model, new: Model, starts: Sequence[PlaceStart], stage: str) -> Store:

@@ -354,14 +354,15 @@ def _words(group: Group, request: Request, problem: Problem, fit: Callable[[Requ
         return f"{named} cannot be separated by these data; {group.acting}.{known} {cure}"
     if group.form == "power law":
         moves = ", or ".join(together(move, len(group.names)) for move in group.moves)
-        powers = [n for n in group.names if n.rpartition(".")[2] in ("power", "scale") or _is_power(n, problem)]
+        powers = [
+            n
+            for n in group.names
+            if n.rpartition(".")[2] in ("power", "scale")
+            or any(u.name == n and unit(u.unit).dimension == unit("W").dimension for u in problem.unknowns)
+        ]
         advice = f" Without a measured power only ratios can be fitted: fix '{powers[0]}' or give it a prior." if powers else ""
         return f"{named} cannot be separated by these data: {moves} changes no reading.{known}{advice} {cure}"
     return f"{named} cannot be separated by these data: a change of one is compensated by the others. {cure}"
-
-
-def _is_power(name: str, problem: Problem) -> bool:
-    return any(u.name == name and unit(u.unit).dimension == unit("W").dimension for u in problem.unknowns)
 
 
 def _known(group: Group, request: Request, problem: Problem, fit: Callable[[Request], Calibration]) -> str:

@@ -8,18 +8,24 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
-from typing import Protocol
+from typing import NamedTuple, Protocol
 
 import numpy as np
 
 from thermid.base.errors import IdentificationError, SolverError, refuse_unknown
 from thermid.base.linear_algebra import NOTHING, Array, covariance, finite, sandwich
 from thermid.base.units import counted
-from thermid.fit._problem.residuals import FAILED, Compressed, Sums, Unknown, starting_point
+from thermid.fit._problem.residuals import Compressed, Sums, Unknown, starting_point
 
 NEAR, DONE = 0.02, 1e-4
 """A search goes on with new steps once the step ahead is below this part of every unknown's typical change, and ends once it is below this
 part of a standard error."""
+MOST_EVALUATIONS = 200
+"""Of a descent at most."""
+DIVERGED = (
+    "the fit diverged: its derivatives are not finite. Give its parameters min and max, or priors. Check the log too: a column, a unit or "
+    "a node may be wrong."
+)
 LOSSES = ("linear", "soft_l1", "huber", "cauchy")
 
 
@@ -101,27 +107,150 @@ class KeptFit:
     remarks: tuple[str, ...] = ()
 
 
-class _Arrived(Exception):  # noqa: N818 - it ends a search, nothing went wrong
-    """The step ahead is so small that it is not worth a run."""
-
-    def __init__(self, x: Array, step: str) -> None:
-        super().__init__(f"the step ahead is below {step}")
-        self.x = x
+LocalCost = tuple[float, Array, Array]
+"""Of a cost at some values: itself, rows r and slopes J, such that a step s away it is ``cost + r'J s + |J s|^2 / 2``. [-]"""
 
 
-class _Search:
-    """What `least_squares` asks for; residuals and derivatives come from one run, all runs on the steps of one among them."""
+class Descent(NamedTuple):
+    """Where a descent ended: the values, the gain that a full step would still promise, how it ended, whether it came to an end."""
 
-    def __init__(
-        self, problem: LeastSquares, loss: str, loss_scale: float, progress: Callable[[int, float], None] | None, done: float = DONE
-    ) -> None:
-        self.problem, self.loss, self.loss_scale, self.progress, self.done = problem, loss, loss_scale, progress, done
+    x: Array
+    ahead: float
+    message: str
+    converged: bool
+
+
+def descend(
+    local: Callable[[Array], LocalCost],
+    start: Array,
+    bounds: tuple[Array, Array],
+    scale: Array,
+    *,
+    near: float = 0.0,
+    done: float = DONE,
+    relative: float = 1e-10,
+    samples: float = np.inf,
+    rounds: int = MOST_EVALUATIONS,
+    reach: float | None = None,
+) -> Descent:
+    """Return where a damped descent of Gauss and Newton from a start (unknowns,) ends, within bounds.
+
+    Steps s stay within a region of trust, |s / scale| <= reach, and promise most in there (Levenberg and Marquardt's: More, Lecture Notes
+    in Mathematics 630 (1978) 105). It shrinks where a step gains less than a quarter of what it promises, and grows where it gains three
+    quarters. What would cross a bound stops there, and the others follow. A SolverError turns back, but of the start.
+
+    Parameters
+    ----------
+    local : callable    Values -> half the sum of squares of rows, or another cost of gradient J'r and information J'J.
+    scale : array       Typical changes of the unknowns.
+    near, done : float  It ends when the full step ahead is below this part of every typical change, or of a standard error; [-]
+    relative : float    when a step lowers the cost by less than this part of it; [-]
+    samples : float     how many readings tell what a standard error is worth, where rows are larger than their noise;
+    rounds : int        after so many evaluations in any case: it then did not converge.
+    reach : float       The region of trust at first; by default as far as the start is from zero.
+
+    Raises
+    ------
+    SolverError   Of the start; and where derivatives are not finite.
+    """
+    x = np.clip(start, *bounds)
+    cost, rows, slopes = local(x)
+    reach = reach or max(float(np.linalg.norm(x / scale)), 1.0)
+    count, gained = 1, np.inf
+    while True:
+        full = _step(rows, slopes, x, bounds, scale, np.inf)
+        ahead = _promised(rows, slopes, full)
+        if (np.abs(full) < near * scale).all():
+            return Descent(x, ahead, f"the step ahead is below {near:g} of every typical change", True)
+        if 2.0 * ahead <= done**2 * max(2.0 * cost / samples, 1.0):
+            return Descent(x, ahead, f"the step ahead is below {done:g} standard errors", True)
+        if gained < relative * abs(cost):
+            return Descent(x, ahead, f"a step gained less than {relative:g} of the sum of squares", True)
+        while True:
+            if count >= rounds:
+                return Descent(x, ahead, f"no end after {counted(count, 'evaluation')}", False)
+            step = full if np.linalg.norm(full / scale) <= reach else _step(rows, slopes, x, bounds, scale, reach)
+            promised, size = _promised(rows, slopes, step), float(np.linalg.norm(step / scale))
+            there = _tried(local, new := np.clip(x + step, *bounds))
+            count, gained = count + 1, cost - there[0]
+            farther = gained > 0.75 * promised and size > 0.95 * reach
+            reach = 0.25 * size if gained < 0.25 * promised else 2.0 * reach if farther else reach
+            if gained > 0.0:
+                break
+            if promised < relative * abs(cost) or size < 1e-10:
+                return Descent(x, ahead, "no step gains any more", True)
+        x, (cost, rows, slopes) = new, there
+
+
+def _tried(local: Callable[[Array], LocalCost], x: Array) -> LocalCost:
+    try:
+        cost, rows, slopes = local(x)
+    except SolverError:
+        return np.inf, x, x
+    return cost if np.isfinite(cost) else np.inf, rows, slopes
+
+
+def _promised(rows: Array, slopes: Array, step: Array) -> float:
+    """Return by how much a step lowers the cost as far as rows and slopes say: ``-r'J s - |J s|^2 / 2``."""
+    change = slopes @ step
+    return -float(rows @ change + 0.5 * change @ change)
+
+
+def _step(rows: Array, slopes: Array, x: Array, bounds: tuple[Array, Array], scale: Array, reach: float) -> Array:
+    """Return the step (unknowns,) within a region of trust that promises most, unknowns held at bounds that it meets.
+
+    Raises
+    ------
+    SolverError   When a derivative is not finite.
+    """
+    if not (np.isfinite(slopes).all() and np.isfinite(rows).all()):
+        raise SolverError(DIVERGED, "fit")
+    low, high = bounds
+    slopes = slopes * scale
+    gradient = slopes.T @ rows
+    free = ~(((x <= low) & (gradient > 0.0)) | ((x >= high) & (gradient < 0.0)))
+    step = np.zeros(x.size)
+    while free.any():
+        step[free] = _within(slopes[:, free], rows + slopes[:, ~free] @ step[~free], reach)
+        end = x + step * scale
+        beyond = free & ((end < low) | (end > high))
+        if not beyond.any():
+            break
+        step[beyond] = (np.clip(end, low, high) - x)[beyond] / scale[beyond]
+        free &= ~beyond
+    return step * scale
+
+
+def _within(slopes: Array, rows: Array, reach: float) -> Array:
+    """Return s that makes |r + J s| least with |s| <= reach: ``(J'J + damping) s = -J'r``, the damping from the length of s."""
+    left, sizes, right = np.linalg.svd(slopes, full_matrices=False)
+    force = left.T @ rows
+    seen = sizes > np.finfo(float).eps * max(slopes.shape) * sizes.max(initial=0.0)
+    force, sizes, right = force[seen], sizes[seen], right[seen]
+    part = force / sizes
+    damping = 0.0
+    # Newton's method on 1 / reach - 1 / |s|, which is nearly straight in the damping (More 1978); it comes from below
+    for _ in range(20):
+        length = float(np.linalg.norm(part))
+        if length <= 1.01 * reach:
+            break
+        bend = float(np.sum(part**2 / (sizes**2 + damping)))
+        damping += (length / reach - 1.0) * length**2 / bend
+        part = sizes * force / (sizes**2 + damping)
+    length = float(np.linalg.norm(part))
+    return np.asarray(-(part * min(1.0, reach / length) if length > 0.0 else part) @ right)
+
+
+class _Runs:
+    """A problem as `descend` asks for it; residuals and derivatives come from one run, all runs on the steps of one among them."""
+
+    def __init__(self, problem: LeastSquares, loss: str, loss_scale: float, progress: Callable[[int, float], None] | None) -> None:
+        self.problem, self.loss, self.loss_scale, self.progress = problem, loss, loss_scale, progress
         self.count = 0
-        self.best: tuple[float, Array] | None = None
-        self.fine = False
+        self.best: tuple[float, Array, Compressed] | None = None
         self.scale = np.array([u.scale for u in problem.unknowns])
         self._settled: Array | None = None
-        self._known: dict[bytes, Compressed] = {}
+        self._latest: tuple[Array, Compressed] | None = None
         self._meshes: tuple[Array, ...] = ()
 
     def settle(self, x: Array) -> None:
@@ -131,50 +260,36 @@ class _Search:
         ------
         SolverError   When a record cannot be run.
         """
-        if self._settled is not None and (np.abs(x - self._settled) < NEAR * self.scale).all():
-            return
-        found = self.problem.compressed(x, self.loss, self.loss_scale)
-        self._known, self._meshes, self._settled = {x.tobytes(): found}, found.meshes, x
+        if self._settled is None or not (np.abs(x - self._settled) < NEAR * self.scale).all():
+            found = self.problem.compressed(x, self.loss, self.loss_scale)
+            self._meshes, self._settled, self._latest, self.best = found.meshes, x, (x, found), None
 
     def at(self, x: Array) -> Compressed:
-        """Return the residuals at some values; the latest two sets of values are remembered."""
-        key = x.tobytes()
-        if key not in self._known:
-            found = self.problem.compressed(x, self.loss, self.loss_scale, self._meshes)
-            self._known = dict([*self._known.items()][-1:]) | {key: found}
-        return self._known[key]
+        """Return the residuals at some values; the latest and the best are remembered."""
+        for known in (self._latest, self.best and self.best[1:]):
+            if known is not None and np.array_equal(known[0], x):
+                return known[1]
+        found = self.problem.compressed(x, self.loss, self.loss_scale, self._meshes)
+        self._latest = x, found
+        return found
 
-    def residuals(self, x: Array) -> Array:
-        """Return the residuals; of a run that the integrator could not finish very large ones, so that the optimiser turns back."""
+    def local(self, x: Array) -> LocalCost:
+        """Return the cost beside some values.
+
+        Raises
+        ------
+        SolverError   When a record cannot be run.
+        """
         self.count += 1
-        samples = self.problem.samples
-        try:
-            found = self.at(x)
-            rows, square = found.rows, self.problem.square(found)
-        except SolverError:
-            square = samples * FAILED**2
-            rows = np.zeros(next(iter(self._known.values())).rows.size)
-            rows[-1] = np.sqrt(square)
-        out = np.concatenate([rows, self.problem.prior_rows(x)[0]])
-        cost = float(out @ out)
-        if self.best is None or cost < self.best[0]:
-            self.best = cost, x.copy()
-        if self.progress is not None:
-            self.progress(self.count, float(np.sqrt(square / samples)))
-        return out
-
-    def slopes(self, x: Array) -> Array:
-        """Return their derivatives, unless the step of Gauss and Newton from here is not worth a run."""
         priors, prior_slopes = self.problem.prior_rows(x)
         found = self.at(x)
-        slopes, rows = np.concatenate([found.slopes, prior_slopes]), np.concatenate([found.rows, priors])
-        step = np.linalg.lstsq(slopes / self.scale, -rows, rcond=None)[0]
-        if not self.fine and (np.abs(step) < NEAR).all():
-            raise _Arrived(x, f"{NEAR} of every typical change")
-        gain = float(np.sum(((slopes / self.scale) @ step) ** 2))  # in squares of a standard error, where the noise is what is stated
-        if self.fine and gain < self.done**2 * max(1.0, self.problem.square(found) / self.problem.samples):
-            raise _Arrived(x, f"{self.done:g} standard errors")
-        return slopes
+        rows = np.concatenate([found.rows, priors])
+        cost = 0.5 * float(rows @ rows)
+        if self.best is None or cost < self.best[0]:
+            self.best = cost, x.copy(), found
+        if self.progress is not None:
+            self.progress(self.count, float(np.sqrt(self.problem.square(found) / self.problem.samples)))
+        return cost, rows, np.concatenate([found.slopes, prior_slopes])
 
 
 def minimise(
@@ -184,6 +299,8 @@ def minimise(
     start: Array | None = None,
     progress: Callable[[int, float], None] | None = None,
     done: float = DONE,
+    rounds: int = MOST_EVALUATIONS,
+    reach: float | None = None,
     stoppable: bool = False,
 ) -> Fit:
     """Return the least-squares fit of a problem.
@@ -195,7 +312,9 @@ def minimise(
     loss_scale : float      Residual, in units of the noise, from which the loss bends.
     start : array           In the fitted form; the unknowns' own start by default.
     progress : callable     Called with the number of evaluations and the RMS of the weighted residuals.
-    done : float            The search ends once the step ahead is below this part of a standard error. [-]
+    done : float            The descent ends once the step ahead is below this part of a standard error. [-]
+    rounds : int            It ends after so many evaluations in any case, not converged.
+    reach : float           How far the first step may go, in typical changes of the unknowns; as in `descend` by default.
     stoppable : bool        Whether the interrupt key ends it with the best values so far, once there are any: `Fit.stopped`, not converged.
 
     Raises
@@ -209,50 +328,23 @@ def minimise(
     if not unknowns:
         return ended(problem, at, loss, loss_scale, message="no parameter was free")
     low, high = (np.array(b) for b in zip(*(u.fitted_bounds() for u in unknowns), strict=True))
-    at = np.clip(at, np.nextafter(low, np.inf), np.nextafter(high, -np.inf))
-    search = _Search(problem, loss, loss_scale, progress, done)
+    bounds = np.nextafter(low, np.inf), np.nextafter(high, -np.inf)
+    runs = _Runs(problem, loss, loss_scale, progress)
+    at = np.clip(at, *bounds)
     try:
-        for fine in (False, True):
-            search.fine = fine
-            search.settle(at)  # a model that cannot be run at the start says why, in the integrator's words
-            at, message, converged = _searched(search, at, (low, high))
+        runs.settle(at)  # a model that cannot be run at the start says why, in the integrator's words
+        at = descend(runs.local, at, bounds, runs.scale, near=NEAR, done=0.0, relative=1e-3, rounds=rounds, reach=reach).x
+        runs.settle(at)
+        relative = min(1e-10, max(done**2, 1e-15))
+        count = problem.samples
+        end = descend(runs.local, at, bounds, runs.scale, done=done, relative=relative, samples=count, rounds=rounds, reach=reach)
     except KeyboardInterrupt:
-        if search.best is None or not stoppable:
+        if runs.best is None or not stoppable:
             raise
-        at, message = search.best[1], f"stopped by the user after {counted(search.count, 'evaluation')}, at the best values so far"
-        return replace(_fit_at(problem, at, search.at(at), search.count, message, False), stopped=True)
-    return _fit_at(problem, at, search.at(at), search.count, message, converged)
-
-
-def _searched(search: _Search, at: Array, bounds: tuple[Array, Array]) -> tuple[Array, str, bool]:
-    """Return where a search from some values ends, how, and whether it converged."""
-    from scipy.optimize import least_squares
-
-    tolerance = min(1e-10, max(search.done**2, 1e-15)) if search.fine else 1e-3
-    try:
-        # where a log contradicts its model a search may run very far, and its region of trust may have no slope left to divide by
-        with np.errstate(over="ignore", invalid="ignore", divide="ignore"):
-            found = least_squares(
-                search.residuals,
-                at,
-                jac=search.slopes,
-                bounds=bounds,
-                x_scale=search.scale,
-                method="trf",
-                ftol=tolerance,
-                xtol=min(1e-10, max(search.done**2, 1e-15)),
-                gtol=1e-10,
-                max_nfev=200,
-            )
-    except _Arrived as arrived:
-        return arrived.x, str(arrived), True
-    except np.linalg.LinAlgError:
-        raise SolverError(
-            "the fit diverged: its derivatives are not finite. Give its parameters min and max, or priors. Check the log too: a "
-            "column, a unit or a node may be wrong.",
-            "fit",
-        ) from None
-    return found.x, found.message, bool(found.success)
+        _, at, data = runs.best
+        message = f"stopped by the user after {counted(runs.count, 'evaluation')}, at the best values so far"
+        return replace(_fit_at(problem, at, data, runs.count, message, False), stopped=True)
+    return _fit_at(problem, end.x, runs.at(end.x), runs.count, end.message, end.converged)
 
 
 def ended(

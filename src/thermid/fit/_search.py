@@ -42,9 +42,11 @@ PROVED = 9.0
 GENERATIONS = 300
 BATCH = 16
 """Members that run at once; the interrupt key acts between batches."""
-LONG, AFFORDABLE, QUICK = 30.0, 600.0, 10.0
-"""What a search may take before plain Python is warned of it; what descents may take that nobody asked for; and what a look at all points
-may take however short the descents are. [s]"""
+LONG = 30.0
+"""What a search may take before plain Python is warned of it. [s]"""
+UNASKED = 6e9
+"""What further descents may take that nobody asked for, in temperatures and derivatives of integrator steps: some ten minutes of a
+processor, whichever computes."""
 USUAL = 12
 """Evaluations of a descent, as most need."""
 
@@ -234,7 +236,7 @@ class Search:
     population : Population
     progress : callable         As in `minimise`; with a method ``ahead(words, seconds)`` it is told what follows.
     stoppable : bool            Whether the interrupt key ends it with the best fit so far.
-    spent : list of float       What each descent took. [s]
+    spent : list of float       What each descent took, to say what is ahead. [s]
     """
 
     population: Population
@@ -268,20 +270,27 @@ class Search:
 
     def affordable(self, first: Fit, why: str) -> Fit:
         """Return the best of as many descents as an automatic search makes; a first one that took long is said to stand alone."""
-        many, one = min(DESCENTS, int(AFFORDABLE / max(self.spent[0], 1e-9))), spoken(self.spent[0])
+        many = min(DESCENTS, self._further(first))
         found = self.descents([first], why, many) if many else first
         if many == DESCENTS or found.stopped:
             return found
         made = "no further one was" if not many else "one further was" if many == 1 else f"{many} further ones were"
-        words = f"{why}, so a descent may have ended in the wrong valley. One takes about {one}, so {made} made unasked. "
-        words += f"search = 'multistart' makes {DESCENTS}."
+        words = f"{why}, so a descent may have ended in the wrong valley. One takes {counted(first.evaluations, 'evaluation')}, so {made} "
+        words += f"made unasked. search = 'multistart' makes {DESCENTS}."
         return replace(found, remarks=(*found.remarks, words))
+
+    def _further(self, first: Fit) -> int:
+        """Return how many descents like the first one may be made unasked; no clock is asked, so that answers are the same everywhere."""
+        problem = self.population.problem
+        meshes = problem.compressed(first.fitted, self.population.loss, self.population.loss_scale).meshes
+        steps = sum(len(e.network.nodes) * (m.size or e.times.size) for e, m in zip(problem.experiments, meshes, strict=True))
+        return int(UNASKED / (first.evaluations * steps * (1 + len(problem.unknowns))))
 
     def confirmed(self, first: Fit, why: str) -> Fit:
         """Return the better of a descent and one from the other side of its start; the best of several where these two differ."""
-        if self.spent[0] > AFFORDABLE:
-            return self.affordable(first, why)
         population = self.population
+        if not self._further(first):
+            return self.affordable(first, why)
         start, end = population.share(population.start), population.share(first.fitted)
         way = end - start
         if not way.any():
@@ -335,17 +344,13 @@ class Search:
         return replace(best, evaluations=count, search=words, remarks=(*best.remarks, *remarks))
 
     def _screened(self, why: str, many: int) -> tuple[Array, Array]:
-        """Return points of the box (points, parameters), at most `SCREENED`, and their costs; no more than take as long as the descents."""
-        shares = _spread_out(self.population)
-        each, begun = float(np.mean(self.spent)), time.perf_counter()
+        """Return points of the box (`SCREENED`, parameters), and their costs."""
+        shares, begun = _spread_out(self.population), time.perf_counter()
         costs = [self.population.costs(shares[:BATCH])]
-        one = (time.perf_counter() - begun) / BATCH
-        size = SCREENED
-        if one * size > max(QUICK, many * each):
-            size = max(1, int(many * each / one / BATCH)) * BATCH
-        self.tell(f"up to {counted(many, 'descent')} from the best of {size} points ({why})", one * (size - BATCH) + many * each)
-        costs += [self.population.costs(shares[at : at + BATCH]) for at in range(BATCH, size, BATCH)]
-        return shares[:size], np.concatenate(costs)
+        seconds = (time.perf_counter() - begun) * (SCREENED / BATCH - 1.0) + many * float(np.mean(self.spent))
+        self.tell(f"up to {counted(many, 'descent')} from the best of {SCREENED} points ({why})", seconds)
+        costs += [self.population.costs(shares[at : at + BATCH]) for at in range(BATCH, SCREENED, BATCH)]
+        return shares, np.concatenate(costs)
 
     def evolved(self, how: str) -> Fit:
         """Return the end of the descent from the best member of a population that evolved over the box."""

@@ -23,7 +23,7 @@ from thermid.fit._problem.experiment import OFFSET, SCALE, Experiment, Ticks
 from thermid.fit._problem.gather import build_problem
 from thermid.fit._problem.request import LocalSpec, Request
 from thermid.fit._problem.residuals import SHIFT, Compressed, Problem, SensorTrace, Unknown, as_triangle, clock_at, loss_of, starting_point
-from thermid.fit._uncertainty.noise import BINS, Binned, autocorrelation_of_traces, binned_trace, stretch_means
+from thermid.fit._uncertainty.noise import Binned, autocorrelation_of_traces, trace_in_stretches
 from thermid.measure.records import Record
 from thermid.model.laws import TableSignal
 from thermid.model.tree import Model
@@ -326,13 +326,9 @@ class Clocked:
         slopes, at, out = self.slopes(fitted), 0, {}
         observations = self.problem(self.clock(fitted)).experiments[0].observations
         for block, o in zip(self.blocks(fitted), observations, strict=True):
-            z, own = block.weighted, slopes[at : at + block.times.size]
-            at += z.size
-            edges = block.times if z.size <= 2 * BINS else np.linspace(block.times[0], block.times[-1], BINS + 1)[:-1]
-            place = np.searchsorted(edges, block.times, side="right") - 1
-            columns = np.column_stack([stretch_means(column, place, edges.size) for column in own.T])
-            times = stretch_means(block.times, place, edges.size)
-            out[block.record, o.sensor] = binned_trace(z, z, place, times, columns, o.effective_share)
+            own = slopes[at : at + block.times.size]
+            at += block.times.size
+            out[block.record, o.sensor] = trace_in_stretches(block.weighted, block.times, own, o.effective_share)
         return out
 
 

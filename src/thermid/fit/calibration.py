@@ -9,6 +9,12 @@ from thermid.fit._calibration import (
     instrument_shares as instrument_shares,
     sensor_shares as sensor_shares,
 )
-from thermid.fit._minimisation import Fit as Fit, KeptFit as KeptFit, covariances as covariances, minimise as minimise
+from thermid.fit._minimisation import (
+    Fit as Fit,
+    KeptFit as KeptFit,
+    covariances as covariances,
+    descend as descend,
+    minimise as minimise,
+)
 from thermid.fit._search import box_of as box_of
 from thermid.fit._second_clocks import Alignment as Alignment, align as align

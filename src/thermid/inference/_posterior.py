@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 from thermid.base.arguments import takes_objects
 from thermid.base.errors import IdentificationError, NameNotFoundError, SolverError, refuse_unknown
 from thermid.base.extensions import optional
-from thermid.base.linear_algebra import Array, covariance
+from thermid.base.linear_algebra import HALF_WIDTH_95, Array, covariance
 from thermid.base.results import Result, Row
 from thermid.fit.calibration import Calibration, box_of
 from thermid.fit.problem import Compressed, Problem, Unknown, wanders
@@ -74,7 +74,7 @@ class Posterior(Result):
             value, error = self.fitted[path]
             lines.append(
                 f"  {path:<{width}}  median {np.median(values):.5g}   95 % {low:.5g} .. {high:.5g}   (fit {value:.5g}, "
-                f"{value - 1.96 * error:.5g} .. {value + 1.96 * error:.5g})"
+                f"{value - HALF_WIDTH_95 * error:.5g} .. {value + HALF_WIDTH_95 * error:.5g})"
             )
         return "\n".join([*lines, *(f"  warning: {w}" for w in self.warnings)])
 

@@ -69,14 +69,6 @@ def _mcadams(rayleigh: float, prandtl: float, away: bool) -> float:
     return float(max(0.54 * rayleigh**0.25, 0.15 * rayleigh ** (1.0 / 3.0)))
 
 
-def _churchill(rayleigh: float, prandtl: float, away: bool) -> float:
-    return float(vertical_plate_nusselt_all(rayleigh, prandtl))
-
-
-def _laminar(rayleigh: float, prandtl: float, away: bool) -> float:
-    return float(vertical_plate_nusselt(rayleigh, prandtl))
-
-
 def _body(rayleigh: float, prandtl: float, away: bool) -> float:
     return float(body_nusselt(rayleigh, prandtl))
 
@@ -85,8 +77,20 @@ _CHURCHILL = "Churchill and Chu, Int. J. Heat Mass Transfer 18 (1975) 1323; Incr
 OWN: Final = {
     c.name: c
     for c in (
-        NusseltLaw("Nu_vertical_plate_Churchill", _churchill, 0.0, 1e12, False, SQUARE, _CHURCHILL),
-        NusseltLaw("Nu_vertical_plate_laminar", _laminar, 0.0, 1e9, False, SQUARE, f"{_CHURCHILL}; Eq. 7 of the source document"),
+        NusseltLaw(
+            "Nu_vertical_plate_Churchill",
+            lambda rayleigh, prandtl, away: float(vertical_plate_nusselt_all(rayleigh, prandtl)),
+            *(0.0, 1e12, False, SQUARE, _CHURCHILL),
+        ),
+        NusseltLaw(
+            "Nu_vertical_plate_laminar",
+            lambda rayleigh, prandtl, away: float(vertical_plate_nusselt(rayleigh, prandtl)),
+            0.0,
+            1e9,
+            False,
+            SQUARE,
+            f"{_CHURCHILL}; Eq. 7 of the source document",
+        ),
         NusseltLaw(
             "Nu_horizontal_plate_McAdams", _mcadams, 1e4, 1e11, True, SQUARE / 4.0, "McAdams; Incropera, 6th ed., Eqs. 9.30 to 9.32"
         ),

@@ -7,8 +7,9 @@ from dataclasses import dataclass
 from typing import Final
 
 from thermid.base.errors import DeckError, nearest
+from thermid.base.linear_algebra import HALF_WIDTH_95
 
-SPAN: Final = 2 * 1.959964
+SPAN: Final = 2 * HALF_WIDTH_95
 """Width of the range of a finish in standard deviations of the logarithm: it is read as holding 95 %. [-]"""
 
 

@@ -13,6 +13,7 @@ import numpy as np
 from thermid.base.arguments import takes_objects
 from thermid.base.dual import value_of
 from thermid.base.errors import errors_at, look_up
+from thermid.base.linear_algebra import HALF_WIDTH_95
 from thermid.base.results import Result
 from thermid.base.sourced import VERDICTS, weigh
 from thermid.base.units import counted
@@ -366,4 +367,4 @@ def uncounted(effects_: Sequence[Assumption], point: str, run: str, stated: Sequ
     """
     names = {*stated, *(f"{n.removeprefix('scale.')}.power" for n in stated if n.startswith("scale."))}
     sizes = [a.effect for a in effects_ if (a.point, a.run) == (point, run) and not a.fitted_around and a.path not in names]
-    return 1.96 * float(np.sqrt(np.sum(np.square(sizes))))
+    return HALF_WIDTH_95 * float(np.sqrt(np.sum(np.square(sizes))))

@@ -147,19 +147,30 @@ class TestPrice:
             td.calibrate(chain(), log(TRUTH), FREE, scenario=BENCH, search="multistart")
 
     def test_what_nobody_asked_for_is_limited_and_said(self, monkeypatch: pytest.MonkeyPatch) -> None:
-        monkeypatch.setattr(search, "AFFORDABLE", 0.0)
+        monkeypatch.setattr(search, "UNASKED", 0.0)
         found = td.calibrate(chain(), log(TRUTH, extra=0.6), FREE, scenario=BENCH)
         assert any("no further one was made unasked. search = 'multistart' makes 5." in w for w in found.warnings)
 
-    def test_points_that_cost_more_than_the_descents_are_fewer(self, monkeypatch: pytest.MonkeyPatch) -> None:
-        monkeypatch.setattr(search, "QUICK", 0.0)
-        # whatever asks for the time finds that a second has passed: a descent takes two, a batch of 16 points one: one descent pays for two
-        seconds = iter(np.arange(0.0, 1e6, 1.0))
-        monkeypatch.setattr(search.time, "perf_counter", lambda: float(next(seconds)))
-        monkeypatch.setattr(search, "DESCENTS", 1)
-        found = searched(problem_of(log(TRUTH)), "multistart", "linear", 1.0)
-        assert "multistart, as asked: 64 points" not in found.search
-        assert "as asked: 32 points, 2 descents" in found.search
+    def test_what_is_made_unasked_does_not_depend_on_the_clock(self, monkeypatch: pytest.MonkeyPatch) -> None:
+        """On a machine on which every look at the clock costs an hour the same descents are made, with the same end."""
+        problem = problem_of(log(TRUTH, extra=0.6))
+        at_once = searched(problem, "auto", "linear", 1.0)
+        assert "descents" in at_once.search
+        hours = iter(np.arange(0.0, 3.6e9, 3600.0))
+        monkeypatch.setattr(search.time, "perf_counter", lambda: float(next(hours)))
+        with pytest.warns(ThermidWarning, match="The interrupt key ends it"):
+            late = searched(problem, "auto", "linear", 1.0)
+        assert (late.search, late.evaluations, late.remarks) == (at_once.search, at_once.evaluations, at_once.remarks)
+        assert np.array_equal(late.fitted, at_once.fitted)
+
+    def test_descents_that_take_ten_minutes_of_a_processor_are_limited(self, monkeypatch: pytest.MonkeyPatch) -> None:
+        """One of this chain takes some 7 nodes, 7 columns, 20 steps and 10 evaluations; what two and a half of them take makes two."""
+        problem = problem_of(log(TRUTH, extra=0.6))
+        first = searched(problem, "local", "linear", 1.0)
+        steps = sum(m.size for m in problem.compressed(first.fitted).meshes)
+        monkeypatch.setattr(search, "UNASKED", 2.5 * first.evaluations * steps * 7 * (1 + len(problem.unknowns)))
+        found = searched(problem, "auto", "linear", 1.0)
+        assert any(f"One takes {first.evaluations} evaluations, so 2 further" in w for w in found.remarks)
 
 
 class TestInterrupt:

@@ -30,6 +30,7 @@ from thermid.app.cli.options import (
 from thermid.app.cli.screen import working
 from thermid.base.errors import DeckError, ScenarioError
 from thermid.base.files import PICTURE, TABLE
+from thermid.base.linear_algebra import HALF_WIDTH_95
 from thermid.base.sourced import weigh
 from thermid.base.units import counted
 from thermid.campaign import verdicts as correlation
@@ -75,7 +76,7 @@ def plan(
     for test, sensors in predictions.items():
         lines.append(f"  {test}")
         for sensor, p in sensors.items():
-            ends = [f"{p[f'{end}_C']:.1f} +- {_size(1.96 * p[f'{end}_error_K'])}" for end in ("lowest", "highest")]
+            ends = [f"{p[f'{end}_C']:.1f} +- {_size(HALF_WIDTH_95 * p[f'{end}_error_K'])}" for end in ("lowest", "highest")]
             lines.append(f"    {sensor}: {' .. '.join(ends)} degC (95 %)")
     answer = {"title": planned.title, "standing": standing.to_dict(), "plan": shown, "predictions": predictions}
     say(as_json, answer, "\n".join([*lines, str(status)]), verbose)

@@ -13,6 +13,7 @@ import numpy as np
 
 from thermid.base.arguments import takes_objects
 from thermid.base.errors import NameNotFoundError, ScenarioError, look_up, refuse_unknown
+from thermid.base.linear_algebra import HALF_WIDTH_95
 from thermid.base.results import Result
 from thermid.base.sourced import Figure, weakest
 from thermid.campaign._judge.limits import Limits, times_in_state
@@ -261,7 +262,7 @@ def _sides(name: str, run: Foresight, one: Limits, k: int, side: str, policy: Po
         ends, inside = one.ends(state_name), times_in_state(run.solution, one, state_name, state or "operating")
         if ends is None or not np.isfinite(ends[k]) or not inside.any():
             continue
-        towards = np.where(inside, sign * band.kelvin + 1.96 * error, -np.inf)
+        towards = np.where(inside, sign * band.kelvin + HALF_WIDTH_95 * error, -np.inf)
         index = int(towards.argmax())
         before = run.before.get(one.node, run.before.get(band.path))
         shares = {c: float(v[index] / error[index] ** 2) if error[index] > 0 else 0.0 for c, v in band.parts.items()}

@@ -94,7 +94,8 @@ class Dynamics:
         self.units = (*("degC" for _ in self.massive), *("K" if p.place == "boundary" else "W" for p in added))
         self.size = len(self.states)
         self._added = {p.target: self.massive.size + k for k, p in enumerate(added)}
-        self.linear = self._is_linear()
+        # one Jacobian holds for all states and times, and inputs are straight between knots
+        self.linear = not any(isinstance(self.wiring.signals[n], Sine) for n in self.wiring.used) and not self.engine.modal.obstacle
         self._heated = {p.target: self._heats(p) for p in added if p.place != "boundary"}
         self._raised = {
             p.target: self.wiring.structure.offset[self.wiring.network.boundaries.index(p.target)] for p in added if p.place == "boundary"
@@ -138,11 +139,6 @@ class Dynamics:
             raise IdentificationError(
                 f"the filter supports models of up to some hundred nodes, not {len(self.engine.nodes)}. Reduce the model.", where
             )
-
-    def _is_linear(self) -> bool:
-        """Whether one Jacobian holds for all states and times, and inputs are straight between knots."""
-        waves = any(isinstance(self.wiring.signals[name], Sine) for name in self.wiring.used)
-        return not waves and not self.engine.modal.obstacle
 
     def _heats(self, noise: ProcessNoise) -> Array:
         """Return the heat into every node of the reduced network (nodes,) by one watt of a noise. [-]"""
@@ -278,7 +274,9 @@ class Dynamics:
     def course(self, at: At, about: Array, times: Array) -> Array:
         """Return the rates (times, states) of a linear network at a state (states,), at many times [s] at once."""
         a, here = at.assembled, self.local(at, about, 0.0)
-        heat = self._given(times, a) @ self._by_boundary(a.coefficients, here.temperatures).T + self._powered(times, a, here.temperatures)
+        by_one_kelvin = _units(self.wiring.structure.offset, a.coefficients.size)
+        by_boundary = self.problem.rhs(a.coefficients, here.temperatures, 0.0, by_one_kelvin)[2]  # heat (nodes, boundaries) [W/K]
+        heat = self._given(times, a) @ by_boundary.T + self._powered(times, a, here.temperatures)
         inner = heat[:, self.massive]
         if self.massless.size:
             _, jacobian, _ = self.problem.rhs(a.coefficients, here.temperatures, 0.0, None)
@@ -313,12 +311,6 @@ class Dynamics:
             return heat
 
         return self.memo.made(("loads", times.tobytes(), a.coefficients[places].tobytes()), made, KEPT)
-
-    def _by_boundary(self, coefficients: Array, temperatures: Array) -> Array:
-        """Return the heat into every node by one kelvin of every boundary (nodes, boundaries). [W/K]"""
-        places = self.wiring.structure.offset
-        slopes = self.problem.rhs(coefficients, temperatures, 0.0, _units(places, coefficients.size))[2]
-        return np.asarray(slopes)
 
     def _balanced(self, coefficients: Array, temperatures: Array, outer: Array, time: float) -> tuple[Array, Array, Array | None]:
         """Return heat, Jacobian and slopes with the balance of massless nodes solved; their temperatures are put in place."""

@@ -9,12 +9,12 @@ from typing import Any
 import numpy as np
 
 from thermid.base.errors import IdentificationError, refuse_unknown
-from thermid.base.linear_algebra import Array, symmetric_inverse
+from thermid.base.linear_algebra import HALF_WIDTH_95, Array, symmetric_inverse
 from thermid.base.results import Result
 from thermid.base.units import from_si
 from thermid.fit._estimation.filtering import Belief, Whiteness, chance, smoothed, whiteness
 from thermid.fit._estimation.likelihood import Likelihood, Maximum
-from thermid.fit._estimation.outlook import INSIDE, OpenLoopScore, course, members_about, unread
+from thermid.fit._estimation.outlook import OpenLoopScore, course, members_about, unread
 from thermid.fit._problem.request import Request
 from thermid.measure.amounts import duration_text, short
 from thermid.model.tree import Model
@@ -127,7 +127,7 @@ class States:
 
     def _at(self, i: int, k: int) -> str:
         """Return a state at a time with its 95 % band, in its unit."""
-        return f"{from_si(self.mean[i, k], self.units[k]):.2f} +- {short(INSIDE * self.sd[i, k])} {self.units[k]}"
+        return f"{from_si(self.mean[i, k], self.units[k]):.2f} +- {short(HALF_WIDTH_95 * self.sd[i, k])} {self.units[k]}"
 
     def as_object(self) -> dict[str, Any]:
         """Return it as JSON holds it."""

@@ -2,7 +2,8 @@
 
 Minus the log-likelihood is the sum of ``e^2 / 2S + log(2 pi S) / 2`` over the innovations e with their variances S, and half the squares of
 the priors (Schweppe, IEEE Trans. Inf. Theory 11 (1965) 61). Derivatives are central differences of e and S between members that pass a
-log together; the search is Fisher's scoring, damped (information of e and S: Astrom, Automatica 16 (1980) 551).
+log together; the search is Fisher's scoring, by the damped descent
+of every fit (information of e and S: Astrom, Automatica 16 (1980) 551).
 """
 
 from __future__ import annotations
@@ -14,22 +15,19 @@ from typing import Final, NamedTuple
 import numpy as np
 
 from thermid.base.errors import SolverError
-from thermid.base.linear_algebra import Array, Bools, variance
+from thermid.base.linear_algebra import Array, square_root, variance
 from thermid.fit._estimation.dynamics import At, Dynamics
 from thermid.fit._estimation.passing import Passing
 from thermid.fit._estimation.process import ProcessNoise
+from thermid.fit._minimisation import LocalCost, descend
 from thermid.fit._problem.residuals import Problem, Unknown, prior_rows
 
 DIFFERENCE: Final = 1e-4
 """Half the step of differences, in typical changes of an unknown."""
-DAMPING: Final = (0.0, 1e-3, 1e-2, 0.1, 1.0, 10.0, 100.0)
-LARGEST: Final = 1.5
-"""Largest step, in typical changes of an unknown."""
-CLOSE: Final = 1e-8
-"""Gain in the log-likelihood that is foreseen where the search ends."""
+STEP: Final = 1.5
+"""Length of the first step at most, in typical changes of the unknowns."""
 TRIVIAL: Final = 1e-4
-"""The same that may be left where no step gains any more: a hundredth of a standard error."""
-MOST: Final = 80
+"""Gain in the log-likelihood that may be left where no step gains any more: a hundredth of a standard error."""
 CURVED: Final = 0.1
 """NoisyStep of differences of the gradient, in standard errors."""
 READING: Final = "reading noise of "
@@ -121,18 +119,6 @@ class Likelihood:
         """Return the residuals of priors and their derivatives (residuals, unknowns). [-]"""
         return prior_rows(self.unknowns, self.problem.coupled, fitted)
 
-    def losses(self, members: Sequence[Array]) -> Array:
-        """Return minus the log-likelihood with priors (members,); infinite where a run breaks off."""
-        with np.errstate(over="ignore", invalid="ignore", divide="ignore"):
-            try:
-                errors, variances = self.innovations(members)
-            except (SolverError, np.linalg.LinAlgError, FloatingPointError):
-                if len(members) == 1:
-                    return np.array([np.inf])
-                return np.concatenate([self.losses([m]) for m in members])
-            out = _loss(errors, variances) + np.array([0.5 * float(np.sum(self.priors(m)[0] ** 2)) for m in members])
-        return np.where(np.isfinite(out), out, np.inf)
-
     def score(self, fitted: Array) -> LikelihoodScore:
         """Return the loss with its gradient and the expected information."""
         return self.scores([fitted])[0]
@@ -160,26 +146,23 @@ class Likelihood:
     def maximise(self, start: Array, *, observed: bool = True) -> Maximum:
         """Return the maximum that a search from a start (unknowns,) comes upon; without `observed` its information is the expected one."""
         low, high = (np.array(b) for b in zip(*(u.fitted_bounds() for u in self.unknowns), strict=True))
-        fitted = np.clip(start, low, high)
-        scale = np.array([u.scale for u in self.unknowns])
-        count, left = 0, np.inf
-        while count < MOST:
-            count += 1
-            score = self.score(fitted)
-            open_ = ~(((fitted <= low) & (score.gradient > 0)) | ((fitted >= high) & (score.gradient < 0)))
-            left = _foreseen(score, open_)
-            if left < CLOSE:
-                break
-            trials = [np.clip(fitted + m, low, high) for m in _moves(score, open_, scale)]
-            losses = self.losses(trials)
-            best = int(np.argmin(losses))
-            if losses[best] >= score.loss:
-                break
-            fitted = trials[best]
-        score = self.score(fitted)
-        information, positive = self._observed(fitted, score) if observed else (score.information, False)
-        rows, _ = self.priors(fitted)
-        return Maximum(fitted, 0.5 * float(rows @ rows) - score.loss, information, positive, left < TRIVIAL, count)
+        scores: dict[bytes, LikelihoodScore] = {}
+
+        def local(fitted: Array) -> LocalCost:
+            try:
+                with np.errstate(over="ignore", invalid="ignore", divide="ignore"):
+                    score = scores[fitted.tobytes()] = self.score(fitted)
+                root = square_root(score.information, drop=True)
+            except (np.linalg.LinAlgError, FloatingPointError) as error:
+                raise SolverError("the filter breaks off at these values.", "estimate") from error
+            # rows r and slopes L' with the gradient L r and the information L L'
+            return score.loss, np.asarray(np.linalg.lstsq(root, score.gradient, rcond=None)[0], dtype=float), root.T
+
+        end = descend(local, start, (low, high), np.array([u.scale for u in self.unknowns]), relative=1e-12, reach=STEP)
+        score = scores[end.x.tobytes()]
+        information, positive = self._observed(end.x, score) if observed else (score.information, False)
+        rows, _ = self.priors(end.x)
+        return Maximum(end.x, 0.5 * float(rows @ rows) - score.loss, information, positive, end.ahead < TRIVIAL, len(scores))
 
     def _observed(self, fitted: Array, score: LikelihoodScore) -> tuple[Array, bool]:
         """Return the observed information, by differences of the gradient, or the expected one where it is not positive; and which."""
@@ -225,25 +208,3 @@ def _size(name: str, start: float, unit: str) -> Unknown:
 def _loss(errors: Array, variances: Array) -> Array:
     """Return minus the log-likelihood (members,) of innovations."""
     return np.asarray(0.5 * np.sum(errors**2 / variances + np.log(2.0 * np.pi * variances), axis=0))
-
-
-def _moves(score: LikelihoodScore, open_: Bools, scale: Array) -> list[Array]:
-    """Return steps of every damping (unknowns,), none longer than `LARGEST`."""
-    at = np.flatnonzero(open_)
-    inner, pull = score.information[np.ix_(at, at)], score.gradient[at]
-    diagonal = np.maximum(np.diag(inner), 1e-12)
-    out = []
-    for damping in DAMPING:
-        move = np.zeros(scale.size)
-        move[at] = -np.linalg.lstsq(inner + np.diag((damping + 1e-12) * diagonal), pull, rcond=None)[0]
-        longest = float(np.abs(move / scale).max(initial=0.0))
-        out.append(move * min(1.0, LARGEST / longest) if longest > 0.0 else move)
-    return out
-
-
-def _foreseen(score: LikelihoodScore, open_: Bools) -> float:
-    """Return the gain in the log-likelihood that a full step foresees."""
-    at = np.flatnonzero(open_)
-    inner = score.information[np.ix_(at, at)]
-    inner = inner + 1e-9 * np.diag(np.maximum(np.diag(inner), 1e-12))
-    return 0.5 * float(score.gradient[at] @ np.linalg.lstsq(inner, score.gradient[at], rcond=None)[0])

@@ -9,7 +9,7 @@ from typing import Final
 import numpy as np
 
 from thermid.base.errors import IdentificationError, ScenarioError, nearest
-from thermid.base.linear_algebra import Array
+from thermid.base.linear_algebra import HALF_WIDTH_95, Array
 from thermid.fit._estimation.likelihood import DIFFERENCE, Likelihood, likelihood_of
 from thermid.fit._estimation.passing import Pass, Passing
 from thermid.fit._estimation.process import ProcessNoise
@@ -22,8 +22,6 @@ from thermid.simulation.scenarios import Scenario
 
 ORIGINS: Final = 8
 """Moments from which a left-out stretch is foreseen, at most."""
-INSIDE: Final = 1.959964
-"""Standard deviations of a 95 % band."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -53,7 +51,7 @@ class OpenLoopTrace:
     @property
     def inside(self) -> float:
         """Share of the readings inside their 95 % bands. [-]"""
-        return float(np.mean(np.abs(self.measured - self.foreseen) <= INSIDE * self.sd))
+        return float(np.mean(np.abs(self.measured - self.foreseen) <= HALF_WIDTH_95 * self.sd))
 
 
 @dataclass(frozen=True)
@@ -201,7 +199,7 @@ def foresight(found: list[list[OpenLoopTrace]]) -> OpenLoopScore:
     parts = [o for several in found for o in several]
     off = np.concatenate([o.measured - o.foreseen for o in parts])
     sd = np.concatenate([o.sd for o in parts])
-    inside = float(np.mean(np.abs(off) <= INSIDE * sd))
+    inside = float(np.mean(np.abs(off) <= HALF_WIDTH_95 * sd))
     return OpenLoopScore(float(np.sqrt(np.mean(off**2))), inside, off.size, len(found))
 
 

@@ -84,13 +84,9 @@ class Passing:
             self._forced[:, at] += along(s.start, first[:, at]) + along(s.slope, (last - first)[:, at])
 
     def _linear_step(self, belief: Belief, place: int) -> tuple[Belief, FilterStep]:
-        s, mean = self._steps[self.dynamics.lengths[place]], self._mean_after(belief.mean, place)
-        return moved(belief, s.transition, mean, s.noise), FilterStep(s.transition, s.noise, belief, mean)
-
-    def _mean_after(self, mean: Array, place: int) -> Array:
-        """Return the mean (members, states) at the next time of the grid."""
         s = self._steps[self.dynamics.lengths[place]]
-        return np.asarray(np.einsum("mij,mj->mi", s.transition, mean - self.about) + self._forced[:, place])
+        mean = np.asarray(np.einsum("mij,mj->mi", s.transition, belief.mean - self.about) + self._forced[:, place])
+        return moved(belief, s.transition, mean, s.noise), FilterStep(s.transition, s.noise, belief, mean)
 
     # linearised anew at every step
 

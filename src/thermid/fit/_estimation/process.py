@@ -98,7 +98,8 @@ def read_process(given: Mapping[str, Any], network: Network, where: str) -> tupl
 
 
 def _one(raw: str, given: Any, network: Network, where: str) -> ProcessNoise:
-    table = dict(given) if isinstance(given, Mapping) else _in_words(given)
+    first, over, after = ("", "", "") if isinstance(given, Mapping) else str(given).partition(" over ")  # a text: SIZE over TIME
+    table = dict(given) if isinstance(given, Mapping) else {"size": first.strip(), "time": after.strip()} if over else {"size": given}
     unknown = [k for k in table if k not in KEYS]
     if unknown:
         raise IdentificationError(
@@ -120,12 +121,6 @@ def _one(raw: str, given: Any, network: Network, where: str) -> ProcessNoise:
     late = table.get("time", FREE)
     time = math.inf if kind == WIENER else _positive(None if late == FREE else late, "s", HOUR, f"{where}, time")
     return ProcessNoise(target, place, kind, size, free, time, kind == MARKOV and late == FREE)
-
-
-def _in_words(given: Any) -> dict[str, Any]:
-    """Return the table that a text stands for: a size, or ``SIZE over TIME``."""
-    size, over, time = str(given).partition(" over ")
-    return {"size": size.strip(), "time": time.strip()} if over else {"size": given}
 
 
 def _positive(given: Any, unit: str, otherwise: float, where: str) -> float:

@@ -11,11 +11,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from thermid.base.arguments import takes_objects
-from thermid.base.errors import IdentificationError, NameNotFoundError, ThermidError, refuse_unknown
+from thermid.base.errors import IdentificationError, NameNotFoundError, SolverError, ThermidError, refuse_unknown
 from thermid.base.expression import Kelvin
-from thermid.base.linear_algebra import NOTHING, Array, Bools, covariance as information_inverse, quadratic_forms
+from thermid.base.linear_algebra import HALF_WIDTH_95, NOTHING, Array, Bools, covariance as information_inverse, quadratic_forms
 from thermid.base.results import PlottedTrace, Result
 from thermid.base.units import unit
+from thermid.fit._minimisation import LocalCost, descend
 from thermid.fit._problem.gather import build_problem
 from thermid.fit._problem.request import Request, priors_of
 from thermid.fit._problem.residuals import Influence, Problem, SensorTrace, Unknown
@@ -32,7 +33,8 @@ from thermid.simulation.runs import simulate
 from thermid.simulation.scenarios import Scenario
 from thermid.values.spreads import deviation
 
-STARTS = 12
+STARTS, LAW_STEP = 12, 1e-6
+"""Starts of a law with a bend, and half the step of its differences, beside a coefficient."""
 TURN = 0.05
 """Half the width of the rounded turn of a V. [K]"""
 Formula = Callable[[Array, Array], Array]
@@ -138,7 +140,9 @@ class PowerHistory(Result):
 
         axes = axes if axes is not None else Figure(figsize=(8, 3.6), layout="constrained").subplots()
         hours = self.times / 3600.0
-        axes.fill_between(hours, self.power - 1.96 * self.sd, self.power + 1.96 * self.sd, color="#9ecae1", label="95 %", linewidth=0)
+        axes.fill_between(
+            hours, self.power - HALF_WIDTH_95 * self.sd, self.power + HALF_WIDTH_95 * self.sd, color="#9ecae1", label="95 %", linewidth=0
+        )
         axes.plot(hours, self.power, color="#08519c", label="recovered")
         low, high = axes.get_ylim()
         axes.fill_between(hours, low, high, where=self.known, color="0.85", label="power known", zorder=0, linewidth=0)
@@ -152,7 +156,7 @@ class PowerHistory(Result):
 
     def _as_traces(self) -> Sequence[PlottedTrace]:
         """Return the power with its 95 % band."""
-        return [PlottedTrace(self.load, self.times, self.power, self.power - 1.96 * self.sd, self.power + 1.96 * self.sd)]
+        return [PlottedTrace(self.load, self.times, self.power, self.power - HALF_WIDTH_95 * self.sd, self.power + HALF_WIDTH_95 * self.sd)]
 
 
 @dataclass(frozen=True, eq=False)
@@ -242,30 +246,38 @@ def _means(h: PowerHistory) -> tuple[Array, Array, Array, Array]:
 
 def _best(h: PowerHistory, law: Formula, starts: list[list[float]]) -> tuple[Array, Array] | None:
     """Return coefficients and standard errors of the best of several descents."""
-    from scipy.optimize import least_squares
-
     at, power, weights, covariance = _means(h)
     sd = np.sqrt(np.diag(covariance))
 
     def misses(b: Array) -> Array:
-        return np.asarray(weights @ (power - law(at, b)) / sd)
+        with np.errstate(all="ignore"):
+            return np.asarray(weights @ (power - law(at, b)) / sd)
+
+    def local(b: Array) -> LocalCost:
+        rows, steps = misses(b), LAW_STEP * np.maximum(np.abs(b), 1.0)
+        slopes = np.column_stack([(misses(b + s) - misses(b - s)) / (2.0 * s.sum()) for s in np.diag(steps)])
+        if not (np.isfinite(rows).all() and np.isfinite(slopes).all()):
+            raise SolverError("the law gives no finite power.", h.load)
+        return 0.5 * float(rows @ rows), rows, slopes
 
     found = []
     for start in starts:
-        with np.errstate(all="ignore"):
-            try:
-                end = least_squares(misses, start, x_scale="jac", max_nfev=400)
-            except ValueError:  # the start gives no finite power
-                continue
-        found.append(end)
+        begin = np.array(start)
+        try:
+            size = np.linalg.norm(local(begin)[2], axis=0)
+            scale = 1.0 / np.where(size > 0.0, size, 1.0)
+            at_end = descend(local, begin, (begin - np.inf, begin + np.inf), scale).x
+            found.append((local(at_end), at_end))
+        except SolverError:
+            continue
     if not found:
         return None
-    best = min(found, key=lambda f: f.cost)
-    level = max(1.0, 2.0 * best.cost / max(best.fun.size - best.x.size, 1))
+    (cost, rows, slopes), b = min(found, key=lambda f: f[0][0])
+    level = max(1.0, 2.0 * cost / max(rows.size - b.size, 1))
     # each mean by its own error, since a wrong law is wrong in all of them; that their errors hang together widens the result
-    solver = np.linalg.pinv(np.asarray(best.jac))
+    solver = np.linalg.pinv(slopes)
     errors = np.sqrt(np.diag(solver @ (covariance / np.outer(sd, sd)) @ solver.T) * level)
-    return np.asarray(best.x), errors
+    return b, errors
 
 
 def _law(h: PowerHistory, name: str, law: Formula, starts: list[list[float]], names: tuple[str, ...], write: Any) -> PowerLaw | None:

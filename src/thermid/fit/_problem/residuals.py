@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 
 from thermid.base.dual import Dual, Number, gradient_of, value_of
 from thermid.base.errors import DeckError, SolverError
-from thermid.base.linear_algebra import Array
+from thermid.base.linear_algebra import HALF_WIDTH_95, Array
 from thermid.base.memo import Memo
 from thermid.base.units import Dimension
 from thermid.fit._problem.experiment import OFFSET, RATE, Experiment, Observation
@@ -162,7 +162,7 @@ class SensorStatistics:
     @property
     def white(self) -> bool:
         """Whether residuals are uncorrelated: neighbours at the 95 % level (1.96 / sqrt n), and none that wander over longer times."""
-        return bool(abs(self.lag_one) < 1.96 / np.sqrt(self.samples)) and not self.wanders
+        return bool(abs(self.lag_one) < HALF_WIDTH_95 / np.sqrt(self.samples)) and not self.wanders
 
     @property
     def wanders(self) -> bool:

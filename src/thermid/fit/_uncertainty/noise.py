@@ -104,6 +104,20 @@ def binned_trace(
     return bare if rounding is None else replace(bare, rounding=rounding[0][full], rounded=rounding[1], path=rounding[2][full])
 
 
+def trace_in_stretches(z: Array, times: Array, slopes: Array, effective_share: float = 1.0) -> Binned:
+    """Return a trace in even stretches of time, as it is up to 160 samples; `slopes` (samples, unknowns) are those of every sample.
+
+    Parameters
+    ----------
+    z : array (samples,)        Residuals in units of the noise.
+    times : array (samples,)    [s]
+    """
+    edges = times if z.size <= 2 * BINS else np.linspace(times[0], times[-1], BINS + 1)[:-1]
+    place = np.searchsorted(edges, times, side="right") - 1
+    columns = np.column_stack([stretch_means(column, place, edges.size) for column in slopes.T])
+    return binned_trace(z, z, place, stretch_means(times, place, edges.size), columns, effective_share)
+
+
 def rounding_of(block: SensorTrace, o: Observation, place: Indices, size: int) -> tuple[Array, float, Array] | None:
     """Return what the rounding errors of a trace have in common over stretches, in units of the noise; None where it has no steps.
 

@@ -13,6 +13,7 @@ from numpy.typing import NDArray
 from thermid.base.errors import SolverError
 from thermid.base.linear_algebra import Array
 from thermid.base.units import unit
+from thermid.fit.calibration import descend
 from thermid.fit.problem import Observation, Prior, Problem, Request, Unknown, build_problem
 from thermid.model.tree import Model, parameter_table
 
@@ -20,10 +21,11 @@ BINS, FINE = 40, 4
 """Stretches into which every record is thinned, and instants in each at which the model is looked at."""
 FLOOR = 0.015
 """Standard deviation of what an honest model leaves, wandering over a fifth of a log, as a share of what the sensor ranged over. [-]"""
-STEP = 1.5
-"""Largest change of a fitted form in one step: a factor of 4.5 where it is a logarithm."""
+STEP, STEP_AHEAD = 1.5, 0.02
+"""Root mean square of a first step at most, in typical changes (a factor of 4.5 of a logarithm), and the step ahead that ends a descent, in
+standard errors."""
 ROUNDS, QUICK = 25, 4
-"""Most rounds of a descent, and of one that only ranks."""
+"""Most steps of a descent, and of one that only ranks."""
 HEAT = tuple(unit(u).dimension for u in ("kg", "J/K", "J/(kg K)"))
 
 
@@ -287,36 +289,26 @@ class RoughFit:
         return int(np.argmax((columns.T @ left) ** 2 / (np.sum(columns**2, axis=0) + 1.0 / sd**2)))
 
     def solve(self, start: Array, rounds: int = ROUNDS) -> RoughEnd:
-        """Return the end of a descent (Levenberg and Marquardt) of at most some rounds.
+        """Return the end of a descent of at most some steps.
 
         Raises
         ------
         SolverError   When the start cannot be run.
         """
-        bounds = [u.fitted_bounds() for u in self.problem.unknowns]
-        bounds += [(0.0, 1.1) if self.extra.loose else (-np.inf, np.inf)] if self.extra is not None else []
-        low, high = (np.array(b) for b in zip(*bounds, strict=True)) if bounds else (np.zeros(0), np.zeros(0))
-        here = self.at(np.clip(start, low, high))
-        damping = 1e-3
-        for _ in range(rounds):
-            # (J'J + damping diag J'J) step = -J'r (Marquardt, J. SIAM 11 (1963) 431)
-            normal, force = here.slopes.T @ here.slopes, here.slopes.T @ here.rows
-            step = -np.linalg.solve(normal + np.diag(damping * np.diag(normal) + 1e-12 * max(1.0, float(np.trace(normal)))), force)
-            x = np.clip(here.x + np.clip(step, -STEP, STEP), low, high)
-            try:
-                there = self.at(x)
-                gain = here.cost - there.cost
-            except SolverError:
-                gain = 0.0
-            if gain > 0.0:
-                here, damping = there, 0.2 * damping
-                if gain < 1e-2 + 1e-4 * here.cost:
-                    break
-            else:
-                damping = max(10.0 * damping, 1e-2)
-                if damping > 1e6:
-                    break
-        return here
+        unknowns = self.problem.unknowns
+        bounds, scale = [u.fitted_bounds() for u in unknowns], [u.scale for u in unknowns]
+        if self.extra is not None:
+            bounds, scale = [*bounds, (0.0, 1.1) if self.extra.loose else (-np.inf, np.inf)], [*scale, 1.0]
+        low, high = np.array(bounds).reshape(-1, 2).T
+        ends: dict[bytes, RoughEnd] = {}
+
+        def local(x: Array) -> tuple[float, Array, Array]:
+            end = ends[x.tobytes()] = self.at(x)
+            return end.cost, end.rows, end.slopes
+
+        reach = STEP * math.sqrt(len(scale))
+        descent = descend(local, start, (low, high), np.array(scale), done=STEP_AHEAD, relative=1e-4, rounds=rounds + 1, reach=reach)
+        return ends[descent.x.tobytes()]
 
 
 def _held(model: Model, u: Unknown) -> Unknown:

@@ -182,15 +182,10 @@ def labview(text: str, file: str) -> Cells:
         )
     columns = [tuple(repr(t) for t in times), *(tuple(column) for column in zip(*rows, strict=True))]
     if sign == ",":
-        columns[1:] = [tuple(_pointed(cell) for cell in column) for column in columns[1:]]
+        columns[1:] = [tuple(cell.replace(",", ".") if is_number(cell) else cell for cell in column) for column in columns[1:]]
     start = first.isoformat() if first else None
     layout = Layout("LabVIEW measurement", "", "tab" if mark == "\t" else "comma", numbers[0] - 1)
     return Cells(file, ("X_Value [s]", *header), columns, numbers, tuple(notes), time="X_Value", start=start, layout=layout)
-
-
-def _pointed(cell: str) -> str:
-    """Return a number with a decimal point, text as it is."""
-    return cell.replace(",", ".") if is_number(cell) else cell
 
 
 def _keys(lines: list[str], at: int, file: str, mark: str = "\t") -> tuple[dict[str, list[str]], int]:

@@ -396,7 +396,7 @@ class FanTable(StrictTable):
             parameters[f"slope_{k}"] = {"value": f"{b!r} [Pa s/m^3]", "source": "datasheet"}
             own = f"(linear_resistance - speed*slope_{k}/count)"
             parameters[f"flow_{k}"] = f"2*speed**2*head_{k}/({own} + sqrt({own}**2 + 4*resistance*speed**2*head_{k}))"
-        parameters["flow"] = _highest([_lowest(k, lines, points) for k in range(len(lines))])
+        parameters["flow"] = _nested("max", list(dict.fromkeys([_lowest(k, lines, points) for k in range(len(lines))])))
         parameters["pressure"] = "linear_resistance*flow + resistance*flow**2"
         return Assembly({"title": f"fan {name}", "parameters": parameters}, {}, values.set)
 
@@ -442,10 +442,6 @@ def _lowest(k: int, lines: list[tuple[float, float]], points: list[tuple[float, 
     here = [lines[k][0] + lines[k][1] * v for v in ends]
     above = [j for j, (a, b) in enumerate(lines) if all(a + b * v >= h - 1e-12 * abs(h) for v, h in zip(ends, here, strict=True))]
     return _nested("min", [f"flow_{j}" for j in above])
-
-
-def _highest(texts: list[str]) -> str:
-    return _nested("max", list(dict.fromkeys(texts)))
 
 
 def _nested(function: str, texts: list[str]) -> str:

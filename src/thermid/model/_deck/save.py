@@ -50,7 +50,7 @@ def save_model(model: Model, path: str | os.PathLike[str], like: str | os.PathLi
     files = {file: part for file, part in files.items() if file == target or not _says(file, part)}
     texts = {file: model_text(part, pattern if file == target else None, names) for file, part in files.items()}
     # a deck that is changed in its place, comments kept, carries its content on; every other file is looked at before any is written
-    changed = target if pattern is not None and _one_file(pattern, target) else None
+    changed = target if pattern is not None and target.exists() and pattern.samefile(target) else None
     kinds = {file: OWN if file == changed else DECK.of(part.title) for file, part in files.items()}
     for file, kind in kinds.items():
         may_write(file, kind)
@@ -63,10 +63,6 @@ def _says(path: Path, model: Model) -> bool:
     if not path.is_file() or DECK.of(model.title).wrote(path):
         return False
     return _equals(path, model)
-
-
-def _one_file(one: Path, other: Path) -> bool:
-    return other.exists() and one.samefile(other)
 
 
 def _part_names(model: Model, target: Path) -> dict[str, str]:

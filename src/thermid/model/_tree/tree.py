@@ -516,7 +516,9 @@ class ParameterSet:
     def __init__(self, model: Tree) -> None:
         self.title = model.title
         self.table: Mapping[str, Entry] = parameter_table(model)
-        self._needs: dict[str, tuple[str, ...]] = {path: self._resolved(path, entry) for path, entry in self.table.items()}
+        self._needs: dict[str, tuple[str, ...]] = {
+            path: tuple(self._lookup(name, entry) for name in entry.parameter.expression.names) for path, entry in self.table.items()
+        }
         self.order: tuple[str, ...] = self._sorted()
         literals = {path: entry.parameter.expression.literal for path, entry in self.table.items()}
         self._numbers: dict[str, float] = {path: literal.value for path, literal in literals.items() if literal is not None}
@@ -524,9 +526,6 @@ class ParameterSet:
         values = self.evaluate({})
         for path, entry in self.table.items():
             check_bounds(values[path], entry.parameter, entry.where)
-
-    def _resolved(self, path: str, entry: Entry) -> tuple[str, ...]:
-        return tuple(self._lookup(name, entry) for name in entry.parameter.expression.names)
 
     def _lookup(self, name: str, entry: Entry) -> str:
         full = entry.scope + name

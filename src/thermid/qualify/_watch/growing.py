@@ -136,7 +136,7 @@ def _begins(since: Array, changed: Array, alone: Bools, step: float, raw: float,
     out, done = [], 0
     for place, far in ((wide, RECENT), (middle, RECENT), (short, max(raw, KEPT * step) if raw else -1.0)):
         firsts = np.flatnonzero((np.diff(place, prepend=-1.0) != 0.0) | alone)
-        end = _aligned(firsts, int(np.searchsorted(-age, -far))) if far >= 0.0 else since.size
+        end = int(firsts[np.searchsorted(firsts, int(np.searchsorted(-age, -far)), side="right") - 1]) if far >= 0.0 else since.size
         if end > done:
             out.append(np.union1d(done, firsts[(firsts > done) & (firsts < end)]))
             done = end
@@ -151,11 +151,6 @@ def _stretches(since: Array, size: float, step: float) -> Array:
 def _block(duration: float) -> float:
     """Return over how long readings of a log of a length are averaged, halved while the log is short. [s]"""
     return float(BLOCK * 2.0 ** min(0.0, np.floor(np.log2(max(duration, 1e-9) / (SHARE * BLOCK)))))
-
-
-def _aligned(firsts: Places, place: int) -> int:
-    """Return the begin of the stretch that holds a sample."""
-    return int(firsts[np.searchsorted(firsts, place, side="right") - 1])
 
 
 def blocked(record: Record, least: float = 0.0) -> Record:

@@ -19,7 +19,6 @@ from thermid.fit.calibration import minimise
 from thermid.fit.problem import Bench, Compressed, Experiment, Prior, Unknown, bind
 from thermid.measure.records import Record, step_of
 from thermid.measure.steadiness import CORRELATED, StabilityRule, effective_samples
-from thermid.model.laws import Signal
 from thermid.model.tree import Model
 from thermid.physics.constants import ICE_POINT
 from thermid.qualify._steadiness.forecast import FEWEST, EndForecast, IntervalEstimate
@@ -96,7 +95,7 @@ class LiveFit:
     def _until(self, record: Record) -> Scenario | None:
         """Return the scenario with all that a plan changes later left as it is at the end of a record."""
         last = record.duration
-        return None if self.scenario is None else self.scenario.mapped(lambda s: as_at(s, last))
+        return None if self.scenario is None else self.scenario.mapped(lambda s: s.cut(0.0, last).held_on() if s.extent > last else s)
 
     def ends(self, record: Record, channels: Sequence[str], rule: StabilityRule, within: float, level: float) -> dict[str, ModelForecast]:
         """Return every channel -> where it ends; nothing while readings are few.
@@ -112,11 +111,6 @@ class LiveFit:
         if made is None or any(np.count_nonzero(record.channel(n).valid) < FEWEST for n in channels):
             return {}
         return {n: _forecast(n, record, end, rule, within, level) for n, end in made.ends(rule, level).items() if n in channels}
-
-
-def as_at(signal: Signal, end: float) -> Signal:
-    """Return a signal that stays as it is at a time. [s]"""
-    return signal.cut(0.0, end).held_on() if signal.extent > end else signal
 
 
 def _forecast(name: str, record: Record, end: Settled, rule: StabilityRule, within: float, level: float) -> ModelForecast:

@@ -16,7 +16,7 @@ import numpy as np
 
 from thermid.base.dual import value_of
 from thermid.base.errors import RecordError, SolverError
-from thermid.base.linear_algebra import Array, Bools
+from thermid.base.linear_algebra import HALF_WIDTH_95, Array, Bools
 from thermid.fit.estimation import WIENER, At, Belief, Dynamics, Passing, ProcessNoise
 from thermid.fit.problem import Bench, Experiment, bind
 from thermid.measure.amounts import duration_text, short
@@ -367,7 +367,11 @@ class Watcher:
         doubt = f"there is an alarm: {next(iter(self._named.values()))}" if self._named else ""
         doubt = doubt or ("readings differ from the model's forecast; the cause is not known yet." if found else "")
         settles = self._settles(kept) if self.model is not None and names and not doubt and self.stopping.due(kept) else {}
-        advice = self.stopping.decide(calm, names, settles, doubt) if names else _no_reading(float(record.times[-1]))
+        advice = (
+            self.stopping.decide(calm, names, settles, doubt)
+            if names
+            else StopAdvice("declined", "no sensor gives readings any more. Check the logger.", 0, 0.0, {}, None, float(record.times[-1]))
+        )
         return WatchLook(float(record.times[-1]), advice, tuple(self._named.values()), nodes, self._assumed(recent))
 
     def _assumed(self, record: Record) -> tuple[str, ...]:
@@ -559,7 +563,8 @@ class _Window:
         read = {o.seat for o in self.dynamics.experiment.observations}
         sd = np.sqrt(last.variance[0])
         return tuple(
-            NodeBand(n, float(m), 1.96 * float(s), n in read) for n, m, s in zip(self.dynamics.states, last.mean[0], sd, strict=True)
+            NodeBand(n, float(m), HALF_WIDTH_95 * float(s), n in read)
+            for n, m, s in zip(self.dynamics.states, last.mean[0], sd, strict=True)
         )
 
     @property
@@ -640,7 +645,3 @@ def _is_off(channel: Channel) -> bool:
     """Whether a logged power is no more than its noise, so that no share of it can be missing."""
     seen = channel.values[channel.valid]
     return not seen.size or float(np.abs(seen).max()) <= OFF * found_noise(channel)
-
-
-def _no_reading(at: float) -> StopAdvice:
-    return StopAdvice("declined", "no sensor gives readings any more. Check the logger.", 0, 0.0, {}, None, at)

@@ -11,6 +11,7 @@ from importlib.metadata import PackageNotFoundError, version
 
 import numpy as np
 
+from thermid.base.linear_algebra import HALF_WIDTH_95
 from thermid.base.units import from_si, si_unit, unit
 from thermid.campaign.stages import Campaign
 from thermid.campaign.verdicts import Check, Verdict, largest, metric
@@ -461,8 +462,6 @@ MOST, LINES = 8, 5
 """Fitted values, and remarks of each kind, at the top; the rest stands below."""
 VAGUE = 0.25
 """Relative half-width of an interval from which a value counts as hardly known."""
-NORMAL = 1.959964
-"""95 % of a normal distribution lie within so many standard deviations."""
 
 
 @dataclass(frozen=True)
@@ -505,9 +504,9 @@ def glance(campaign: Campaign, places: Mapping[str, str]) -> Glance:
 def interval(v: FittedValue) -> tuple[float, float]:
     """Return the ends of the 95 % interval of a fitted value; of one that was fitted by its logarithm the factor is symmetric. [SI]"""
     if v.log and v.value > 0 and math.isfinite(v.error):
-        factor = math.exp(NORMAL * v.error / v.value)
+        factor = math.exp(HALF_WIDTH_95 * v.error / v.value)
         return v.value / factor, v.value * factor
-    return v.value - NORMAL * v.error, v.value + NORMAL * v.error
+    return v.value - HALF_WIDTH_95 * v.error, v.value + HALF_WIDTH_95 * v.error
 
 
 def _cut(remarks: list[Remark]) -> tuple[Remark, ...]:

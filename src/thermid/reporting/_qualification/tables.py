@@ -8,6 +8,7 @@ from collections.abc import Mapping
 
 import numpy as np
 
+from thermid.base.linear_algebra import HALF_WIDTH_95
 from thermid.base.sourced import MARKS
 from thermid.campaign.verdicts import Correlation, Overlay
 from thermid.physics.constants import ICE_POINT
@@ -28,9 +29,6 @@ from thermid.reporting._blocks.content import (
     significant,
     verdict_cell,
 )
-
-HALF_WIDTH_95 = 1.96
-"""Half of a 95 % interval in standard deviations of a normal distribution."""
 
 
 def tests(q: Qualification) -> Table:

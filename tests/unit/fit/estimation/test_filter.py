@@ -140,7 +140,7 @@ def test_filter_and_smoother_against_one_dense_normal() -> None:
     record, scenario = rack_log()
     found = likelihood(rack(), record, scenario, NOISES, {"plate": 0.3, "box": 0.5, "lid": 2.0, "room": 1.0})
     log_likelihood, times, mean, sd = dense(found, scenario, rack())
-    assert -found.losses([found.start])[0] == pytest.approx(log_likelihood, rel=1e-9, abs=1e-9)
+    assert -found.score(found.start).loss == pytest.approx(log_likelihood, rel=1e-9, abs=1e-9)
     kept = found.passing(0, [found.start]).run(keep=True)
     every = smoothed(kept.last, [leg for way in kept.legs for leg in way])
     dynamics = found.dynamics[0]

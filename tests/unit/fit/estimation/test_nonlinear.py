@@ -139,9 +139,9 @@ def test_a_linear_network_is_the_same_by_both_ways() -> None:
     problem = build_problem(Request(house(), (case.record,), (), {"*": case.scenario}, name="t", fit_start=False))
     noises = read_process({"wall": "1.5e-3 [K/s^0.5]"}, problem.experiments[0].network, "t")
     found = likelihood_of(problem, noises, {"wall": 0.1, "indoor": 0.1})
-    exact = found.losses([found.start])
+    exact = found.score(found.start).loss
     found.dynamics[0].linear = False
-    assert found.losses([found.start]) == pytest.approx(exact, rel=1e-9)
+    assert found.score(found.start).loss == pytest.approx(exact, rel=1e-9)
 
 
 def test_rates_of_many_members_are_those_of_each(log: tuple[Array, Array, Array]) -> None:
