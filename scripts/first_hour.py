@@ -182,7 +182,7 @@ def judged(seed: int, folder: Path) -> dict[str, Any]:
     inside = sum(v for path, v in values.items() if path.endswith(".capacitance") and not path.startswith("plate"))
     truth = bench.capacities["box"] + bench.capacities["board"] + bench.capacities["converter"]
     ratios = {"inside": inside / truth, "plate.capacitance": values.get("plate.capacitance", np.nan) / bench.capacities["plate"]}
-    joint = next((v for path, v in values.items() if path in ("box_plate.conductance", "plate_box.conductance")), np.nan)
+    joint = next((v for path, v in values.items() if path in ("box_to_plate.conductance", "plate_to_box.conductance")), np.nan)
     return row | {"ratios": {k: float(v) for k, v in ratios.items()} | {"contact": float(joint / bench.contact)}, "values": values}
 
 

@@ -16,6 +16,7 @@ from thermid.base.files import DECK, may_write, write_text
 from thermid.campaign._start.proposal import LOOSE_AMBIENT, Proposal, orders_text
 from thermid.campaign._start.roles import SURROUNDINGS, thinned_step
 from thermid.campaign._start.schemas import headed, may_write_schemas, write_schemas
+from thermid.campaign._start.switching import instants_text, with_instants
 from thermid.campaign._start.templates import ROOT, TEMPLATE
 from thermid.fit.calibration import fit
 from thermid.fit.problem import LocalSpec, Request
@@ -98,6 +99,7 @@ def write_project(
     OutputError     When a file is there that thermid did not write.
     """
     request, fixed, left_out = settled(proposal.chosen, proposal.roles.boundary)
+    *fitted, kept = with_instants([*fitted, kept], proposal.instants)
     deck = f"{title}.toml"
     texts = {
         deck: (_deck(proposal, request, fixed, left_out, source, title), DECK.of(title)),
@@ -267,6 +269,8 @@ def _campaign(
     channels = proposal.roles.channels(proposal.noise, proposal.known.accuracy)
     for column, node in seats.items():
         channels[column]["node"] = node
+    for power in proposal.roles.powers if proposal.instants else ():
+        channels[power.column]["prompt"] = True
     step = thinned_step(max(fitted, key=lambda r: r.duration)) if max(r.times.size for r in fitted) > 600 else 0.0
     document = tomlkit.document()
     document.add("title", f"{title}: first fit and hold-out")
@@ -315,6 +319,7 @@ def _campaign(
         f"Limits of the verdict: {NOISES:g} noises or {100 * RANGE:g} % of the range of the readings. Replace them by yours.",
         "The noise is estimated from second differences of the readings.",
         proposal.offsets_text,
+        *([instants_text(proposal.instants)] if proposal.instants else []),
         *(f"{said}; empty in the logs beside this file." for said in masked),
     ]
     return _said(head) + tomlkit.dumps(document)

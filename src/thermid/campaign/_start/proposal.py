@@ -3,15 +3,16 @@
 from __future__ import annotations
 
 import itertools
-from collections.abc import Collection, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from typing import Any
 
 import numpy as np
 
 from thermid.base.errors import DeckError, IdentificationError, ThermidError, refuse_unknown
-from thermid.campaign._start.physical import SLOWEST_SENSOR, KnownMass, not_physical, too_far
+from thermid.campaign._start.physical import SLOWEST_SENSOR, KnownMass, not_physical, too_far, weights
 from thermid.campaign._start.roles import ACCURACY, Power, Roles, part_name, with_noise
+from thermid.campaign._start.switching import Instants, found_instants, instants_text, with_instants
 from thermid.fit.problem import LocalSpec, Request, first_reading
 from thermid.inference.criticism import (
     EVALUATIONS,
@@ -92,6 +93,7 @@ class Proposal:
     noise : dict                Column -> noise of one reading, as found. [K]
     assumed : str               What was assumed because the log cannot tell it; empty for nothing.
     known : StatedFacts               What was known beside the log.
+    instants : dict             Record -> when its powers changed, where the readings say.
     """
 
     roles: Roles
@@ -99,6 +101,7 @@ class Proposal:
     noise: Mapping[str, float]
     assumed: str
     known: StatedFacts = StatedFacts()
+    instants: Mapping[str, Instants] = field(default_factory=dict)
 
     @property
     def chosen(self) -> FittedStructure:
@@ -170,7 +173,7 @@ class Proposal:
         lines[1:1] = [self.unexplained] if self.unexplained else []
         lines[1:1] = [f"Not physical: {c}" for c in self.not_physical]
         lines += [f"Assumed: {self.assumed}"] if self.assumed else []
-        lines += [self.offsets_text, *self.roles.questions]
+        lines += [t for t in (self.offsets_text, instants_text(self.instants), *self.roles.questions) if t]
         return "\n".join([*lines, str(self.search)])
 
 
@@ -329,7 +332,9 @@ def propose(
     _refuse_still(made, roles, sizes)
     roles = replace(roles, powers=tuple(_placed(p, roles, made) for p in roles.powers))
     roles, begun = _begun(roles, made, known)
-    search = search_structure(begun.request, changes=_within(set(roles.parts.values())), evaluations=evaluations, begin=begun.fitted)
+    instants = found_instants(begun)
+    request = replace(begun.request, records=tuple(with_instants(begun.request.records, instants)))
+    search = search_structure(request, changes=_within(roles, known), evaluations=evaluations, begin=begun.fitted)
     assumed = ""
     if _ratios_only(roles, known):
         first = next(iter(roles.parts.values()))
@@ -337,11 +342,12 @@ def propose(
             f"{first}.capacitance = {ASSUMED:g} J/K, because no column gives a power in watts, so the log determines ratios to it "
             f"only. Give --full-scale COLUMN='... [W]', or a mass: --mass {first}='1.2 [kg]'."
         )
-    return Proposal(roles, search, sizes, assumed, known)
+    return Proposal(roles, search, sizes, assumed, known, instants)
 
 
-def _within(measured: Collection[str]) -> Any:
-    """Return the changes of a fitted structure that keep it within the masses of a proposal."""
+def _within(roles: Roles, known: StatedFacts) -> Any:
+    """Return the changes of a fitted structure that keep it within the masses of a proposal, and weighed parts within their weight."""
+    measured = set(roles.parts.values())
 
     def changes(seen: Fitted) -> list[MissingElement]:
         room = max(MOST_MASSES, len(measured) + 1) - len(seen.request.model.nodes)
@@ -349,7 +355,7 @@ def _within(measured: Collection[str]) -> Any:
         tips = [f"'{n}'" for n in seen.request.model.nodes if n not in measured and n.endswith("_sensor")]
         barred = [*UNSAID, *tips]  # a sensor touches its part and nothing else
         able = (c for c in changes_of(seen) if (c.nodes <= room or c.name in lags) and not any(w in c.name for w in barred))
-        return [_fixed_sensors(c, seen) if c.name in lags else c for c in able]
+        return [_weighed(_fixed_sensors(c, seen) if c.name in lags else c, roles, known) for c in able]
 
     return changes
 
@@ -364,6 +370,18 @@ def _fixed_sensors(lag: MissingElement, seen: Fitted) -> MissingElement:
         return text, possible and all(c / found[path].value <= SLOWEST_SENSOR for path, c in held.items())
 
     return replace(lag, judge=judge)
+
+
+def _weighed(change: MissingElement, roles: Roles, known: StatedFacts) -> MissingElement:
+    """Return a change that is possible only as long as every weighed part has a heat capacity that its weight allows."""
+    model = change.request.model
+
+    def judge(found: Any) -> tuple[str, bool]:
+        text, possible = change.judge(found)
+        values = {path: found[path].value for path in found if path.rpartition(".")[2] in ("capacitance", "conductance")}
+        return text, possible and all(c.verdict == "possible" for c in weights(model, values, roles, known.masses))
+
+    return replace(change, judge=judge) if known.masses else change
 
 
 def _refuse_still(records: Sequence[Record], roles: Roles, noise: Mapping[str, float]) -> None:
