@@ -42,15 +42,20 @@ class Inputs:
             self.boundaries[path] = signal if errors is None else signal.raised(errors.get(channel.name, 0.0))
             if channel.accuracy:
                 self.shared[channel.name] = (path, channel.accuracy)
-        elif channel.gain or role == "command":
+        elif commanded(channel, role):
             self.commands[path] = signal
-            if channel.gain:
-                self.gains[path] = channel.gain
         else:
             self.loads[path] = signal if errors is None else signal.scaled(errors.get(channel.name, 1.0))
             power = power_while_on(signal)
             if channel.accuracy and power > 0:
                 self.shared[channel.name] = (f"scale.{path}", channel.accuracy / power)
+        if channel.gain:
+            self.gains[path] = channel.gain
+
+
+def commanded(channel: Channel, role: str) -> bool:
+    """Return whether a channel is no power yet: its gain in watts makes it one. The gain of a power is a share of it."""
+    return role == "command" or bool(channel.gain and channel.quantity != "power")
 
 
 def on_the_clock_of(record: Record, scenario: Scenario) -> Scenario:
@@ -697,9 +702,9 @@ def bind(
         else:
             _bare(channel, role, record)
             driven[channel.name] = path
-            if role != "command" and not channel.gain and (noise := _input_noise(channel)).any:
+            if not commanded(channel, role) and (noise := _input_noise(channel)).any:
                 noisy[path if role == "boundary" else SCALE + path] = noise
-            if role != "command" and not channel.gain and channel.common and errors is None:
+            if not commanded(channel, role) and channel.common and errors is None:
                 means |= _of_mean(channel, role, path, signal_of(record, channel.name, zero, held=role != "boundary"))
             inputs.take(channel, role, path, signal_of(record, channel.name, zero, held=role != "boundary"), errors)
     if not observed:
