@@ -174,7 +174,7 @@ def judged(seed: int, folder: Path) -> dict[str, Any]:
     row: dict[str, Any] = {"seed": seed, "init": code}
     if made is None:
         return row
-    row |= {"masses": made["masses"], "not_physical": [c["path"] for c in made["not_physical"]], "fixed": made["fixed"]}
+    row |= {"masses": made["masses"], "not_physical": [c["path"] for c in made["not_physical"]], "depends": made["depends_on_structure"], "fixed": made["fixed"]}
     row["calibrate"], done = _said("calibrate", project / "campaign.toml")
     if done is None:
         return row

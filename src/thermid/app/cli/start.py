@@ -102,6 +102,7 @@ def init(
         "masked": masked,
         "unexplained": found.unexplained,
         "not_physical": [c.to_dict() for c in found.not_physical],
+        "depends_on_structure": [{"path": p, "low": low, "high": high} for p, (low, high) in found.depending.items()],
         "offsets_K": {c: {"value": v, "error": e} for c, (v, e) in found.offsets.items()},
         "questions": list(roles.questions),
         "fixed": list(made.fixed),

@@ -218,6 +218,7 @@ def _deck(proposal: Proposal, request: Request, fixed: Sequence[str], left_out: 
     head += [f"This log cannot separate structures of {orders_text(orders)} masses."] if len(orders) > 1 else []
     head += [proposal.unexplained] if proposal.unexplained else []
     head += [f"Not physical: {c}" for c in proposal.not_physical]
+    head += [proposal.depending_text] if proposal.depending else []
     head += [f"Assumed: {proposal.assumed}"] if proposal.assumed else []
     head += [f"Left out, because the log does not determine them: {', '.join(left_out)}."] if left_out else []
     return _said(head) + tomlkit.dumps(document)

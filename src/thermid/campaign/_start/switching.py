@@ -6,7 +6,7 @@ A search of a structure would answer such a step with a mass.
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -14,7 +14,7 @@ from scipy.linalg import block_diag
 
 from thermid.base.errors import ThermidError
 from thermid.fit.problem import Request, build_problem
-from thermid.inference.criticism import Fitted, FittedStructure, MissingElement, changes_of, fitted_structure
+from thermid.inference.criticism import Fitted, FittedStructure, MissingElement, fitted_structure
 from thermid.base.linear_algebra import Indices
 from thermid.measure.records import FloatArray, Record
 
@@ -95,17 +95,22 @@ class Instants:
         return replace(self, shifts=np.clip(moved, -FARTHEST * self.step, FARTHEST * self.step))
 
 
-def found_instants(begun: FittedStructure) -> dict[str, Instants]:
+def found_instants(begun: FittedStructure, changes: Callable[[Fitted], Sequence[MissingElement]]) -> dict[str, Instants]:
     """Return record -> when its powers changed, for records whose readings prove it.
 
     Each instant is an unknown beside those of the structure at the beginning with a mass that takes the heat, which would answer a delay
     too.
+
+    Parameters
+    ----------
+    begun : FittedStructure     The structure at the beginning.
+    changes : callable          Changes of it that may be.
     """
     records = begun.request.records
     asked = {r.name: _unmoved(r, edges) for r in records if (edges := _edges(r, _driven(r))).size}
     if not asked:
         return {}
-    one = _with_a_mass(begun)
+    one = _with_a_mass(begun, changes)
     ends, at, found = [], one, asked
     for _ in range(ROUNDS):
         try:
@@ -162,10 +167,10 @@ def _unmoved(record: Record, edges: Indices) -> Instants:
     return Instants(record.times[edges], np.zeros(edges.size if edges.size <= MOST_CHANGES else 1), record.step)
 
 
-def _with_a_mass(one: FittedStructure) -> FittedStructure:
+def _with_a_mass(one: FittedStructure, changes: Callable[[Fitted], Sequence[MissingElement]]) -> FittedStructure:
     """Return a structure with a mass that takes its power, fitted; as it is where that does not end."""
     made = [one]
-    for change in changes_of(Fitted.of_problem(one.request, one.problem, one.end.fitted)):
+    for change in changes(Fitted.of_problem(one.request, one.problem, one.end.fitted)):
         for start in (change.starts or ({},)) if change.name.startswith("an inner mass") else ():
             try:
                 made.append(fitted_structure((change,), change.request, one.fitted, start))
