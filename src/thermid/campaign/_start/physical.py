@@ -102,7 +102,9 @@ def weights(model: Model, values: Mapping[str, float], roles: Roles, masses: Map
     for node, capacity in held.items():
         seat, seen = node, {node}
         while seat not in roles.parts.values():
-            ties = {n: values.get(f"{c}.conductance", 0.0) for c, law in model.conductors.items() if seat in law.between for n in law.between}
+            ties = {
+                n: values.get(f"{c}.conductance", 0.0) for c, law in model.conductors.items() if seat in law.between for n in law.between
+            }
             near = {n: tie for n, tie in ties.items() if n not in seen and n in model.nodes}
             if not near:
                 break

@@ -54,8 +54,8 @@ CONTACTS = (0.3, 10.0)
 
 FIXED, FIXED_SD = 0.2, "70 [%]"
 """What is fixed to a weighed part, over its heat capacity: boards in boxes are 5 to 50 %. [-]"""
-ALIKE, APART = 1.05, 2.0
-"""Structures whose residuals are within 5 % count as alike; a value that differs by a factor of two among them is not determined. [-]"""
+ALIKE, APART = 1.05, 3.0
+"""Structures whose residuals are within 5 % count as alike; a value that differs by a factor of three among them is not determined. [-]"""
 FREE = ("capacitance", "mass", "conductance", "resistance", "htc", "effective_htc", "contact_conductance")
 """Fields of a deck that a first fit looks for, unless their source is a measurement or a data sheet."""
 STATED = ("measured", "published", "datasheet")
@@ -155,8 +155,15 @@ class Proposal:
     @property
     def depending_text(self) -> str:
         """Which values depend on the structure; empty for none."""
-        each = [f"{path} {low:.3g} to {high:.3g} {'J/K' if path.endswith('.capacitance') else 'W/K'}" for path, (low, high) in self.depending.items()]
-        return f"Not determined, because structures that fit as well differ: {', '.join(each)}. State masses or paths that you know: --mass, --path." if each else ""
+        each = [
+            f"{path} {low:.4g} to {high:.4g} {'J/K' if path.endswith('.capacitance') else 'W/K'}"
+            for path, (low, high) in self.depending.items()
+        ]
+        return (
+            f"Not determined, because structures that fit as well differ: {', '.join(each)}. State masses or paths that you know: --mass, --path."
+            if each
+            else ""
+        )
 
     @property
     def decided(self) -> bool:

@@ -13,9 +13,9 @@ import numpy as np
 from scipy.linalg import block_diag
 
 from thermid.base.errors import ThermidError
-from thermid.fit.problem import Request, build_problem
-from thermid.inference.criticism import Fitted, FittedStructure, MissingElement, fitted_structure
 from thermid.base.linear_algebra import Indices
+from thermid.fit.problem import build_problem
+from thermid.inference.criticism import Fitted, FittedStructure, MissingElement, fitted_structure
 from thermid.measure.records import FloatArray, Record
 
 MOST_CHANGES = 12
@@ -120,6 +120,8 @@ def found_instants(begun: FittedStructure, changes: Callable[[Fitted], Sequence[
             break
         ends.append((at.end.cost + sum(f.penalty for f in found.values()), found, at))
     cost, found, at = min(ends, key=lambda end: end[0], default=(np.inf, {}, one))
+    if any(float(np.ptp(f.shifts)) > 1.1 * f.step for f in found.values()):
+        return {}  # each is in the interval before its sample, on one clock: what differs by more is no instant, but a mass
     reduced = max(at.end.chi_square / max(at.problem.freedom, 1.0), 1e-12)
     return found if one.end.cost - cost > PROVED * reduced * sum(f.shifts.size for f in found.values()) else {}
 
@@ -137,7 +139,9 @@ def instants_text(found: Mapping[str, Instants]) -> str:
     """Return what was changed in logs and why; empty for nothing."""
     if not found:
         return ""
-    each = [f"{t:.0f} s {by:+.0f} s" for f in found.values() for t, by in zip(f.logged, np.broadcast_to(f.shifts, f.logged.shape), strict=True)]
+    each = [
+        f"{t:.0f} s {by:+.0f} s" for f in found.values() for t, by in zip(f.logged, np.broadcast_to(f.shifts, f.logged.shape), strict=True)
+    ]
     shown = ", ".join(each[:MOST_CHANGES])
     return (
         f"Powers changed at other times than logged, by the temperatures: {shown}. The logs that init writes have these times; "

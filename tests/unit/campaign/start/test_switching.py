@@ -50,7 +50,7 @@ def test_powers_that_were_logged_when_they_changed_stay(tmp_path: Path) -> None:
 
 
 def test_a_record_has_rows_at_its_instants_and_the_readings_stay(tmp_path: Path) -> None:
-    roles, record = logged(tmp_path / "log.csv")
+    _, record = logged(tmp_path / "log.csv")
     moved = Instants(np.array([660.0, 2460.0, 4080.0]), np.array([-50.0, -20.0, 30.0]), 60.0)
     (made,) = with_instants([record], {record.name: moved})
     new = np.setdiff1d(made.times, record.times)
