@@ -159,11 +159,8 @@ class Proposal:
             f"{path} {low:.4g} to {high:.4g} {'J/K' if path.endswith('.capacitance') else 'W/K'}"
             for path, (low, high) in self.depending.items()
         ]
-        return (
-            f"Not determined, because structures that fit as well differ: {', '.join(each)}. State masses or paths that you know: --mass, --path."
-            if each
-            else ""
-        )
+        found = f"Not determined, because structures that fit as well differ: {', '.join(each)}. "
+        return f"{found}State masses or paths that you know: --mass, --path." if each else ""
 
     @property
     def decided(self) -> bool:
