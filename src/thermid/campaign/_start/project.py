@@ -267,11 +267,7 @@ def _campaign(
 ) -> str:
     """Return the campaign: the logs, one stage, one verdict."""
     seats = {c.name: str(c.target) for c in request.records[0].channels.values() if c.role == "node"}
-    channels = proposal.roles.channels(proposal.noise, proposal.known.accuracy)
-    for column, node in seats.items():
-        channels[column]["node"] = node
-    for power in proposal.roles.powers if proposal.instants else ():
-        channels[power.column]["prompt"] = True
+    channels = _channels(proposal, seats)
     step = thinned_step(max(fitted, key=lambda r: r.duration)) if max(r.times.size for r in fitted) > 600 else 0.0
     document = tomlkit.document()
     document.add("title", f"{title}: first fit and hold-out")
@@ -324,6 +320,16 @@ def _campaign(
         *(f"{said}; empty in the logs beside this file." for said in masked),
     ]
     return _said(head) + tomlkit.dumps(document)
+
+
+def _channels(proposal: Proposal, seats: Mapping[str, str]) -> dict[str, dict[str, Any]]:
+    """Return column -> its table: thermometers at the nodes that they read, powers with a row at every change where it was found."""
+    channels = proposal.roles.channels(proposal.noise, proposal.known.accuracy)
+    for column, node in seats.items():
+        channels[column]["node"] = node
+    for power in proposal.roles.powers if proposal.instants else ():
+        channels[power.column]["prompt"] = True
+    return channels
 
 
 def _hidden_starts(request: Request, records: Sequence[Record], seats: Mapping[str, str]) -> dict[str, dict[str, str]]:

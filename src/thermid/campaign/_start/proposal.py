@@ -54,7 +54,7 @@ CONTACTS = (0.3, 10.0)
 
 FIXED, FIXED_SD = 0.2, "70 [%]"
 """What is fixed to a weighed part, over its heat capacity: boards in boxes are 5 to 50 %. [-]"""
-ALIKE, APART = 1.05, 3.0
+FITS_AS_WELL, THREEFOLD = 1.05, 3.0
 """Structures whose residuals are within 5 % count as alike; a value that differs by a factor of three among them is not determined. [-]"""
 FREE = ("capacitance", "mass", "conductance", "resistance", "htc", "effective_htc", "contact_conductance")
 """Fields of a deck that a first fit looks for, unless their source is a measurement or a data sheet."""
@@ -142,9 +142,9 @@ class Proposal:
         one = self.chosen
         parts = [f"{n}.capacitance" for n in self.roles.parts.values()]
         paths = [p for p in one.values if p in parts or p in self._between]
-        alike = [s for s in self.search.structures if (s.possible or not s.changes) and s.rmse <= ALIKE * one.rmse]
+        alike = [s for s in self.search.structures if (s.possible or not s.changes) and s.rmse <= FITS_AS_WELL * one.rmse]
         found = {p: [s.values[p] for s in (one, *alike) if p in s.values] for p in paths}
-        return {p: (min(v), max(v)) for p, v in found.items() if max(v) > APART * min(v)}
+        return {p: (min(v), max(v)) for p, v in found.items() if max(v) > THREEFOLD * min(v)}
 
     @property
     def _between(self) -> list[str]:

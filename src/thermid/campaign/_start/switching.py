@@ -18,15 +18,15 @@ from thermid.fit.problem import build_problem
 from thermid.inference.criticism import Fitted, FittedStructure, MissingElement, fitted_structure
 from thermid.measure.records import FloatArray, Record
 
-MOST_CHANGES = 12
+MOST_INSTANTS = 12
 """Changes of power that have an instant of their own; where there are more, all act later or earlier by one time."""
 LEAST_CHANGE = 0.1
 """Change of a power, over its range, whose instant is looked for. [-]"""
 ROUNDS = 5
 """Steps of Gauss and Newton, each of an interval at most."""
-PROVED = 4.0
+PROVES_INSTANT = 4.0
 """Log-likelihood that each instant has to gain, those that do nothing gain a half. [-]"""
-FARTHEST = 4.0
+FARTHEST_SHIFT = 4.0
 """Most that a change may be moved, over an interval: more is a clock of its own. [-]"""
 
 
@@ -92,7 +92,7 @@ class Instants:
     def stepped(self, step: FloatArray) -> Instants:
         """Return the instants after a step (changes,). [s]"""
         moved = self.shifts + np.clip(step, -self.step, self.step)
-        return replace(self, shifts=np.clip(moved, -FARTHEST * self.step, FARTHEST * self.step))
+        return replace(self, shifts=np.clip(moved, -FARTHEST_SHIFT * self.step, FARTHEST_SHIFT * self.step))
 
 
 def found_instants(begun: FittedStructure, changes: Callable[[Fitted], Sequence[MissingElement]]) -> dict[str, Instants]:
@@ -123,7 +123,7 @@ def found_instants(begun: FittedStructure, changes: Callable[[Fitted], Sequence[
     if any(float(np.ptp(f.shifts)) > 1.1 * f.step for f in found.values()):
         return {}  # each is in the interval before its sample, on one clock: what differs by more is no instant, but a mass
     reduced = max(at.end.chi_square / max(at.problem.freedom, 1.0), 1e-12)
-    return found if one.end.cost - cost > PROVED * reduced * sum(f.shifts.size for f in found.values()) else {}
+    return found if one.end.cost - cost > PROVES_INSTANT * reduced * sum(f.shifts.size for f in found.values()) else {}
 
 
 def with_instants(records: Sequence[Record], found: Mapping[str, Instants]) -> list[Record]:
@@ -142,7 +142,7 @@ def instants_text(found: Mapping[str, Instants]) -> str:
     each = [
         f"{t:.0f} s {by:+.0f} s" for f in found.values() for t, by in zip(f.logged, np.broadcast_to(f.shifts, f.logged.shape), strict=True)
     ]
-    shown = ", ".join(each[:MOST_CHANGES])
+    shown = ", ".join(each[:MOST_INSTANTS])
     return (
         f"Powers changed at other times than logged, by the temperatures: {shown}. The logs that init writes have these times; "
         "in the hold-out record every change is moved by their mean."
@@ -168,7 +168,7 @@ def _edges(record: Record, driven: Sequence[str]) -> Indices:
 
 def _unmoved(record: Record, edges: Indices) -> Instants:
     """Return the changes of a record where they were logged; one shift for all where there are many."""
-    return Instants(record.times[edges], np.zeros(edges.size if edges.size <= MOST_CHANGES else 1), record.step)
+    return Instants(record.times[edges], np.zeros(edges.size if edges.size <= MOST_INSTANTS else 1), record.step)
 
 
 def _with_a_mass(one: FittedStructure, changes: Callable[[Fitted], Sequence[MissingElement]]) -> FittedStructure:

@@ -42,7 +42,7 @@ class Inputs:
             self.boundaries[path] = signal if errors is None else signal.raised(errors.get(channel.name, 0.0))
             if channel.accuracy:
                 self.shared[channel.name] = (path, channel.accuracy)
-        elif commanded(channel, role):
+        elif role == "command":
             self.commands[path] = signal
         else:
             self.loads[path] = signal if errors is None else signal.scaled(errors.get(channel.name, 1.0))
@@ -51,11 +51,6 @@ class Inputs:
                 self.shared[channel.name] = (f"scale.{path}", channel.accuracy / power)
         if channel.gain:
             self.gains[path] = channel.gain
-
-
-def commanded(channel: Channel, role: str) -> bool:
-    """Return whether a channel is no power yet: its gain in watts makes it one. The gain of a power is a share of it."""
-    return role == "command" or bool(channel.gain and channel.quantity != "power")
 
 
 def on_the_clock_of(record: Record, scenario: Scenario) -> Scenario:
@@ -701,10 +696,11 @@ def bind(
             observed.append((channel, path))
         else:
             _bare(channel, role, record)
+            role = "command" if channel.gain and channel.quantity != "power" else role  # the gain of a power is a share of it
             driven[channel.name] = path
-            if not commanded(channel, role) and (noise := _input_noise(channel)).any:
+            if role != "command" and (noise := _input_noise(channel)).any:
                 noisy[path if role == "boundary" else SCALE + path] = noise
-            if not commanded(channel, role) and channel.common and errors is None:
+            if role != "command" and channel.common and errors is None:
                 means |= _of_mean(channel, role, path, signal_of(record, channel.name, zero, held=role != "boundary"))
             inputs.take(channel, role, path, signal_of(record, channel.name, zero, held=role != "boundary"), errors)
     if not observed:
