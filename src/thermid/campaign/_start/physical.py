@@ -97,7 +97,7 @@ def weights(model: Model, values: Mapping[str, float], roles: Roles, masses: Map
     model : Model       The structure.
     values : dict       Path -> capacitance [J/K] or conductance [W/K] that was fitted; those of one element alone count.
     """
-    held = {n: values[f"{n}.capacitance"] for n in model.nodes if f"{n}.capacitance" in values}
+    held = {path.rpartition(".")[0]: value for path, value in values.items() if path.endswith(".capacitance")}
     inside = {part: 0.0 for part in masses if part in held}
     for node, capacity in held.items():
         seat, seen = node, {node}
@@ -105,7 +105,7 @@ def weights(model: Model, values: Mapping[str, float], roles: Roles, masses: Map
             ties = {
                 n: values.get(f"{c}.conductance", 0.0) for c, law in model.conductors.items() if seat in law.between for n in law.between
             }
-            near = {n: tie for n, tie in ties.items() if n not in seen and n in model.nodes}
+            near = {n: tie for n, tie in ties.items() if n not in seen and n in held}
             if not near:
                 break
             seat = max(near, key=near.__getitem__)

@@ -122,6 +122,8 @@ def found_instants(begun: FittedStructure, changes: Callable[[Fitted], Sequence[
     cost, found, at = min(ends, key=lambda end: end[0], default=(np.inf, {}, one))
     if any(float(np.ptp(f.shifts)) > 1.1 * f.step for f in found.values()):
         return {}  # each is in the interval before its sample, on one clock: what differs by more is no instant, but a mass
+    if all(float(np.max(np.abs(f.shifts))) < 0.2 * f.step for f in found.values()):
+        return {}  # they were logged when they changed
     reduced = max(at.end.chi_square / max(at.problem.freedom, 1.0), 1e-12)
     return found if one.end.cost - cost > PROVES_INSTANT * reduced * sum(f.shifts.size for f in found.values()) else {}
 

@@ -695,8 +695,7 @@ def bind(
             _timed(channel, record)
             observed.append((channel, path))
         else:
-            _bare(channel, role, record)
-            role = "command" if channel.gain and channel.quantity != "power" else role  # the gain of a power is a share of it
+            role = _driving(channel, role, record)
             driven[channel.name] = path
             if role != "command" and (noise := _input_noise(channel)).any:
                 noisy[path if role == "boundary" else SCALE + path] = noise
@@ -790,8 +789,13 @@ def _timed(channel: Channel, record: Record) -> None:
         )
 
 
-def _bare(channel: Channel, role: str, record: Record) -> None:
-    """Refuse what only a sensor on a node can be said to do."""
+def _driving(channel: Channel, role: str, record: Record) -> str:
+    """Return the role of an input, 'command' where its gain makes a power of it: the gain of a power is a share.
+
+    Raises
+    ------
+    RecordError   When its sensor has what only one on a node can have.
+    """
     part = channel.part
     if part is not None and (part.touches or part.gain_accuracy or part.correlation_time):
         what = "a lag, a heat capacity, leads, an error of its scale or a correlation of its noise"
@@ -800,6 +804,7 @@ def _bare(channel: Channel, role: str, record: Record) -> None:
             "that includes them instead.",
             f"{record.name}, {channel.name}",
         )
+    return "command" if channel.gain and channel.quantity != "power" else role
 
 
 def _observation(channel: Channel, seat: Seat, grid: NDArray[np.int64], times: Array, weight: float) -> Observation:
