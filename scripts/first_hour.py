@@ -21,6 +21,8 @@ from scipy.integrate import solve_ivp
 
 SIGMA = 5.670374419e-8
 PARTS = ("box", "plate", "board", "converter")
+NEAR, FAR = 1.5, 3.0
+"""A value is near its truth within the first factor, and far off beyond the second. [-]"""
 
 
 @dataclass(frozen=True)
@@ -174,16 +176,45 @@ def judged(seed: int, folder: Path) -> dict[str, Any]:
     row: dict[str, Any] = {"seed": seed, "init": code}
     if made is None:
         return row
-    row |= {"masses": made["masses"], "not_physical": [c["path"] for c in made["not_physical"]], "fixed": made["fixed"]}
+    row |= {
+        "masses": made["masses"],
+        "not_physical": [c["path"] for c in made["not_physical"]],
+        "depends": [d["path"] for d in made["depends_on_structure"]],
+        "fixed": made["fixed"],
+    }
     row["calibrate"], done = _said("calibrate", project / "campaign.toml")
     if done is None:
         return row
     values = done["stages"][0]["values"]
     inside = sum(v for path, v in values.items() if path.endswith(".capacitance") and not path.startswith("plate"))
-    truth = bench.capacities["box"] + bench.capacities["board"] + bench.capacities["converter"]
-    ratios = {"inside": inside / truth, "plate.capacitance": values.get("plate.capacitance", np.nan) / bench.capacities["plate"]}
-    joint = next((v for path, v in values.items() if path in ("box_plate.conductance", "plate_box.conductance")), np.nan)
-    return row | {"ratios": {k: float(v) for k, v in ratios.items()} | {"contact": float(joint / bench.contact)}, "values": values}
+    heats = bench.capacities
+    found = {
+        "box.capacitance": inside / (heats["box"] + heats["board"] + heats["converter"]),
+        "plate.capacitance": values.get("plate.capacitance", np.nan) / heats["plate"],
+        "box_to_plate.conductance": values.get("box_to_plate.conductance", np.nan) / bench.contact,
+    }
+    named = [path for path in found if path in (*row["not_physical"], *row["fixed"], *row["depends"])]
+    close = {path: bool(1 / NEAR <= ratio <= NEAR) for path, ratio in found.items()}
+    far = [path for path, ratio in found.items() if not 1 / FAR <= ratio <= FAR]
+    return row | {
+        "ratios": {path: float(ratio) for path, ratio in found.items()},
+        "named": named,
+        "near": [path for path in found if close[path]],
+        "far_unnamed": [path for path in far if path not in named],
+        "usable": row["calibrate"] == 0 and all(close.values()),
+    }
+
+
+def counted(rows: list[dict[str, Any]]) -> dict[str, int]:
+    """Return how many proposals are usable, how many values are far off without a word, and how many near ones have one."""
+    near = [(path, path in row["named"]) for row in rows for path in row.get("near", ())]
+    return {
+        "boxes": len(rows),
+        "usable": sum(row.get("usable", False) for row in rows),
+        "far_unnamed": sum(len(row.get("far_unnamed", ())) for row in rows),
+        "near": len(near),
+        "near_named": sum(named for _, named in near),
+    }
 
 
 def _said(*arguments: object) -> tuple[int, Any]:
@@ -205,8 +236,11 @@ def main() -> int:
     given = parser.parse_args()
     given.to.mkdir(parents=True, exist_ok=True)
     if given.count:
+        rows = []
         for seed in range(given.seed, given.seed + given.count):
-            print(json.dumps(judged(seed, given.to)), flush=True)
+            rows.append(judged(seed, given.to))
+            print(json.dumps(rows[-1]), flush=True)
+        print(json.dumps(counted(rows)))
         return 0
     print(one_log(varied(given.seed), given.to / "box.csv", given.seed))
     return 0

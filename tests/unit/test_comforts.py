@@ -95,3 +95,24 @@ def test_a_series_is_a_boundary_or_a_load(run: td.Solution) -> None:
     assert given["box"].final == pair["box"].final
     with pytest.raises(ScenarioError, match=r"td\.celsius"):
         BENCH.with_(boundaries={"air": room})
+
+
+def test_texts_of_large_objects_are_short() -> None:
+    names = [f"a_node_with_a_long_name_{k}" for k in range(200)]
+    deck = DECK | {
+        "nodes": {n: {"capacitance": "100 [J/K]"} for n in names},
+        "conductors": {f"to_{n}": {"kind": "conduction", "between": [n, "air"], "conductance": "1 [W/K]"} for n in names},
+        "loads": {f"heat_{n}": {"into": n, "power": "3 [W]"} for n in names},
+    }
+    model = td.model_from_dict(deck)
+    run = td.simulate(model, BENCH.with_(duration="2 [min]"))
+    for shown in (model, run, run[names[0]], td.steady(model, BENCH)):
+        assert len(repr(shown)) <= 400, type(shown).__name__
+
+
+def test_a_fit_has_a_plot(fit: Any) -> None:
+    pytest.importorskip("matplotlib").use("agg")
+    lines = fit.plot().figure.axes[0].get_lines()
+    drawn = {tuple(np.round(np.asarray(line.get_ydata(), dtype=float)[:3], 2)) for line in lines}
+    measured = tuple(np.round(fit.blocks[0].measured[:3] - 273.15, 2))
+    assert measured in drawn

@@ -13,7 +13,6 @@ namespace thermid {
 
 namespace {
 constexpr int WIDE = 8;   // columns side by side
-constexpr int PARTS = 2;  // of a step, where a course is sampled, and halfway between
 // Columns whose polynomials have no turning point within the step, and which go on as they went: they move on to their ends. Others are busy.
 THERMID_CLONES void go_on(const double* THERMID_RESTRICT c, size_t m, const double* THERMID_RESTRICT y, int count, double end, double small, double flat,
                           double* THERMID_RESTRICT time, double* THERMID_RESTRICT kelvin, const double* THERMID_RESTRICT way, double* THERMID_RESTRICT busy) {

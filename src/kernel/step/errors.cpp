@@ -13,7 +13,7 @@ constexpr double CLOSED = 1e-6;  // of the change that closes the heat balance
 }  // namespace
 
 Errors::Errors(Setup& setup, State& state, Step& step, Slaved& slaved)
-    : setup_(setup), state_(state), step_(step), slaved_(slaved), p_(setup.p), coef_(setup.coef), d_(setup.d), o_(setup.o), n_(setup.n), np_(setup.np),
+    : setup_(setup), state_(state), step_(step), slaved_(slaved), p_(setup.p), coef_(setup.coef), o_(setup.o), n_(setup.n), np_(setup.np),
       nk_(setup.nk) {
     for (auto* v : {&shed_[0], &shed_[1], &felt_, &bend_, &dir_, &bb_}) v->assign(n_, 0.0);
     G_.assign(static_cast<size_t>(n_) * np_, 0.0);

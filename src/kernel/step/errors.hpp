@@ -34,7 +34,6 @@ class Errors {
     Slaved& slaved_;
     const Problem& p_;
     const double* coef_;
-    const CoefJacobian& d_;
     const Options& o_;
     const int n_, np_, nk_;
     std::vector<double> shed_[2], felt_, reach_, peak_, bend_, G_, dir_, bb_;

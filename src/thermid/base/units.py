@@ -34,6 +34,8 @@ NAMES: Final = {
     "s": "a time",
     "K": "a temperature difference",
     "W": "a power",
+    "V": "a voltage",
+    "A": "a current",
     "J": "an energy",
     "Pa": "a pressure",
     "W/(m^2 K)": "a heat transfer coefficient",

@@ -139,3 +139,21 @@ def test_look_proposes_the_noise_that_it_measured(size: float, step: float, expe
     lines = tomllib.loads(td.look(tmp_path / "log.csv").campaign())["records"]["log"]["channels"]
     for column in ("case", "lid"):
         assert float(lines[column]["noise"].removesuffix(" [K]")) == pytest.approx(expected, rel=0.15)
+
+
+def test_names_that_say_volts_and_amperes_and_a_heat_sink(tmp_path):
+    """A meter writes Volts and Amps without units; a heat sink is a part, a sink for heat is not."""
+    path = tmp_path / "meter.csv"
+    path.write_text(
+        "t,heatsink,sink,Volts,Supply current\n" + "".join(f"{k},{20.1 + k},20.2,{12.1 - 0.3 * k},{1.5 + 0.7 * k}\n" for k in range(9))
+    )
+    seen = td.look(path)
+    assert [(c.name, c.unit, c.guess) for c in seen.columns[1:]] == [
+        ("heatsink", "degC", "temperature"),
+        ("sink", "degC", "boundary"),
+        ("Volts", "V", "ignored"),
+        ("Supply current", "A", "ignored"),
+    ]
+    assert 'power = { volts = "Volts", amperes = "Supply current" }' in seen.campaign()
+    record = td.read_record(path, {"P": {"load": "heater", "power": {"volts": "Volts", "amperes": "Supply current"}}})
+    assert record["P"].values[1] == pytest.approx(11.8 * 2.2)

@@ -389,7 +389,7 @@ def hold(
         try:
             _, answer = asked.run(n=members, folder=folder, executor=executor_of(workers, cluster), progress=progress)
         except KeyboardInterrupt:
-            done = f"interrupted with {progress.finished} of {progress.members} members done"
+            done = f"interrupted with {progress.finished} of {progress.members} runs done"
             raise SolverError(f"{done}. The same command goes on from there.") from None
     answer = replace(answer, standing=answer.standing.accept(accept or ()))
     if figure is not None:
@@ -410,4 +410,4 @@ class MemberProgress(Progress):
         """Show how many members are done; what the folder held took no time."""
         self._at = done if self._at < 0 else self._at
         self.finished, self.members = done, members
-        self.now(f"{done} of {members} members", (done - self._at) / (members - self._at) if members > self._at else 1.0)
+        self.now(f"{done} of {members} runs", (done - self._at) / (members - self._at) if members > self._at else 1.0)

@@ -102,10 +102,10 @@ def init(
         "masked": masked,
         "unexplained": found.unexplained,
         "not_physical": [c.to_dict() for c in found.not_physical],
+        "depends_on_structure": [{"path": p, "low": low, "high": high} for p, (low, high) in found.depending.items()],
         "offsets_K": {c: {"value": v, "error": e} for c, (v, e) in found.offsets.items()},
         "questions": list(roles.questions),
-        "fixed": list(made.fixed),
-        "left_out": list(made.left_out),
+        **{"fixed": list(made.fixed), "left_out": list(made.left_out)},
         "files": [str(f) for f in made.files],
     }
     say(as_json, content, "\n".join([str(made), *(f"not used: {column}: {why}" for column, why in roles.ignored.items())]))

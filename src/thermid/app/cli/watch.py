@@ -92,7 +92,7 @@ def watch(
     load: Loads = [],  # noqa: B006
     start: Start = None,
     noise: Annotated[str | None, typer.Option("--noise", help="Noise of one reading; what the readings show by default.")] = None,
-    every: Annotated[str, typer.Option("--every", help="Time between looks.")] = "60 [s]",
+    every: Annotated[str, typer.Option("--every", help="Time between two readings of the log.")] = "60 [s]",
     replay: Annotated[bool, typer.Option("--replay", help="Look at a log that ended as if it grew.")] = False,
     capture: Annotated[Path | None, typer.Option("--capture", help="File that keeps the lines of a serial port.")] = None,
     once: Annotated[bool, typer.Option("--once", help="Look once and leave.")] = False,
@@ -107,7 +107,7 @@ def watch(
     """
     step = literal(with_unit(every, "s"), "s", "--every")
     if not step > 0.0:
-        raise RecordError(f"the time between looks is above zero, not '{every}'.", "--every")
+        raise RecordError(f"the time between two readings of the log must be above zero, not '{every}'.", "--every")
     if capture is not None and not _is_port(log):
         raise RecordError(f"'{log}' is no serial port, whose lines could be kept. Leave --capture out.", "--capture")
     by_hand = model is not None or values is not None or bool(channel or full_scale)

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 from thermid.base.dual import value_of
 from thermid.base.errors import ThermidError
@@ -11,6 +11,7 @@ from thermid.campaign._start.roles import Roles
 from thermid.inference.criticism import FittedStructure
 from thermid.inference.diagnosis import SPECIFIC_HEAT, RangeCheck
 from thermid.measure.amounts import amount
+from thermid.model.tree import Model
 from thermid.physics.materials import materials as all_materials
 
 LEAST_HEAT = 0.5e6
@@ -88,6 +89,45 @@ def not_physical(one: FittedStructure, roles: Roles, masses: Mapping[str, KnownM
     return tuple(c for c in _checks(one, roles, masses) if c.verdict != "possible")
 
 
+def weights(model: Model, values: Mapping[str, float], roles: Roles, masses: Mapping[str, KnownMass]) -> tuple[RangeCheck, ...]:
+    """Return, of every weighed part, its heat capacity with all masses without a sensor that are fixed to it, and what its weight allows.
+
+    Parameters
+    ----------
+    model : Model       The structure.
+    values : dict       Path -> capacitance [J/K] or conductance [W/K] that was fitted; those of one element alone count.
+    """
+    held = {path.rpartition(".")[0]: value for path, value in values.items() if path.endswith(".capacitance")}
+    inside = {part: 0.0 for part in masses if part in held}
+    for node, capacity in held.items():
+        seat, seen = node, {node}
+        while seat not in roles.parts.values():
+            ties = {
+                n: values.get(f"{c}.conductance", 0.0) for c, law in model.conductors.items() if seat in law.between for n in law.between
+            }
+            near = {n: tie for n, tie in ties.items() if n not in seen and n in held}
+            if not near:
+                break
+            seat = max(near, key=near.__getitem__)
+            seen.add(seat)
+        if seat in inside:
+            inside[seat] += capacity
+    meaning = "A power is missing or wrong, or an instrument has an offset"
+    return tuple(
+        RangeCheck(
+            f"{part}.capacitance",
+            total,
+            0.0,
+            0.7 * masses[part].low * masses[part].mass,
+            1.5 * masses[part].high * masses[part].mass,
+            f"{masses[part].mass:.3g} kg with what is fixed to it",
+            "table of init",
+            meaning,
+        )
+        for part, total in inside.items()
+    )
+
+
 def too_far(column: str, offset: tuple[float, float], accuracy: float) -> RangeCheck:
     """Return whether two thermometers of an accuracy [K] can differ by an offset with its error. [K]"""
     most = 3.0 * 2.0**0.5 * accuracy
@@ -106,15 +146,14 @@ def _checks(one: FittedStructure, roles: Roles, masses: Mapping[str, KnownMass])
         return RangeCheck(path, values[path], errors[path] * values[path], low, high, what, "table of init", meaning)
 
     largest, hidden = max(((c, n) for n, c in held.items() if n not in roles.parts.values()), default=(0.0, ""))
-    for node in (n for n in roles.parts.values() if f"{n}.capacitance" in values):
-        known = masses.get(node)
+    for heavy in weights(one.request.model, values, roles, masses):
+        yield replace(heavy, error=errors[heavy.path] * values[heavy.path])
+    for node in (n for n in roles.parts.values() if f"{n}.capacitance" in values and n not in masses):
         least = max(LEAST_PART, largest / MOST_BEHIND)
-        low, high = (0.7 * known.low * known.mass, 1.5 * known.high * known.mass) if known else (least, MOST_PART)
-        what = f"{known.mass:.3g} kg with what is fixed to it" if known else "a part that carries a sensor"
         meaning = "A power is missing or wrong, or an instrument has an offset"
-        if not known and values[f"{node}.capacitance"] < least:
+        if values[f"{node}.capacitance"] < least:
             meaning = f"'{hidden}' of {largest:.3g} J/K may be this part, behind its sensor: state --mass {node}=... or the paths"
-        yield check(f"{node}.capacitance", low, high, what, meaning)
+        yield check(f"{node}.capacitance", least, MOST_PART, "a part that carries a sensor", meaning)
     for name, c in one.request.model.conductors.items():
         path = f"{name}.conductance"
         if path not in values:

@@ -16,6 +16,7 @@ from thermid.base.files import DECK, may_write, write_text
 from thermid.campaign._start.proposal import LOOSE_AMBIENT, Proposal, orders_text
 from thermid.campaign._start.roles import SURROUNDINGS, thinned_step
 from thermid.campaign._start.schemas import headed, may_write_schemas, write_schemas
+from thermid.campaign._start.switching import instants_text, with_instants
 from thermid.campaign._start.templates import ROOT, TEMPLATE
 from thermid.fit.calibration import fit
 from thermid.fit.problem import LocalSpec, Request
@@ -98,6 +99,7 @@ def write_project(
     OutputError     When a file is there that thermid did not write.
     """
     request, fixed, left_out = settled(proposal.chosen, proposal.roles.boundary)
+    *fitted, kept = with_instants([*fitted, kept], proposal.instants)
     deck = f"{title}.toml"
     texts = {
         deck: (_deck(proposal, request, fixed, left_out, source, title), DECK.of(title)),
@@ -214,6 +216,7 @@ def _deck(proposal: Proposal, request: Request, fixed: Sequence[str], left_out: 
     head += [f"This log cannot separate structures of {orders_text(orders)} masses."] if len(orders) > 1 else []
     head += [proposal.unexplained] if proposal.unexplained else []
     head += [f"Not physical: {c}" for c in proposal.not_physical]
+    head += [proposal.depending_text] if proposal.depending else []
     head += [f"Assumed: {proposal.assumed}"] if proposal.assumed else []
     head += [f"Left out, because the log does not determine them: {', '.join(left_out)}."] if left_out else []
     return _said(head) + tomlkit.dumps(document)
@@ -262,9 +265,7 @@ def _campaign(
 ) -> str:
     """Return the campaign: the logs, one stage, one verdict."""
     seats = {c.name: str(c.target) for c in request.records[0].channels.values() if c.role == "node"}
-    channels = proposal.roles.channels(proposal.noise, proposal.known.accuracy)
-    for column, node in seats.items():
-        channels[column]["node"] = node
+    channels = _channels(proposal, seats)
     step = thinned_step(max(fitted, key=lambda r: r.duration)) if max(r.times.size for r in fitted) > 600 else 0.0
     document = tomlkit.document()
     document.add("title", f"{title}: first fit and hold-out")
@@ -313,9 +314,20 @@ def _campaign(
         f"Limits of the verdict: {NOISES:g} noises or {100 * RANGE:g} % of the range of the readings. Replace them by yours.",
         "The noise is estimated from second differences of the readings.",
         proposal.offsets_text,
+        *([instants_text(proposal.instants)] if proposal.instants else []),
         *(f"{said}; empty in the logs beside this file." for said in masked),
     ]
     return _said(head) + tomlkit.dumps(document)
+
+
+def _channels(proposal: Proposal, seats: Mapping[str, str]) -> dict[str, dict[str, Any]]:
+    """Return column -> its table: thermometers at the nodes that they read, powers with a row at every change where it was found."""
+    channels = proposal.roles.channels(proposal.noise, proposal.known.accuracy)
+    for column, node in seats.items():
+        channels[column]["node"] = node
+    for power in proposal.roles.powers if proposal.instants else ():
+        channels[power.column]["prompt"] = True
+    return channels
 
 
 def _hidden_starts(request: Request, records: Sequence[Record], seats: Mapping[str, str]) -> dict[str, dict[str, str]]:

@@ -3,15 +3,16 @@
 from __future__ import annotations
 
 import itertools
-from collections.abc import Collection, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from typing import Any
 
 import numpy as np
 
 from thermid.base.errors import DeckError, IdentificationError, ThermidError, refuse_unknown
-from thermid.campaign._start.physical import SLOWEST_SENSOR, KnownMass, not_physical, too_far
+from thermid.campaign._start.physical import SLOWEST_SENSOR, KnownMass, not_physical, too_far, weights
 from thermid.campaign._start.roles import ACCURACY, Power, Roles, part_name, with_noise
+from thermid.campaign._start.switching import Instants, found_instants, instants_text, with_instants
 from thermid.fit.problem import LocalSpec, Request, first_reading
 from thermid.inference.criticism import (
     EVALUATIONS,
@@ -51,6 +52,10 @@ CONTACTS = (0.3, 10.0)
 """Conductances between parts that a fit is begun with, over those to the surroundings. [-]"""
 
 
+FIXED, FIXED_SD = 0.2, "70 [%]"
+"""What is fixed to a weighed part, over its heat capacity: boards in boxes are 5 to 50 %. [-]"""
+FITS_AS_WELL, THREEFOLD = 1.05, 3.0
+"""Structures whose residuals are within 5 % count as alike; a value that differs by a factor of three among them is not determined. [-]"""
 FREE = ("capacitance", "mass", "conductance", "resistance", "htc", "effective_htc", "contact_conductance")
 """Fields of a deck that a first fit looks for, unless their source is a measurement or a data sheet."""
 STATED = ("measured", "published", "datasheet")
@@ -92,6 +97,7 @@ class Proposal:
     noise : dict                Column -> noise of one reading, as found. [K]
     assumed : str               What was assumed because the log cannot tell it; empty for nothing.
     known : StatedFacts               What was known beside the log.
+    instants : dict             Record -> when its powers changed, where the readings say.
     """
 
     roles: Roles
@@ -99,6 +105,7 @@ class Proposal:
     noise: Mapping[str, float]
     assumed: str
     known: StatedFacts = StatedFacts()
+    instants: Mapping[str, Instants] = field(default_factory=dict)
 
     @property
     def chosen(self) -> FittedStructure:
@@ -127,9 +134,38 @@ class Proposal:
         return (*not_physical(self.chosen, self.roles, self.known.masses), *(c for c in apart if c.verdict != "possible"))
 
     @property
+    def depending(self) -> dict[str, tuple[float, float]]:
+        """Path -> its lowest and highest value [SI] in structures that leave no more than the proposed one, where they are far apart.
+
+        A part that only its own thermometer shows can be a tenth of itself beside a hidden mass that takes its place.
+        """
+        one = self.chosen
+        parts = [f"{n}.capacitance" for n in self.roles.parts.values()]
+        paths = [p for p in one.values if p in parts or p in self._between]
+        alike = [s for s in self.search.structures if (s.possible or not s.changes) and s.rmse <= FITS_AS_WELL * one.rmse]
+        found = {p: [s.values[p] for s in (one, *alike) if p in s.values] for p in paths}
+        return {p: (min(v), max(v)) for p, v in found.items() if max(v) > THREEFOLD * min(v)}
+
+    @property
+    def _between(self) -> list[str]:
+        """Conductances between measured parts."""
+        parts = set(self.roles.parts.values())
+        return [f"{n}.conductance" for n, c in self.chosen.request.model.conductors.items() if set(c.between) <= parts]
+
+    @property
+    def depending_text(self) -> str:
+        """Which values depend on the structure; empty for none."""
+        each = [
+            f"{path} {low:.4g} to {high:.4g} {'J/K' if path.endswith('.capacitance') else 'W/K'}"
+            for path, (low, high) in self.depending.items()
+        ]
+        found = f"Not determined, because structures that fit as well differ: {', '.join(each)}. "
+        return f"{found}State masses or paths that you know: --mass, --path." if each else ""
+
+    @property
     def decided(self) -> bool:
         """Whether the log decides on one structure, and that is one that hardware can have."""
-        return len(self.search.orders) == 1 and not self.unexplained and not self.not_physical
+        return len(self.search.orders) == 1 and not (self.unexplained or self.not_physical or self.depending)
 
     @property
     def offsets(self) -> dict[str, tuple[float, float]]:
@@ -169,8 +205,9 @@ class Proposal:
             lines.append(f"This log cannot separate structures of {orders_text(orders)} masses.")
         lines[1:1] = [self.unexplained] if self.unexplained else []
         lines[1:1] = [f"Not physical: {c}" for c in self.not_physical]
+        lines += [self.depending_text] if self.depending else []
         lines += [f"Assumed: {self.assumed}"] if self.assumed else []
-        lines += [self.offsets_text, *self.roles.questions]
+        lines += [t for t in (self.offsets_text, instants_text(self.instants), *self.roles.questions) if t]
         return "\n".join([*lines, str(self.search)])
 
 
@@ -329,7 +366,10 @@ def propose(
     _refuse_still(made, roles, sizes)
     roles = replace(roles, powers=tuple(_placed(p, roles, made) for p in roles.powers))
     roles, begun = _begun(roles, made, known)
-    search = search_structure(begun.request, changes=_within(set(roles.parts.values())), evaluations=evaluations, begin=begun.fitted)
+    changes = _within(roles, known)
+    instants = found_instants(begun, changes)
+    request = replace(begun.request, records=tuple(with_instants(begun.request.records, instants)))
+    search = search_structure(request, changes=changes, evaluations=evaluations, begin=begun.fitted)
     assumed = ""
     if _ratios_only(roles, known):
         first = next(iter(roles.parts.values()))
@@ -337,11 +377,12 @@ def propose(
             f"{first}.capacitance = {ASSUMED:g} J/K, because no column gives a power in watts, so the log determines ratios to it "
             f"only. Give --full-scale COLUMN='... [W]', or a mass: --mass {first}='1.2 [kg]'."
         )
-    return Proposal(roles, search, sizes, assumed, known)
+    return Proposal(roles, search, sizes, assumed, known, instants)
 
 
-def _within(measured: Collection[str]) -> Any:
-    """Return the changes of a fitted structure that keep it within the masses of a proposal."""
+def _within(roles: Roles, known: StatedFacts) -> Any:
+    """Return the changes of a fitted structure that keep it within the masses of a proposal, and weighed parts within their weight."""
+    measured = set(roles.parts.values())
 
     def changes(seen: Fitted) -> list[MissingElement]:
         room = max(MOST_MASSES, len(measured) + 1) - len(seen.request.model.nodes)
@@ -349,7 +390,7 @@ def _within(measured: Collection[str]) -> Any:
         tips = [f"'{n}'" for n in seen.request.model.nodes if n not in measured and n.endswith("_sensor")]
         barred = [*UNSAID, *tips]  # a sensor touches its part and nothing else
         able = (c for c in changes_of(seen) if (c.nodes <= room or c.name in lags) and not any(w in c.name for w in barred))
-        return [_fixed_sensors(c, seen) if c.name in lags else c for c in able]
+        return [_weighed(_fixed_sensors(c, seen) if c.name in lags else c, roles, known) for c in able]
 
     return changes
 
@@ -364,6 +405,30 @@ def _fixed_sensors(lag: MissingElement, seen: Fitted) -> MissingElement:
         return text, possible and all(c / found[path].value <= SLOWEST_SENSOR for path, c in held.items())
 
     return replace(lag, judge=judge)
+
+
+def _weighed(change: MissingElement, roles: Roles, known: StatedFacts) -> MissingElement:
+    """Return a change that is possible only as long as every weighed part has a heat capacity that its weight allows.
+
+    A mass without a sensor that it fixes to a weighed part begins with a prior: a delay of the power would be answered by any mass.
+    """
+
+    def light(after: Request) -> Request:
+        priors = {}
+        for n in (n for n in after.model.nodes if f"{n}.capacitance" in after.free and n not in roles.parts.values()):
+            near = {m for law in after.model.conductors.values() if n in law.between for m in law.between} - {n, roles.boundary}
+            if len(near) == 1 and (part := near.pop()) in known.masses:
+                priors[f"{n}.capacitance"] = (f"{FIXED * known.masses[part].capacitance:.4g} [J/K]", FIXED_SD)
+        return replace(after, priors={**priors, **after.priors})
+
+    def judge(found: Any) -> tuple[str, bool]:
+        text, possible = change.judge(found)
+        values = {path: found[path].value for path in found if path.rpartition(".")[2] in ("capacitance", "conductance")}
+        return text, possible and all(c.verdict == "possible" for c in weights(change.request.model, values, roles, known.masses))
+
+    if not known.masses:
+        return change
+    return replace(change, request=light(change.request), make=lambda request: light(change.make(request)), judge=judge)
 
 
 def _refuse_still(records: Sequence[Record], roles: Roles, noise: Mapping[str, float]) -> None:

@@ -234,8 +234,9 @@ def roles_of(
     taken = {*parts, around, *(p.column for p in made)}
     units = {n: c.unit for n, c in columns.items() if n in taken and c.assumed and c.unit}
     rest = {n: "never on" if _idle(c.values) and c.guess in ("power", "duty") else c.why for n, c in columns.items() if n not in taken}
-    rest = {n: w for n, w in rest.items() if columns[n].guess != "time"}
-    asked = (_power_question(columns[n]) for n in rest if not any(n in text for text in given.values()))
+    used = {n for text in given.values() for n in columns if re.search(rf"(?<!\w){re.escape(n)}(?!\w)", text)}
+    rest = {n: w for n, w in rest.items() if columns[n].guess != "time" and n not in used}
+    asked = (_power_question(columns[n]) for n in rest)
     questions = tuple(q for q in asked if q)
     return Roles(parts, around, made, units, time, {n: columns[n].why for n in taken if n in columns}, rest, questions=questions)
 

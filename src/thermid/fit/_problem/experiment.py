@@ -42,15 +42,15 @@ class Inputs:
             self.boundaries[path] = signal if errors is None else signal.raised(errors.get(channel.name, 0.0))
             if channel.accuracy:
                 self.shared[channel.name] = (path, channel.accuracy)
-        elif channel.gain or role == "command":
+        elif role == "command":
             self.commands[path] = signal
-            if channel.gain:
-                self.gains[path] = channel.gain
         else:
             self.loads[path] = signal if errors is None else signal.scaled(errors.get(channel.name, 1.0))
             power = power_while_on(signal)
             if channel.accuracy and power > 0:
                 self.shared[channel.name] = (f"scale.{path}", channel.accuracy / power)
+        if channel.gain:
+            self.gains[path] = channel.gain
 
 
 def on_the_clock_of(record: Record, scenario: Scenario) -> Scenario:
@@ -696,11 +696,11 @@ def bind(
             _timed(channel, record)
             observed.append((channel, path))
         else:
-            _bare(channel, role, record)
+            role = _driving(channel, role, record)
             driven[channel.name] = path
-            if role != "command" and not channel.gain and (noise := _input_noise(channel)).any:
+            if role != "command" and (noise := _input_noise(channel)).any:
                 noisy[path if role == "boundary" else SCALE + path] = noise
-            if role != "command" and not channel.gain and channel.common and errors is None:
+            if role != "command" and channel.common and errors is None:
                 means |= _of_mean(channel, role, path, signal_of(record, channel, role, zero))
             inputs.take(channel, role, path, signal_of(record, channel, role, zero), errors)
     if not observed:
@@ -790,8 +790,13 @@ def _timed(channel: Channel, record: Record) -> None:
         )
 
 
-def _bare(channel: Channel, role: str, record: Record) -> None:
-    """Refuse what only a sensor on a node can be said to do."""
+def _driving(channel: Channel, role: str, record: Record) -> str:
+    """Return the role of an input, 'command' where its gain makes a power of it: the gain of a power is a share.
+
+    Raises
+    ------
+    RecordError   When its sensor has what only one on a node can have.
+    """
     part = channel.part
     if part is not None and (part.touches or part.gain_accuracy or part.correlation_time):
         what = "a lag, a heat capacity, leads, an error of its scale or a correlation of its noise"
@@ -800,6 +805,7 @@ def _bare(channel: Channel, role: str, record: Record) -> None:
             "that includes them instead.",
             f"{record.name}, {channel.name}",
         )
+    return "command" if channel.gain and channel.quantity != "power" else role
 
 
 def _observation(channel: Channel, seat: Seat, grid: NDArray[np.int64], times: Array, weight: float) -> Observation:

@@ -103,9 +103,9 @@ def _one(key: str, given: object, where: str) -> Binding:
         raise RecordError(
             "full_scale is the power of a load at 100 %, so it needs load = '...' too, and no gain.", where, code="value.incomplete"
         )
-    if "power" in given and (role != "load" or "gain" in given or "full_scale" in given):
+    if "power" in given and (role != "load" or "full_scale" in given):
         raise RecordError(
-            "power is a formula of columns in watts, so it needs load = '...' too, and no gain or full_scale.",
+            "power is a formula of columns in watts, so it needs load = '...' too, and no full_scale.",
             where,
             code="value.incomplete",
         )

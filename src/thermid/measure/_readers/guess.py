@@ -18,11 +18,16 @@ from thermid.measure._readers.textfile import Cells
 from thermid.measure._record.channel import OVERLOAD, BoolArray, FloatArray, codes_of
 
 _SURROUNDINGS: Final = re.compile(
-    r"room|amb|air\b|_air|luft|raum|umgebung|sala|ambiente|\bar\b|shroud|bath|coolant|water|chamber|outdoor|outside|inlet|sky|sink|plate_ref|forno",
+    r"room|amb|air\b|_air|luft|raum|umgebung|sala|ambiente|\bar\b|shroud|bath|coolant|water|chamber|outdoor|outside|inlet|sky|"
+    r"(?<!heat)(?<!heat[_ -])sink|plate_ref|forno",
     re.IGNORECASE,
 )
-_TEMPERATURE: Final = re.compile(r"t($|[\d_ ]|[A-Z])|temp|tc\d|rtd|pt100|ds18|ntc|thermo", re.IGNORECASE)
+_TEMPERATURE: Final = re.compile(r"t($|[\d_ ]|[A-Z])|temp|tc\d|rtd|pt100|ds18|ntc|thermo|heat[_ -]?sink", re.IGNORECASE)
 _POWER: Final = re.compile(r"p($|[\d_ ])|power|watt|leistung|pot[eê]ncia|heat_?load", re.IGNORECASE)
+_ELECTRIC: Final = {
+    ("V", "a voltage"): re.compile(r"(^|[_ ])(volts?|voltage|spannung|tens[aã]o)($|[_ ])", re.IGNORECASE),
+    ("A", "a current"): re.compile(r"(^|[_ ])(amps?|amperes?|current|strom|corrente)($|[_ ])", re.IGNORECASE),
+}
 _DUTY: Final = re.compile(r"duty|pwm|pct|percent|heater|q\d|u\d|throttle", re.IGNORECASE)
 _HUMID: Final = re.compile(r"\brh\b|humid|feucht|umidade", re.IGNORECASE)
 _STATE: Final = re.compile(r"alarm|record|status|flag|diag|scan|index|#|count|number|stopped|connected|button|end of file", re.IGNORECASE)
@@ -129,6 +134,9 @@ def _by_name(name: str, known: FloatArray) -> tuple[str, str, str]:
         return "power", "W", "its name ends in _W"
     if _POWER.match(name):
         return "power", "W", "by its name"
+    for (text, what), words in _ELECTRIC.items():
+        if words.search(name):
+            return "ignored", text, f"{what}, by its name"
     if _DUTY.search(name):
         return "duty", "%", "by its name"
     if _TEMPERATURE.match(name) or _SURROUNDINGS.search(name):

@@ -220,6 +220,7 @@ def _power(cells: Cells, binding: Binding, parsed: list[FloatArray | int], times
         quantity="power",
         role=binding.role,
         target=binding.target,
+        gain=binding.gain,
         column=binding.name,
         unit="W",
         prompt=binding.prompt,

@@ -60,10 +60,10 @@ def normalised(network: Network, scenario: Scenario) -> Scenario:
         refuse_unknown([path], paths, where, f"no load '{name}'.", ScenarioError)
         return path
 
-    def gain(name: str) -> str:
+    def gain(name: str, need: str) -> str:
         path = flat.names.model.canonical(name)
         refuse_unknown([path], flat.parameters.table, where, f"no parameter '{name}'.", ScenarioError)
-        require(flat.parameters.dimension(path), "W", flat.parameters.table[path].parameter.unit)
+        require(flat.parameters.dimension(path), need, flat.parameters.table[path].parameter.unit)
         return path
 
     boundaries = {network.find(k, where): v for k, v in scenario.boundaries.items()}
@@ -84,7 +84,7 @@ def normalised(network: Network, scenario: Scenario) -> Scenario:
     both = sorted(set(loads) & set(commands))
     if both:
         raise ScenarioError(f"load '{both[0]}' has both a power and a command. Give one of them.", where)
-    gains = {load(k): gain(v) for k, v in scenario.gains.items()}
+    gains = {load(k): gain(v, "1" if load(k) in loads else "W") for k, v in scenario.gains.items()}  # a share of a power, or a power
     initial = {network.find(k, where): v for k, v in scenario.initial.items()}
     scenario.check_spans()
     return replace(scenario, boundaries=boundaries, loads=loads, commands=commands, gains=gains, initial=initial, prescribed={})

@@ -18,8 +18,10 @@ from typer.testing import CliRunner
 
 from thermid.app.cli.app import app
 from thermid.base.errors import ThermidError
-from thermid.campaign._start.physical import known_masses, not_physical
+from thermid.campaign._start.physical import known_masses, not_physical, weights
+from thermid.campaign._start.proposal import Proposal
 from thermid.campaign.start import Roles
+from thermid.model.deck import model_from_dict
 
 SCRIPTS = Path(__file__).parents[4] / "scripts"
 
@@ -188,3 +190,44 @@ def test_a_part_that_is_only_what_follows_its_sensor_is_named(part: float, word:
     assert all("'inner' of 600 J/K may be this part" in str(c) and c.low == 60.0 for c in found)
     weighed = known_masses({"plate": "22 [g]"}, {"plate": "aluminium"})
     assert not [c for c in not_physical(one, Roles({"T": "plate"}, "Tamb"), weighed) if word]
+
+
+def test_a_weighed_part_counts_what_is_fixed_to_it() -> None:
+    """A hidden mass of 2000 J/K behind a box of 1.2 kg was proposed in place of the plate, whose heat capacity was then a tenth."""
+    deck = {
+        "title": "x",
+        "needs": ["air"],
+        "nodes": {n: {"capacitance": "1 [J/K]"} for n in ("box", "board", "plate", "between")},
+        "conductors": {
+            "rails": {"kind": "conduction", "between": ["board", "box"], "conductance": "1 [W/K]"},
+            "up": {"kind": "conduction", "between": ["between", "board"], "conductance": "1 [W/K]"},
+            "down": {"kind": "conduction", "between": ["between", "plate"], "conductance": "1 [W/K]"},
+            "out": {"kind": "conduction", "between": ["box", "air"], "conductance": "1 [W/K]"},
+        },
+    }
+    roles, masses = Roles({"BOX": "box", "PLATE": "plate"}), known_masses({"box": "1.2 [kg]"}, {"box": "aluminium 6061"})
+    values = {"box.capacitance": 1000.0, "board.capacitance": 200.0, "plate.capacitance": 3000.0, "between.capacitance": 900.0}
+    loose = {"rails.conductance": 1.0, "up.conductance": 0.1, "down.conductance": 0.2, "out.conductance": 9.0}
+    (check,) = weights(model_from_dict(deck), values | loose, roles, masses)
+    assert (check.path, check.value, check.verdict) == ("box.capacitance", 1200.0, "possible")
+    (check,) = weights(model_from_dict(deck), values | loose | {"up.conductance": 0.3}, roles, masses)
+    assert (check.value, check.verdict) == (2100.0, "not physical")
+
+
+def test_a_value_that_other_structures_have_otherwise_is_named() -> None:
+    def fitted(plate: float, rmse: float, possible: bool = True) -> Any:
+        values = {"box.capacitance": 900.0, "plate.capacitance": plate, "box_to_plate.conductance": plate / 1000.0}
+        ends = {"box_to_plate": SimpleNamespace(between=("box", "plate"))}
+        request = SimpleNamespace(model=SimpleNamespace(conductors=ends))
+        return SimpleNamespace(values=values, rmse=rmse, possible=possible, changes=("x",), request=request)
+
+    one = fitted(500.0, 0.050)
+
+    def found(*others: Any) -> Proposal:
+        return Proposal(Roles({"BOX": "box", "PLATE": "plate"}), SimpleNamespace(proposed=one, structures=(one, *others)), {}, "")
+
+    assert found(fitted(1400.0, 0.051)).depending == {}
+    assert found(fitted(1600.0, 0.060), fitted(1600.0, 0.051, False)).depending == {}  # one is worse, one cannot be
+    seen = found(fitted(1600.0, 0.051))
+    assert seen.depending == {"plate.capacitance": (500.0, 1600.0), "box_to_plate.conductance": (0.5, 1.6)}
+    assert "500 to 1600" in seen.depending_text

@@ -207,7 +207,7 @@ def test_an_interrupted_command_says_how_to_go_on(
 
     monkeypatch.setattr(campaign_runs, "work", once)
     assert command("hold", folder / "hold.toml", "--members", 1000) == 3
-    assert "interrupted with 500 of 1000 members done. The same command goes on from there." in capsys.readouterr().err
+    assert "interrupted with 500 of 1000 runs done. The same command goes on from there." in capsys.readouterr().err
 
 
 def test_mistakes_are_told_before_anything_runs(folder: Path, capsys: pytest.CaptureFixture[str]) -> None:

@@ -1,0 +1,217 @@
+"""When powers changed: a log has a change at its next sample, or on another clock; the temperatures say where it was.
+
+A power of 18 W that changes half a minute before its sample gives 540 J that the log does not have, which is 0.4 K of a box of 1300 J/K.
+A search of a structure would answer such a step with a mass.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+from scipy.linalg import block_diag
+
+from thermid.base.errors import ThermidError
+from thermid.base.linear_algebra import Indices
+from thermid.fit.problem import build_problem
+from thermid.inference.criticism import Fitted, FittedStructure, MissingElement, fitted_structure
+from thermid.measure.records import FloatArray, Record
+
+MOST_INSTANTS = 12
+"""Changes of power that have an instant of their own; where there are more, all act later or earlier by one time."""
+LEAST_CHANGE = 0.1
+"""Change of a power, over its range, whose instant is looked for. [-]"""
+ROUNDS = 5
+"""Steps of Gauss and Newton, each of an interval at most."""
+PROVES_INSTANT = 4.0
+"""Log-likelihood that each instant has to gain, those that do nothing gain a half. [-]"""
+FARTHEST_SHIFT = 4.0
+"""Most that a change may be moved, over an interval: more is a clock of its own. [-]"""
+
+
+@dataclass(frozen=True, eq=False)
+class Instants:
+    """When the powers of a record changed.
+
+    Parameters
+    ----------
+    logged : array (changes,)   Times of the samples from which on a power is another one. [s]
+    shifts : array (changes,)   How much later it changed; negative for earlier. [s]
+    step : float                Usual interval of the record. [s]
+    """
+
+    logged: FloatArray
+    shifts: FloatArray
+    step: float
+
+    @property
+    def mean(self) -> float:
+        """Shift of a change whose instant is not known. [s]"""
+        return float(self.shifts.mean())
+
+    @property
+    def penalty(self) -> float:
+        """Half the square of how far they are from the middle of their intervals, on a clock that may be an interval off. [-]
+
+        An instant is anywhere in the interval before its sample, step^2/12, and the offset of the clock is common, step^2.
+        """
+        return 0.5 * float(np.sum((self.root @ (self.shifts + 0.5 * self.step)) ** 2))
+
+    @property
+    def root(self) -> FloatArray:
+        """Root of the inverse of the covariance of the shifts (changes, changes). [1/s]"""
+        covariance = self.step**2 * (np.eye(self.shifts.size) / 12.0 + 1.0)
+        return np.asarray(np.linalg.inv(np.linalg.cholesky(covariance)))
+
+    def laid_over(self, record: Record) -> Record:
+        """Return a record whose powers and commands change at these instants; rows are added at which all else is empty."""
+        driven = _driven(record)
+        edges = _edges(record, driven)
+        if not edges.size:
+            return record
+        times = record.times
+        moved = np.clip(np.maximum.accumulate(times[edges] + [self._shift(t) for t in times[edges]]), times[0], times[-1])
+        every = np.union1d(times, moved)
+        before, place = np.searchsorted(times[edges], every, side="right"), np.searchsorted(moved, every, side="right")
+        last = np.clip(np.searchsorted(times, every, side="right") - 1, 0, None)
+        starts, ends = np.concatenate([[0], edges]), np.concatenate([edges, [times.size]]) - 1
+        source = np.where(before == place, last, np.clip(last, starts[place], ends[place]))
+        logged = np.isin(every, times)
+        channels = []
+        for name, c in record.channels.items():
+            at, seen = (source, c.valid[source]) if name in driven else (last, c.valid[last] & logged)
+            channels.append(replace(c, values=c.values[at], valid=seen, masks={}, prompt=c.prompt or name in driven))
+        said = f"powers change when temperatures say, {self.mean:+.3g} s from their samples on average"
+        return replace(record, times=every, channels={c.name: c for c in channels}, steps=(*record.steps, said))
+
+    def _shift(self, time: float) -> float:
+        near = np.flatnonzero(np.abs(self.logged - time) < 1e-6)
+        return float(self.shifts[near[0] if self.shifts.size > 1 else 0]) if near.size else self.mean
+
+    def stepped(self, step: FloatArray) -> Instants:
+        """Return the instants after a step (changes,). [s]"""
+        moved = self.shifts + np.clip(step, -self.step, self.step)
+        return replace(self, shifts=np.clip(moved, -FARTHEST_SHIFT * self.step, FARTHEST_SHIFT * self.step))
+
+
+def found_instants(begun: FittedStructure, changes: Callable[[Fitted], Sequence[MissingElement]]) -> dict[str, Instants]:
+    """Return record -> when its powers changed, for records whose readings prove it.
+
+    Each instant is an unknown beside those of the structure at the beginning with a mass that takes the heat, which would answer a delay
+    too.
+
+    Parameters
+    ----------
+    begun : FittedStructure     The structure at the beginning.
+    changes : callable          Changes of it that may be.
+    """
+    records = begun.request.records
+    asked = {r.name: _unmoved(r, edges) for r in records if (edges := _edges(r, _driven(r))).size}
+    if not asked:
+        return {}
+    one = _with_a_mass(begun, changes)
+    ends, at, found = [], one, asked
+    for _ in range(ROUNDS):
+        try:
+            found = _stepped(at, records, found)
+            at = fitted_structure(one.changes, replace(one.request, records=_laid(records, found)), at.fitted)
+        except (ThermidError, np.linalg.LinAlgError):
+            break
+        ends.append((at.end.cost + sum(f.penalty for f in found.values()), found, at))
+    cost, found, at = min(ends, key=lambda end: end[0], default=(np.inf, {}, one))
+    if any(float(np.ptp(f.shifts)) > 1.1 * f.step for f in found.values()):
+        return {}  # each is in the interval before its sample, on one clock: what differs by more is no instant, but a mass
+    if all(float(np.max(np.abs(f.shifts))) < 0.2 * f.step for f in found.values()):
+        return {}  # they were logged when they changed
+    reduced = max(at.end.chi_square / max(at.problem.freedom, 1.0), 1e-12)
+    return found if one.end.cost - cost > PROVES_INSTANT * reduced * sum(f.shifts.size for f in found.values()) else {}
+
+
+def with_instants(records: Sequence[Record], found: Mapping[str, Instants]) -> list[Record]:
+    """Return records whose powers change at the instants that were found; a record without its own takes the mean of all."""
+    if not found:
+        return list(records)
+    step = float(np.mean([f.step for f in found.values()]))
+    usual = Instants(np.zeros(0), np.array([np.mean([f.mean for f in found.values()])]), step)
+    return [found.get(r.name, usual).laid_over(r) for r in records]
+
+
+def instants_text(found: Mapping[str, Instants]) -> str:
+    """Return what was changed in logs and why; empty for nothing."""
+    if not found:
+        return ""
+    each = [
+        f"{t:.0f} s {by:+.0f} s" for f in found.values() for t, by in zip(f.logged, np.broadcast_to(f.shifts, f.logged.shape), strict=True)
+    ]
+    shown = ", ".join(each[:MOST_INSTANTS])
+    return (
+        f"Powers changed at other times than logged, by the temperatures: {shown}. The logs that init writes have these times; "
+        "in the hold-out record every change is moved by their mean."
+    )
+
+
+def _laid(records: Sequence[Record], found: Mapping[str, Instants]) -> tuple[Record, ...]:
+    return tuple(found[r.name].laid_over(r) if r.name in found else r for r in records)
+
+
+def _driven(record: Record) -> list[str]:
+    return [n for n, c in record.channels.items() if c.role in ("load", "command") and c.held and not c.prompt and c.valid.any()]
+
+
+def _edges(record: Record, driven: Sequence[str]) -> Indices:
+    """Return the places of samples from which on a power is another one."""
+    out = np.zeros(0, dtype=np.intp)
+    for name in driven:
+        values = np.nan_to_num(record[name].values)
+        out = np.union1d(out, 1 + np.flatnonzero(np.abs(np.diff(values)) > LEAST_CHANGE * float(np.ptp(values))))
+    return out.astype(np.intp)
+
+
+def _unmoved(record: Record, edges: Indices) -> Instants:
+    """Return the changes of a record where they were logged; one shift for all where there are many."""
+    return Instants(record.times[edges], np.zeros(edges.size if edges.size <= MOST_INSTANTS else 1), record.step)
+
+
+def _with_a_mass(one: FittedStructure, changes: Callable[[Fitted], Sequence[MissingElement]]) -> FittedStructure:
+    """Return a structure with a mass that takes its power, fitted; as it is where that does not end."""
+    made = [one]
+    for change in changes(Fitted.of_problem(one.request, one.problem, one.end.fitted)):
+        for start in (change.starts or ({},)) if change.name.startswith("an inner mass") else ():
+            try:
+                made.append(fitted_structure((change,), change.request, one.fitted, start))
+            except (ThermidError, np.linalg.LinAlgError):
+                continue
+    return min(made, key=lambda m: m.end.cost)
+
+
+def _stepped(one: FittedStructure, records: Sequence[Record], found: Mapping[str, Instants]) -> dict[str, Instants]:
+    """Return the instants after one step of Gauss and Newton of all unknowns; `records` are as they were logged."""
+    at = one.end.fitted
+    priors, slopes = one.problem.prior_rows(at)
+    rows = _weighted(one, records, found)
+    tables = [(one.problem.slopes(i, at), e.observations) for i, e in enumerate(one.problem.experiments)]
+    own = np.concatenate([table[o.index, k, :] for table, observed in tables for k, o in enumerate(observed)])
+    columns = []
+    for name, instants in found.items():
+        by = 0.25 * instants.step
+        for unit in np.eye(instants.shifts.size):
+            columns.append((_weighted(one, records, {**found, name: instants.stepped(by * unit)}) - rows) / by)
+    roots = block_diag(*(f.root for f in found.values()))
+    middles = np.concatenate([f.shifts + 0.5 * f.step for f in found.values()])
+    matrix = np.block(
+        [
+            [own, np.column_stack(columns)],
+            [slopes, np.zeros((priors.size, len(columns)))],
+            [np.zeros((len(columns), at.size)), roots],
+        ]
+    )
+    left = np.concatenate([rows, priors, roots @ middles])
+    steps = np.split(np.linalg.lstsq(matrix, -left, rcond=None)[0][at.size :], np.cumsum([f.shifts.size for f in found.values()])[:-1])
+    return {name: f.stepped(step) for (name, f), step in zip(found.items(), steps, strict=True)}
+
+
+def _weighted(one: FittedStructure, records: Sequence[Record], found: Mapping[str, Instants]) -> FloatArray:
+    """Return the weighted residuals with powers that change at other instants, at the values of a fit."""
+    problem = build_problem(replace(one.request, records=_laid(records, found)))
+    return np.concatenate([b.weighted for b in problem.blocks(one.end.fitted)])
