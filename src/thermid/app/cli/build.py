@@ -53,7 +53,7 @@ from thermid.reporting.diagrams import diagram as drawn, network_map
 from thermid.reporting.objects import comparison_object, solution_object
 from thermid.simulation import runs as transient
 from thermid.simulation.runs import margin_lines, margins, output_times, steady
-from thermid.simulation.scenarios import load_scenario
+from thermid.simulation.scenario_files import load_scenario
 from thermid.simulation.solver import Options
 from thermid.values.store import model_standing
 
