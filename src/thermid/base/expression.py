@@ -594,11 +594,11 @@ def si_value(given: Any, slot: str) -> float | None:
 
     Raises
     ------
-    UnitError   As `si_values`, or when there are several numbers.
+    UnitError   As `si_values`, or when there are several numbers or it is not a number (nan), such as the mean of an empty series.
     """
     value = si_values(given, slot)
-    if value is not None and np.size(value) != 1:
-        raise UnitError(f"one number is needed, not {np.size(value)}.")
+    if value is not None and (np.size(value) != 1 or np.isnan(value).any()):
+        raise UnitError(f"one number is needed, not {np.size(value) if np.size(value) != 1 else 'nan'}.")
     return None if value is None else float(np.ravel(value)[0])
 
 
