@@ -139,3 +139,9 @@ def test_look_proposes_the_noise_that_it_measured(size: float, step: float, expe
     lines = tomllib.loads(td.look(tmp_path / "log.csv").campaign())["records"]["log"]["channels"]
     for column in ("case", "lid"):
         assert float(lines[column]["noise"].removesuffix(" [K]")) == pytest.approx(expected, rel=0.15)
+
+
+def test_look_proposes_no_noise_of_a_computed_course(tmp_path: Path) -> None:
+    path = tmp_path / "run.csv"
+    path.write_text("time_s,case [degC]\n" + "".join(f"{10 * k},{20.0 + 0.1 * k!r}\n" for k in range(20)))
+    assert "noise" not in td.look(path).campaign()

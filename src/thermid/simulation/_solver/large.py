@@ -53,8 +53,8 @@ class Watched:
     Parameters
     ----------
     kind : str                  mean, highest or lowest.
-    nodes : array (nodes,)      Over which nodes; empty for all. Beyond their number: the level of one that stores heat by a table; beyond twice
-                                their number: a boundary.
+    nodes : array (nodes,)      Over which nodes; empty for all. Beyond their number: the level of one that stores heat by a table; beyond
+                                twice their number: a boundary.
     weights : array (nodes,)    Of a mean; equal ones where empty. [-]
     """
 
@@ -281,7 +281,7 @@ def _conductors(table: Sequence[PlacedConductor], c: Array, follows: Sequence[in
 def integrate_model(
     problem: KernelProblem, a: Assembled, times: Array, nodes: Sequence[str], end: float, options: Options, gone: Gone | None = None
 ) -> Answer:
-    """Return what `Engine.integrate` does, by the integrator of large networks; with `gone`, eliminated nodes as sums, turning points too."""
+    """Return what `Engine.integrate` does, by the integrator of large networks; turning points where eliminated nodes are given."""
     network = sparse_of(problem, a)
     place, size = _places(problem, a), network.capacities.size
     held = np.array([n in a.reduced.stored for n in problem.nodes], dtype=bool)
