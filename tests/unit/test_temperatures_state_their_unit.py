@@ -131,7 +131,7 @@ def test_a_bare_number_is_no_temperature(door: str) -> None:
 @pytest.mark.parametrize("door", [d for d in DOORS if d not in ("Channel.of", "Record.from_arrays")])  # a reading may be missing
 def test_what_is_not_a_number_is_no_temperature(door: str) -> None:
     """The mean of an empty series; a start of nan once was a steady one, without a word."""
-    with pytest.raises(td.ThermidError, match="nan|not a number|not finite"):
+    with pytest.raises(td.ThermidError, match=r"nan|not a number|not finite"):
         DOORS[door](td.celsius(math.nan))
 
 

@@ -24,7 +24,7 @@ from typing import Any, Final
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from thermid.base.dual import Dual, real_power, value_of
+from thermid.base.dual import Dual, real_power
 from thermid.base.errors import ExpressionError, ThermidError, UnitError, cap, raising
 from thermid.base.units import (
     DIMENSIONLESS,
@@ -229,10 +229,7 @@ def _chosen(smaller: bool, first: Any, *others: Any) -> Any:
     """Return the smallest or largest of several; its derivative is that of the one chosen."""
     best = first
     for other in others:
-        if type(best) is Dual or type(other) is Dual:
-            best = other if (value_of(other) < value_of(best)) is smaller and value_of(other) != value_of(best) else best
-        else:
-            best = np.minimum(best, other) if smaller else np.maximum(best, other)
+        best = np.minimum(best, other) if smaller else np.maximum(best, other)
     return float(best) if isinstance(best, np.floating) else best
 
 

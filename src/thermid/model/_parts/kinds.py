@@ -11,6 +11,8 @@ from dataclasses import dataclass, replace
 from itertools import pairwise
 from typing import Final
 
+import numpy as np
+
 from thermid.base.dual import Number, value_of
 from thermid.base.errors import DeckError
 from thermid.base.units import TEMPERATURE
@@ -187,8 +189,7 @@ def _heat_sink(f: Fields) -> Law:
 
 def _rectangle(width: Number, height: Number) -> Number:
     """Return the laminar Nusselt number of a channel."""
-    flat = value_of(width) < value_of(height)
-    found: Number = convection.rectangle_nusselt(width / height if flat else height / width)
+    found: Number = convection.rectangle_nusselt(np.minimum(width, height) / np.maximum(width, height))
     return found
 
 
