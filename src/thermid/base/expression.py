@@ -18,7 +18,7 @@ import re
 from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass, field
 from fractions import Fraction
-from functools import lru_cache
+from functools import lru_cache, reduce
 from typing import Any, Final
 
 import numpy as np
@@ -225,20 +225,18 @@ def _exponential(x: Any) -> Any:
     return math.exp(x) if isinstance(x, float) else np.exp(x)
 
 
-def _chosen(smaller: bool, first: Any, *others: Any) -> Any:
+def _chosen(choose: Callable[[Any, Any], Any], *values: Any) -> Any:
     """Return the smallest or largest of several; its derivative is that of the one chosen."""
-    best = first
-    for other in others:
-        best = np.minimum(best, other) if smaller else np.maximum(best, other)
+    best = reduce(choose, values)
     return float(best) if isinstance(best, np.floating) else best
 
 
 FUNCTIONS: dict[str, Callable[..., Any]] = {
     "sqrt": lambda x: _power(x, 0.5),
     "exp": _exponential,
-    "abs": lambda x: _chosen(False, x, -x),
-    "min": lambda *x: _chosen(True, *x),
-    "max": lambda *x: _chosen(False, *x),
+    "abs": lambda x: _chosen(np.maximum, x, -x),
+    "min": lambda *x: _chosen(np.minimum, *x),
+    "max": lambda *x: _chosen(np.maximum, *x),
 }
 """Functions of an expression; the last two take several values."""
 SEVERAL = ("min", "max")

@@ -104,9 +104,7 @@ def test_a_part_that_nothing_inherits_is_named(tmp_path: Path) -> None:
     """A stage that was fitted for nothing: the one above has its deck and no table `inherit`."""
     pack = stage_table("pack", PACK, OWN["pack"])
     found = campaign(tmp_path, stage_table("cell", NEAR, [G]), pack, parts=(NEAR, replace(PACK, parts={"c1": NEAR})))
-    (line,) = [x for x in first_lines(found["pack"]) if "not inherited" in x]
-    assert "'cell'" in line
-    assert "'c1'" in line
+    assert any({"'cell'", "'c1'"} <= {*x.replace(":", "").split()} for x in first_lines(found["pack"]) if x.strip().startswith("check:"))
 
 
 def test_a_twin_that_the_deck_above_sets_keeps_that_and_is_named(tmp_path: Path) -> None:

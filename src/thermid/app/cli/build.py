@@ -42,7 +42,6 @@ from thermid.base.expression import Kelvin
 from thermid.base.extensions import file_kinds, json_schema
 from thermid.base.files import DRAWING, NETCDF, TABLE, check_ending, write_text
 from thermid.base.toml_files import read_toml
-from thermid.base.units import counted
 from thermid.campaign.stages import check_campaign
 from thermid.campaign.verdicts import Limits, compare_models, size
 from thermid.fit.problem import InputTable
@@ -83,7 +82,7 @@ def check(
     shown = findings if campaign or verbose else findings[:FIRST]
     lines = [f"{f}{f' [{f.code}]' if verbose and f.code else ''}" for f in shown]
     lines += [f"{stage}: inputs\n{table.indented}" for stage, table in inputs.items()]
-    lines.append(f"{deck.name}: {', '.join(counted(n, severity) for severity, n in count.items())}")
+    lines.append(f"{deck.name}: " + ", ".join(f"{n} {severity}{'s' * (n != 1)}" for severity, n in count.items()))
     lines += [f"{len(findings) - len(shown)} more: -v"] if len(shown) < len(findings) else []
     content = {
         **({} if first is None else {"status": "error", "code": first.code, "message": first.message, "where": first.where}),

@@ -292,7 +292,7 @@ def integrate_model(
     if sums is not None:
         begin, parts, weights = sums
         node = parts < place.size
-        parts = np.where(node, place[np.where(node, parts, 0)], parts - place.size + 2 * size).astype(np.int32)
+        parts = np.where(node, place[np.where(node, parts, 0)], parts - place.size + size + size).astype(np.int32)
         watched += [Watched("mean", parts[i:j], weights[i:j]) for i, j in pairwise(begin.tolist())]
     initial = a.initial[~held]
     initial[place[held]] = a.initial[held]
