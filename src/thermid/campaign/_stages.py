@@ -226,7 +226,7 @@ def not_inherited(
     stage: StageTable,
     known: Iterable[str],
     done: Mapping[str, Calibration],
-    shared: Mapping[str, Any],
+    shared: Mapping[str, Sequence[str]],
 ) -> Iterator[str]:
     """Yield a remark for every stage whose deck is a part of this model that keeps the deck's values, because nothing inherits them.
 
@@ -235,13 +235,13 @@ def not_inherited(
     known : paths   What the stage frees or inherits.
     shared : dict   As in `moving_together`.
     """
-    here = {q for p in known for q in shared.get(p, (p,))}
+    reached = {q for p in known for q in shared.get(p, (p,))}
     for earlier in (e for e in source.content.stages if e.name in done and e.model != stage.model):
-        of = definition_of(source.model(earlier.model, earlier.name))
-        own = [p for p, s in done[earlier.name].store.parameters.items() if s.origin.stage == earlier.name]
-        kept = [f"'{prefix[:-1]}'" for prefix, d in instances(model) if d == of and any(prefix + p not in here for p in own)]
-        if kept:
-            yield f"{FIRST}what stage '{earlier.name}' fitted is not inherited at {', '.join(kept)}: the values of the deck stay there."
+        deck = definition_of(source.model(earlier.model, earlier.name))
+        fitted = {p for p, s in done[earlier.name].store.parameters.items() if s.origin.stage == earlier.name}
+        parts = [f"'{at[:-1]}'" for at, definition in instances(model) if definition == deck and not {at + p for p in fitted} <= reached]
+        if parts:
+            yield f"{FIRST}what stage '{earlier.name}' fitted is not inherited at {', '.join(parts)}: the values of the deck stay there."
 
 
 def counted_twice(store: Store, prior: Sequence[str], records: Sequence[Record]) -> list[str]:

@@ -314,7 +314,7 @@ def _refuse_bent_courses(w: Wired, writer: Writer) -> None:
 def _refuse_other_formulas(w: Wired, wiring: Wiring, writer: Writer) -> None:
     """Refuse a coefficient whose formula is another one at a value that its parameter has later: only the first one is written."""
     for time in (0.0, *w.breaks()) if w.courses else ():
-        numbers = w.network.numbers({path: float(given.at(time)) for path, given in w.courses.items()})
+        numbers = w.network.numbers({path: float(course.at(time)) for path, course in w.courses.items()})
         now = named_rows(row for row in wiring.flowing(numbers, {}).conductors if row.ends[0] != row.ends[1])
         for (name, row), (_, then) in zip(w.conductors, now, strict=True):
             pairs = (
