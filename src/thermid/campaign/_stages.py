@@ -224,7 +224,7 @@ def not_inherited(
     source: CampaignSource,
     model: Model,
     stage: StageTable,
-    known: Iterable[str],
+    paths: Iterable[str],
     done: Mapping[str, Calibration],
     shared: Mapping[str, Sequence[str]],
 ) -> Iterator[str]:
@@ -232,10 +232,10 @@ def not_inherited(
 
     Parameters
     ----------
-    known : paths   What the stage frees or inherits.
-    shared : dict   As in `moving_together`.
+    paths : iterable    What the stage frees or inherits.
+    shared : dict       As in `moving_together`.
     """
-    reached = {q for p in known for q in shared.get(p, (p,))}
+    reached = {q for p in paths for q in shared.get(p, (p,))}
     for earlier in (e for e in source.content.stages if e.name in done and e.model != stage.model):
         deck = definition_of(source.model(earlier.model, earlier.name))
         fitted = {p for p, s in done[earlier.name].store.parameters.items() if s.origin.stage == earlier.name}

@@ -231,7 +231,7 @@ def test_specific_heats_many_decades_apart_are_refused() -> None:
     node = {"mass": "80 [g]", "specific_heat": {"points": [["0 [degC]", "5e-12 [J/(kg K)]"], ["80 [degC]", "900 [J/(kg K)]"]]}}
     links = {"strap": {"kind": "conduction", "between": ["body", "air"], "conductance": "1 [W/K]"}}
     model = td.model_from_dict({"title": "lump", "needs": ["air"], "nodes": {"body": node}, "conductors": links})
-    with pytest.raises(DeckError, match=r"nodes\.body: the specific heats"):
+    with pytest.raises(DeckError, match="decades"):
         td.simulate(model, td.Scenario("bench", boundaries={"air": "20 [degC]"}, start="30 [degC]", duration=60.0))
 
 

@@ -9,7 +9,7 @@ import math
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, replace
 from itertools import pairwise
-from typing import Final
+from typing import Any, Final
 
 import numpy as np
 
@@ -187,7 +187,7 @@ def _heat_sink(f: Fields) -> Law:
     return _in_duct(f, base, fins, slope, 2.0 * width * height / (width + height), section, _rectangle(width, height))
 
 
-def _rectangle(width: Number, height: Number) -> Number:
+def _rectangle(width: Any, height: Any) -> Number:
     """Return the laminar Nusselt number of a channel."""
     found: Number = convection.rectangle_nusselt(np.minimum(width, height) / np.maximum(width, height))
     return found
