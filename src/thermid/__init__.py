@@ -20,7 +20,7 @@ _TOP = {
     "save_model": "model.deck",
     "Block": "model.blocks",
     "Scenario": "simulation.scenarios",
-    "load_scenario": "simulation.scenarios",
+    "load_scenario": "simulation.scenario_files",
     "Options": "simulation.solver",
     "simulate": "simulation.runs",
     "prepare": "simulation.runs",

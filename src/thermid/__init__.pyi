@@ -27,7 +27,8 @@ from thermid.prediction.bands import Prediction as Prediction, predict as predic
 from thermid.reporting.pages import report as report
 from thermid.reporting.pictures import look as look
 from thermid.simulation.runs import Solution as Solution, ensemble as ensemble, prepare as prepare, simulate as simulate, steady as steady
-from thermid.simulation.scenarios import Scenario as Scenario, load_scenario as load_scenario
+from thermid.simulation.scenario_files import load_scenario as load_scenario
+from thermid.simulation.scenarios import Scenario as Scenario
 from thermid.simulation.solver import Options as Options
 from thermid.values.fitted import load_values as load_values
 

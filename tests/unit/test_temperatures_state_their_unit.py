@@ -128,6 +128,13 @@ def test_a_bare_number_is_no_temperature(door: str) -> None:
             DOORS[door](bare)
 
 
+@pytest.mark.parametrize("door", [d for d in DOORS if d not in ("Channel.of", "Record.from_arrays")])  # a reading may be missing
+def test_what_is_not_a_number_is_no_temperature(door: str) -> None:
+    """The mean of an empty series; a start of nan once was a steady one, without a word."""
+    with pytest.raises(td.ThermidError):
+        DOORS[door](td.celsius(math.nan))
+
+
 def hours(of: str = "degC") -> pd.Series:
     """Return temperatures at stamps five hours apart."""
     made = pd.Series([24.0, 25.0], index=pd.to_datetime(["2026-02-01 08:00", "2026-02-01 13:00"]))
@@ -203,5 +210,7 @@ def test_times_are_seconds_unless_they_state_otherwise() -> None:
         pd.to_datetime(["2026-02-01 00:00", "2026-02-01 00:01"]),
     ):
         assert seconds(times) == pytest.approx([0.0, 60.0])
+    with pytest.raises(td.ThermidError):
+        td.simulate(PART, BENCH, times=[0.0, math.nan, 60.0])
     run = td.simulate(PART, BENCH, times=["0 [s]", "1 [min]"])
     assert run.times == pytest.approx([0.0, 60.0])

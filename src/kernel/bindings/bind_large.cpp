@@ -90,7 +90,7 @@ Observed read_observed(const LargeProblem& p, Ints kind, Ints indptr, Ints indic
     need(seen.indptr.size() == seen.kind.size() + 1 && seen.indptr[0] == 0, "observed: indptr does not fit");
     for (size_t k = 0; k < seen.kind.size(); ++k) need(seen.indptr[k] <= seen.indptr[k + 1], "observed: indptr must not decrease");
     need(seen.indptr.back() == static_cast<int>(seen.indices.size()) && seen.indices.size() == seen.weights.size(), "observed: lengths differ");
-    for (int i : seen.indices) need(i >= 0 && i < 2 * p.n, "observed: no such node");
+    for (int i : seen.indices) need(i >= 0 && i < 2 * p.n + p.nb, "observed: no such node or boundary");
     return seen;
 }
 

@@ -103,8 +103,8 @@ struct RowHeat {
     void load_group(const LargeProblem& p, const LoadGroup& g, const double* u, bool slopes);
 };
 
-// Weights of the temperatures and rates at both ends of a step; sum, smallest and largest of all nodes with them.
-struct Hermite { double a, b, c, d; };
+// Weights of the temperatures and rates at both ends of a step, and the time since its start; sum, smallest and largest of all nodes with them.
+struct Hermite { double a, b, c, d, s; };
 struct Summary {
     double sum = 0.0, low = std::numeric_limits<double>::infinity(), high = -std::numeric_limits<double>::infinity();
 };
@@ -122,7 +122,7 @@ struct LargeOptions {
 };
 
 // What is written at output times: a weighted sum of nodes (kind 0), or the largest (1) or smallest (2) of them; no nodes: of all.
-// Index n + i is the level of node i.
+// Index n + i is the level of node i, 2 n + k boundary k.
 struct Observed {
     std::vector<int> kind, indptr, indices;
     std::vector<double> weights;
@@ -185,6 +185,8 @@ class LargeRun {
     void turn(const Observed& seen, double reached);
     double observed(const Observed& seen, int k, const Hermite& w, const Summary* whole = nullptr) const;
     Hermite hermite(double s) const;
+    double outer(size_t k, double s) const;
+    void turn_among_knots(const Observed& seen, int k, double reached);
     double between(size_t i, const Hermite& w) const { return w.a * T_[i] + w.b * T1_[i] + w.c * G_[i] + w.d * G1_[i]; }
     void fail(int status);
     void polled();

@@ -136,13 +136,19 @@ double LargeRun::first_step() {
 // Cubic Hermite over the step: weights of the temperatures and rates at its ends.
 Hermite LargeRun::hermite(double s) const {
     const double x = s / h_, y = 1.0 - x, bend = x * y * (y - x);
-    return {y + bend, x - bend, x * y * y * h_, -x * x * y * h_};
+    return {y + bend, x - bend, x * y * y * h_, -x * x * y * h_, s};
 }
 
-// Temperature, or from n on level, of a node at the weights of a time.
+// Temperature of a boundary at a time since the step's start, as the step has it.
+double LargeRun::outer(size_t k, double s) const {
+    const int u = p_.boundary_input[k];
+    return p_.boundary_offset[k] + (u < 0 ? 0.0 : p_.inputs[u].sampled() ? in_[u].at(s) : p_.inputs[u].at(t_ + s));
+}
+
+// Temperature, or from n on level, of a node at the weights of a time; from 2 n on of a boundary.
 double LargeRun::seen(size_t i, const Hermite& w) const {
     const size_t n = n_;
-    return i < n ? warm(i, between(i, w)) : between(i - n, w);
+    return i < n ? warm(i, between(i, w)) : i < 2 * n ? between(i - n, w) : outer(i - 2 * n, w.s);
 }
 
 // Of all nodes.
@@ -204,17 +210,26 @@ void LargeRun::turn(const Observed& seen, double reached) {
     bool known = false;
     for (int k = 0; k < seen.size(); ++k) {
         const int from = seen.indptr[k], to = seen.indptr[k + 1];
-        bool smooth = true;
-        for (int j = from; j < to; ++j) smooth = smooth && (p_.stored.empty() || (seen.indices[j] < n_ && p_.store[seen.indices[j]] < 0));
+        bool smooth = true, noisy = false;
+        for (int j = from; j < to; ++j) {
+            const int i = seen.indices[j], b = i - 2 * n_;
+            if (b < 0) smooth = smooth && (p_.stored.empty() || (i < n_ && p_.store[i] < 0));
+            else if (const int u = p_.boundary_input[b]; u >= 0) noisy = noisy || (p_.inputs[u].sampled() && !in_[u].exact);
+        }
+        if (noisy) {
+            turn_among_knots(seen, k, reached);
+            continue;
+        }
         if (seen.kind[k] == 0 && from < to && smooth) {
             double y0 = 0.0, y1 = 0.0, d0 = 0.0, d1 = 0.0;
             for (int j = from; j < to; ++j) {
                 const double w = seen.weights[j];
-                const int i = seen.indices[j];
-                y0 += w * T_[i];
-                y1 += w * T1_[i];
-                d0 += w * h_ * G_[i];
-                d1 += w * h_ * G1_[i];
+                const int i = seen.indices[j], b = i - 2 * n_, u = b < 0 ? -1 : p_.boundary_input[b];
+                auto slope = [&](double s) { return u < 0 ? 0.0 : p_.inputs[u].sampled() ? in_[u].slope(s) : p_.inputs[u].slope(t_ + s); };
+                y0 += w * (b < 0 ? T_[i] : outer(b, 0.0));
+                y1 += w * (b < 0 ? T1_[i] : outer(b, h_));
+                d0 += w * h_ * (b < 0 ? G_[i] : slope(0.0));
+                d1 += w * h_ * (b < 0 ? G1_[i] : slope(h_));
             }
             const double c[] = {y0, d0, 3.0 * (y1 - y0) - 2.0 * d0 - d1, d0 + d1 - 2.0 * (y1 - y0), 0.0, 0.0};
             turnings_.see_polynomial(k, c, 1, t_, h_, reached, y1);
@@ -230,6 +245,25 @@ void LargeRun::turn(const Observed& seen, double reached) {
         known = known || from == to;
         turnings_.see(k, at[0], y[0]);
         for (int q = 2; q <= PARTS; q += 2) turnings_.see_three(k, at[q - 2], y[q - 2], at[q - 1], y[q - 1], at[q], y[q]);
+    }
+}
+
+// Of a sum with boundaries that are logs with noise: at every knot, and what the logs have there in place of what stands for them in the step.
+void LargeRun::turn_among_knots(const Observed& seen, int k, double reached) {
+    std::vector<double> times{t_, t_ + 0.5 * h_, reached};
+    for (int j = seen.indptr[k]; j < seen.indptr[k + 1]; ++j) {
+        const int b = seen.indices[j] - 2 * n_, u = b < 0 ? -1 : p_.boundary_input[b];
+        if (u >= 0 && p_.inputs[u].sampled()) p_.inputs[u].knots(t_, t_ + h_, times);
+    }
+    std::sort(times.begin(), times.end());
+    for (double t : times) {
+        double sum = 0.0;
+        for (int j = seen.indptr[k]; j < seen.indptr[k + 1]; ++j) {
+            const int i = seen.indices[j], b = i - 2 * n_, u = b < 0 ? -1 : p_.boundary_input[b];
+            const bool logged = u >= 0 && p_.inputs[u].sampled() && !in_[u].exact;
+            sum += seen.weights[j] * (logged ? p_.boundary_offset[b] + p_.inputs[u].at(t) : this->seen(i, hermite(t - t_)));
+        }
+        turnings_.see(k, t, sum);
     }
 }
 

@@ -48,6 +48,14 @@ class Dual:
 
     __radd__ = __add__
 
+    def __le__(self, other: Number) -> Any:
+        """Whether its value is as small: of two numbers numpy takes the smaller one, with its derivatives."""
+        return self.value <= value_of(other)
+
+    def __ge__(self, other: Number) -> Any:
+        """Whether its value is as large."""
+        return self.value >= value_of(other)
+
     def __neg__(self) -> Dual:
         """Negative."""
         return Dual(-self.value, -self.gradient)

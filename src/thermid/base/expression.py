@@ -18,13 +18,13 @@ import re
 from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass, field
 from fractions import Fraction
-from functools import lru_cache
+from functools import lru_cache, reduce
 from typing import Any, Final
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from thermid.base.dual import Dual, real_power, value_of
+from thermid.base.dual import Dual, real_power
 from thermid.base.errors import ExpressionError, ThermidError, UnitError, cap, raising
 from thermid.base.units import (
     DIMENSIONLESS,
@@ -225,23 +225,18 @@ def _exponential(x: Any) -> Any:
     return math.exp(x) if isinstance(x, float) else np.exp(x)
 
 
-def _chosen(smaller: bool, first: Any, *others: Any) -> Any:
+def _chosen(choose: Callable[[Any, Any], Any], *values: Any) -> Any:
     """Return the smallest or largest of several; its derivative is that of the one chosen."""
-    best = first
-    for other in others:
-        if type(best) is Dual or type(other) is Dual:
-            best = other if (value_of(other) < value_of(best)) is smaller and value_of(other) != value_of(best) else best
-        else:
-            best = np.minimum(best, other) if smaller else np.maximum(best, other)
+    best = reduce(choose, values)
     return float(best) if isinstance(best, np.floating) else best
 
 
 FUNCTIONS: dict[str, Callable[..., Any]] = {
     "sqrt": lambda x: _power(x, 0.5),
     "exp": _exponential,
-    "abs": lambda x: _chosen(False, x, -x),
-    "min": lambda *x: _chosen(True, *x),
-    "max": lambda *x: _chosen(False, *x),
+    "abs": lambda x: _chosen(np.maximum, x, -x),
+    "min": lambda *x: _chosen(np.minimum, *x),
+    "max": lambda *x: _chosen(np.maximum, *x),
 }
 """Functions of an expression; the last two take several values."""
 SEVERAL = ("min", "max")
@@ -594,11 +589,11 @@ def si_value(given: Any, slot: str) -> float | None:
 
     Raises
     ------
-    UnitError   As `si_values`, or when there are several numbers.
+    UnitError   As `si_values`, or when there are several numbers or it is not a number (nan), such as the mean of an empty series.
     """
     value = si_values(given, slot)
-    if value is not None and np.size(value) != 1:
-        raise UnitError(f"one number is needed, not {np.size(value)}.")
+    if value is not None and (np.size(value) != 1 or np.isnan(value).any()):
+        raise UnitError(f"one number is needed, not {np.size(value) if np.size(value) != 1 else 'nan'}.")
     return None if value is None else float(np.ravel(value)[0])
 
 

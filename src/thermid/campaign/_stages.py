@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import os
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from functools import cached_property
 from pathlib import Path
@@ -38,6 +38,7 @@ from thermid.fit.problem import LocalSpec, Reading, Request, digest, freed, ingr
 from thermid.inference.criticism import Mistakes
 from thermid.measure.amounts import duration_text, short
 from thermid.measure.records import Record
+from thermid.model.identity import definition_of, instances
 from thermid.model.laws import literal
 from thermid.model.parameters import Standing, worst
 from thermid.model.tree import Model, ParameterSet, parameter_table
@@ -87,7 +88,13 @@ def request_of(source: CampaignSource, stage: StageTable, k: int, done: Mapping[
         search=stage.search,
         window=literal(stage.window, "s", where),
         name=stage.name,
-        remarks=(*remarks, *hidden, *moving_together(store, prior, shared), *counted_twice(store, prior, records)),
+        remarks=(
+            *remarks,
+            *hidden,
+            *moving_together(store, prior, shared),
+            *counted_twice(store, prior, records),
+            *not_inherited(source, model, stage, {*free, *(p for s in store.parameters.values() for p in s.paths)}, done, shared),
+        ),
         seen=store.seen,
         readings=readings_of(stage.readings),
         adequate=literal(stage.adequate, "K", f"{where}.adequate") if stage.adequate else 0.0,
@@ -212,6 +219,30 @@ def moving_together(store: Store, prior: Sequence[str], shared: Mapping[str, tup
     fixed = [p for p, s in store.parameters.items() if p not in prior and moving & {*s.acts}]
     words = "inherited as fixed, but one value with twins that are inherited as priors, so they move together. Untie them to fix them"
     return [f"{FIRST}{quoted(fixed)} {'is' if len(fixed) == 1 else 'are'} {words}."] if fixed else []
+
+
+def not_inherited(
+    source: CampaignSource,
+    model: Model,
+    stage: StageTable,
+    paths: Iterable[str],
+    done: Mapping[str, Calibration],
+    shared: Mapping[str, Sequence[str]],
+) -> Iterator[str]:
+    """Yield a remark for every stage whose deck is a part of this model that keeps the deck's values, because nothing inherits them.
+
+    Parameters
+    ----------
+    paths : iterable    What the stage frees or inherits.
+    shared : dict       As in `moving_together`.
+    """
+    reached = {q for p in paths for q in shared.get(p, (p,))}
+    for earlier in (e for e in source.content.stages if e.name in done and e.model != stage.model):
+        deck = definition_of(source.model(earlier.model, earlier.name))
+        fitted = {p for p, s in done[earlier.name].store.parameters.items() if s.origin.stage == earlier.name}
+        parts = [f"'{at[:-1]}'" for at, definition in instances(model) if definition == deck and not {at + p for p in fitted} <= reached]
+        if parts:
+            yield f"{FIRST}what stage '{earlier.name}' fitted is not inherited at {', '.join(parts)}: the values of the deck stay there."
 
 
 def counted_twice(store: Store, prior: Sequence[str], records: Sequence[Record]) -> list[str]:

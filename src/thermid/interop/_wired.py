@@ -218,6 +218,7 @@ def wired(model: Model, scenario: Scenario, what: str | Writer) -> Wired:
         _courses(wiring),
     )
     _refuse_bent_courses(out, writer)
+    _refuse_other_formulas(out, wiring, writer)
     return out
 
 
@@ -308,6 +309,21 @@ def _refuse_bent_courses(w: Wired, writer: Writer) -> None:
                 f"written to {writer.name}. Give the schedule as steps: hold = true.",
                 w.scenario.title,
             )
+
+
+def _refuse_other_formulas(w: Wired, wiring: Wiring, writer: Writer) -> None:
+    """Refuse a coefficient whose formula is another one at a value that its parameter has later: only the first one is written."""
+    for time in (0.0, *w.breaks()) if w.courses else ():
+        numbers = w.network.numbers({path: float(course.at(np.array([time]))[0]) for path, course in w.courses.items()})
+        now = named_rows(row for row in wiring.flowing(numbers, {}).conductors if row.ends[0] != row.ends[1])
+        for (name, row), (_, then) in zip(w.conductors, now, strict=True):
+            pairs: list[tuple[Any, Any]] = list(zip(row.coefficients, then.coefficients, strict=True))
+            if any(isinstance(f, Formula) and abs(f.at(numbers.values) - value_of(c)) > 1e-9 * abs(value_of(c)) for f, c in pairs):
+                raise ScenarioError(
+                    f"'{name}' has another formula at {time:g} s, where '{next(iter(w.courses))}' has changed, which is not written to "
+                    f"{writer.name}. Export one run for each value.",
+                    w.scenario.title,
+                )
 
 
 def named_rows(rows: Iterable[ConductorRow]) -> tuple[tuple[str, ConductorRow], ...]:
@@ -494,6 +510,13 @@ class Formula:
         if name in _COMPUTE:
             return _made(name, *several)
         return NotImplemented
+
+    def at(self, values: Mapping[str, Any]) -> float:
+        """Return its number at other values of its names. [SI]"""
+        if not self.parts or self.operator == "name":
+            return value_of(values[self.parts[0]]) if self.parts else self.value
+        compute: Any = FUNCTIONS.get(self.operator) or _COMPUTE.get(self.operator, operator.neg)
+        return float(compute(*(part.at(values) for part in self.parts)))
 
     def paths(self) -> set[str]:
         """Return the names it holds."""

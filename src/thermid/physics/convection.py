@@ -4,8 +4,9 @@ from __future__ import annotations
 
 import math
 
-from thermid.base.dual import value_of
-from thermid.physics._number import Number
+import numpy as np
+
+from thermid.physics._number import Number, plain
 
 SMOOTHING = 0.01
 """Temperature difference below which a power law is rounded off. [K]"""
@@ -156,20 +157,15 @@ def duct_nusselt(reynolds: Number, prandtl: Number, slenderness: Number, develop
 
     def laminar(re: Number) -> Number:
         entrance = 1.615 * (re * prandtl * slenderness) ** (1.0 / 3.0)
-        if value_of(entrance) <= 0.7:
-            return (developed**3 + 0.7**3) ** (1.0 / 3.0)
-        return (developed**3 + 0.7**3 + (entrance - 0.7) ** 3) ** (1.0 / 3.0)
+        return (developed**3 + 0.7**3 + np.maximum(entrance - 0.7, 0.0) ** 3) ** (1.0 / 3.0)
 
     def turbulent(re: Number) -> Number:
         gas = 0.0214 * (re**0.8 - 100.0) if prandtl <= 1.5 else 0.012 * (re**0.87 - 280.0)
         return gas * prandtl**0.4 * (1.0 + slenderness ** (2.0 / 3.0))
 
-    if value_of(reynolds) <= LAMINAR:
-        return laminar(reynolds)
-    if value_of(reynolds) >= TURBULENT:
-        return turbulent(reynolds)
-    share = (reynolds - LAMINAR) / (TURBULENT - LAMINAR)
-    return (1.0 - share) * laminar(LAMINAR) + share * turbulent(TURBULENT)
+    # one formula for all three, which written models hold too; each part stays within its own range
+    share = np.minimum(np.maximum((reynolds - LAMINAR) / (TURBULENT - LAMINAR), 0.0), 1.0)
+    return plain((1.0 - share) * laminar(np.minimum(reynolds, LAMINAR)) + share * turbulent(np.maximum(reynolds, TURBULENT)))
 
 
 def fin_efficiency(length_parameter: Number) -> Number:

@@ -20,7 +20,7 @@ from thermid.model.deck import load_model, save_model
 from thermid.model.tree import Model
 from thermid.prediction.reduction import Reduction, assumed, reduce
 from thermid.simulation.runs import Solution, digest, network_for, simulate
-from thermid.simulation.scenarios import Scenario, load_scenario
+from thermid.simulation.scenario_files import Scenario, load_scenario
 from thermid.values.fitted import FittedValues
 
 MAX_DIFFERENCE = 1e-6

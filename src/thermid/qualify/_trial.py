@@ -46,7 +46,7 @@ from thermid.qualify._profiles.profile import ThermalProfile
 from thermid.qualify._profiles.standards import profile_from
 from thermid.qualify._steadiness.stabilisation import Stability, stability
 from thermid.simulation.runs import Solution
-from thermid.simulation.scenarios import Scenario, load_scenario
+from thermid.simulation.scenario_files import Scenario, load_scenario
 
 if TYPE_CHECKING:
     from thermid.qualify._plan_schema import TestTable, ValidityTable

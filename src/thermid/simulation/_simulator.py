@@ -58,9 +58,8 @@ def output_times(scenario: Scenario, every: str | float | None, times: Any) -> A
         if (
             wanted.ndim != 1
             or wanted.size == 0
-            or (np.diff(wanted) <= 0).any()
-            or wanted[0] < 0
-            or wanted[-1] > scenario.seconds * (1 + 1e-12)
+            or not (np.diff(wanted) > 0).all()
+            or not 0 <= wanted[0] <= wanted[-1] <= scenario.seconds * (1 + 1e-12)
         ):
             raise ScenarioError("output times must increase and lie within the duration.", scenario.title)
         return wanted
@@ -329,6 +328,8 @@ class Simulator:
             return given
         with errors_at(f"{self.title}, {name}"):
             value = si_values(given, slot)
+            if value is not None and np.isnan(value).any():  # that would stand for a steady start
+                raise ScenarioError("nan is not a value.")
         return given if value is None else value
 
 

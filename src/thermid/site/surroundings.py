@@ -10,7 +10,7 @@ from thermid.base.toml_files import resolve_inside
 from thermid.base.units import TEMPERATURE
 from thermid.model.laws import Constant, literal
 from thermid.simulation.network import Environment
-from thermid.simulation.scenarios import LogColumns, Scenario
+from thermid.simulation.scenario_files import LogColumns, Scenario
 from thermid.site.ascent import ascent_scenario, read_trajectory
 from thermid.site.orbit import Planet, orbit_fluxes
 from thermid.site.pad import pad_scenario

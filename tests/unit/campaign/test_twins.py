@@ -100,6 +100,13 @@ def test_a_values_file_of_a_part_reaches_its_twins(tmp_path: Path) -> None:
     assert {f"p.c1.{G}", f"c2.{G}"} <= {p for one in known.placed for p in one.assignments}
 
 
+def test_a_part_that_nothing_inherits_is_named(tmp_path: Path) -> None:
+    """A stage that was fitted for nothing: the one above has its deck and no table `inherit`."""
+    pack = stage_table("pack", PACK, OWN["pack"])
+    found = campaign(tmp_path, stage_table("cell", NEAR, [G]), pack, parts=(NEAR, replace(PACK, parts={"c1": NEAR})))
+    assert any({"'cell'", "'c1'"} <= {*x.replace(":", "").split()} for x in first_lines(found["pack"]) if x.strip().startswith("check:"))
+
+
 def test_a_twin_that_the_deck_above_sets_keeps_that_and_is_named(tmp_path: Path) -> None:
     rack = replace(RACK, sets={f"c2.{G}": "0.22 [W/K]"})
     fit = campaign(tmp_path, *stages_of("fixed"), parts=(CELL, PACK, rack))["rack"]

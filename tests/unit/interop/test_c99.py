@@ -59,6 +59,11 @@ def with_loads(**loads: dict[str, Any]) -> td.Model:
     return td.model_from_dict(plate(loads=loads))
 
 
+BLOWN = {"kind": "duct", "width": "5 [mm]", "height": "40 [mm]", "length": "10 [cm]", "between": ["lid", "air"], "volume_flow": "1 [m^3/h]"}
+"""Laminar from 1.9 m^3/h on down, turbulent from 3.3 m^3/h on up."""
+SLOWS = {"times": ["0 [s]", "0.5 [h]", "1 [h]"], "values": ["6 [m^3/h]", "3 [m^3/h]", "1 [m^3/h]"], "hold": True}
+
+
 MODELS: dict[str, tuple[Callable[[], td.Model], td.Scenario]] = {
     "linear": (lambda: td.model_from_dict(plate()), LINEAR),
     "radiation": (lambda: with_rows(glow=GLOW), LINEAR),
@@ -72,6 +77,7 @@ MODELS: dict[str, tuple[Callable[[], td.Model], td.Scenario]] = {
     ),
     "schedule": (lambda: td.model_from_dict(plate()), STILL.with_(schedule={"skin.htc": STEPS})),
     "schedule of lines": (lambda: td.model_from_dict(plate()), STILL.with_(schedule={"skin.htc": RAMP})),
+    "schedule through three flows": (lambda: with_rows(slot=BLOWN), STILL.with_(schedule={"slot.volume_flow": SLOWS})),
     "massless": (hot_box, SIGNALS),
     "massless and radiation": (
         lambda: hot_box(bent={"kind": "radiation", "between": ["glue", "wall"], "emissivity": 0.5, "area": "0.1 [m^2]"}),
@@ -263,6 +269,11 @@ CONTROLLED = plate(
                 }
             },
             "'skin' follows",
+        ),
+        (
+            {**plate(), "conductors": {**plate()["conductors"], "slot": BLOWN}},
+            {"schedule": {"slot.volume_flow": {**STEPS, "values": ["6 [m^3/h]", "0 [m^3/h]"]}}},
+            "'slot' has another formula at 3600 s, where 'slot.volume_flow' has changed, which is not written to C",
         ),
     ],
 )

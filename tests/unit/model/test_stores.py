@@ -226,6 +226,15 @@ def test_tables_that_cannot_be(node: dict[str, Any], message: str) -> None:
     assert message in str(caught.value)
 
 
+def test_specific_heats_many_decades_apart_are_refused() -> None:
+    """Two points of one enthalpy, once the pieces are divided, were an error of the kernel."""
+    node = {"mass": "80 [g]", "specific_heat": {"points": [["0 [degC]", "5e-12 [J/(kg K)]"], ["80 [degC]", "900 [J/(kg K)]"]]}}
+    links = {"strap": {"kind": "conduction", "between": ["body", "air"], "conductance": "1 [W/K]"}}
+    model = td.model_from_dict({"title": "lump", "needs": ["air"], "nodes": {"body": node}, "conductors": links})
+    with pytest.raises(DeckError, match="decades"):
+        td.simulate(model, td.Scenario("bench", boundaries={"air": "20 [degC]"}, start="30 [degC]", duration=60.0))
+
+
 def test_what_cannot_take_such_a_model_says_so() -> None:
     model = block({"specific_heat": {"points": HEAT}}, emissivity=0)
     with pytest.raises(ScenarioError, match="the modal solution is not possible:"):

@@ -157,3 +157,9 @@ def test_names_that_say_volts_and_amperes_and_a_heat_sink(tmp_path):
     assert 'power = { volts = "Volts", amperes = "Supply current" }' in seen.campaign()
     record = td.read_record(path, {"P": {"load": "heater", "power": {"volts": "Volts", "amperes": "Supply current"}}})
     assert record["P"].values[1] == pytest.approx(11.8 * 2.2)
+
+
+def test_look_proposes_no_noise_of_a_computed_course(tmp_path: Path) -> None:
+    path = tmp_path / "run.csv"
+    path.write_text("time_s,case [degC]\n" + "".join(f"{10 * k},{20.0 + 0.1 * k!r}\n" for k in range(20)))
+    assert "noise" not in td.look(path).campaign()

@@ -53,7 +53,7 @@ from thermid.reporting.diagrams import diagram as drawn, network_map
 from thermid.reporting.objects import comparison_object, solution_object
 from thermid.simulation import runs as transient
 from thermid.simulation.runs import margin_lines, margins, output_times, steady
-from thermid.simulation.scenarios import load_scenario
+from thermid.simulation.scenario_files import load_scenario
 from thermid.simulation.solver import Options
 from thermid.values.store import model_standing
 
@@ -82,7 +82,7 @@ def check(
     shown = findings if campaign or verbose else findings[:FIRST]
     lines = [f"{f}{f' [{f.code}]' if verbose and f.code else ''}" for f in shown]
     lines += [f"{stage}: inputs\n{table.indented}" for stage, table in inputs.items()]
-    lines.append(f"{deck.name}: {count['error']} errors, {count['warning']} warnings, {count['note']} notes")
+    lines.append(f"{deck.name}: " + ", ".join(f"{n} {severity}{'s' * (n != 1)}" for severity, n in count.items()))
     lines += [f"{len(findings) - len(shown)} more: -v"] if len(shown) < len(findings) else []
     content = {
         **({} if first is None else {"status": "error", "code": first.code, "message": first.message, "where": first.where}),

@@ -60,7 +60,7 @@ from thermid.reporting.objects import calibration_object, campaign_object, campa
 from thermid.reporting.pages import check_audience, tables_folder
 from thermid.reporting.pictures import picture
 from thermid.simulation.runs import Workers
-from thermid.simulation.scenarios import load_scenario
+from thermid.simulation.scenario_files import load_scenario
 
 Kept = Annotated[Path | None, typer.Option("--to", help="Folder for the values files; 'results' beside the campaign by default.")]
 Fresh = Annotated[bool, typer.Option("--fresh", help="Run every stage, also those whose model, logs and request are unchanged.")]

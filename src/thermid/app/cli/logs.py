@@ -20,7 +20,7 @@ from thermid.physics.constants import ICE_POINT
 from thermid.qualify.steadiness import Forecast, forecast, stability
 from thermid.reporting import pictures as picture
 from thermid.simulation.runs import simulate
-from thermid.simulation.scenarios import load_scenario
+from thermid.simulation.scenario_files import load_scenario
 
 
 def look(

@@ -26,7 +26,7 @@ from thermid.prediction.bands import Filed, filed
 from thermid.reporting.objects import SCHEMA, clean
 from thermid.reporting.pages import check_page, page_to_pdf
 from thermid.simulation.runs import Workers
-from thermid.simulation.scenarios import Scenario, load_scenario
+from thermid.simulation.scenario_files import Scenario, load_scenario
 
 Deck = Annotated[Path, typer.Argument(help="A deck (TOML).")]
 CampaignPath = Annotated[Path, typer.Argument(help="A campaign (TOML).")]

@@ -42,7 +42,7 @@ from thermid.qualify.profiles import ThermalProfile, load_profile, profile_names
 from thermid.reporting import pictures as trust
 from thermid.reporting.objects import clean
 from thermid.reporting.pages import correlation_report, qualification_report
-from thermid.simulation.scenarios import load_scenario
+from thermid.simulation.scenario_files import load_scenario
 from thermid.values.store import model_standing
 
 PlanPath = Annotated[Path, typer.Argument(help="A qualification plan (TOML).")]

@@ -250,10 +250,11 @@ def store(name: str, given: Curve, supercooling: Supercooling | None = None) -> 
         )
     x, y, d = _extended(x, y, d, replace(given, outside="hold") if name == "enthalpy" else given)
     y, d = COLDEST + (y - y[0]) / reference, d / reference
+    rise = Curve("temperature", x, y, d)
+    if (np.diff(y) > 0.0).all():
+        x, y, d = _divided(x, y, d)
     if not (np.diff(y) > 0.0).all():
         raise DeckError("the specific heats of the table lie too many decades apart to be integrated. Correct the table.")
-    rise = Curve("temperature", x, y, d)
-    x, y, d = _divided(x, y, d)
     return HeatStore(reference, given, rise, _inverse(given, x, y, 1.0 / d))
 
 

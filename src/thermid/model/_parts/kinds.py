@@ -9,7 +9,9 @@ import math
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, replace
 from itertools import pairwise
-from typing import Final
+from typing import Any, Final
+
+import numpy as np
 
 from thermid.base.dual import Number, value_of
 from thermid.base.errors import DeckError
@@ -185,10 +187,9 @@ def _heat_sink(f: Fields) -> Law:
     return _in_duct(f, base, fins, slope, 2.0 * width * height / (width + height), section, _rectangle(width, height))
 
 
-def _rectangle(width: Number, height: Number) -> Number:
+def _rectangle(width: Any, height: Any) -> Number:
     """Return the laminar Nusselt number of a channel."""
-    flat = value_of(width) < value_of(height)
-    found: Number = convection.rectangle_nusselt(width / height if flat else height / width)
+    found: Number = convection.rectangle_nusselt(np.minimum(width, height) / np.maximum(width, height))
     return found
 
 

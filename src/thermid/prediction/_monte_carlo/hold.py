@@ -30,7 +30,7 @@ from thermid.prediction._monte_carlo.drivers import Driver, drivers_of
 from thermid.prediction._monte_carlo.uncertain import Progress, UncertainRuns, kept_chunks, plan_runs, uncertain_runs
 from thermid.prediction._reduction.macro import macro_model
 from thermid.simulation.runs import Workers
-from thermid.simulation.scenarios import Scenario, load_scenario
+from thermid.simulation.scenario_files import Scenario, load_scenario
 from thermid.simulation.solver import MemberTurnings
 from thermid.values.fitted import FittedValues
 from thermid.values.store import LeftOut

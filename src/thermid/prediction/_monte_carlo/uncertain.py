@@ -28,7 +28,7 @@ from thermid.prediction._reduction.macro import assumed
 from thermid.prediction._setting import Setting
 from thermid.simulation.network import compile_network
 from thermid.simulation.runs import Workers, output_times
-from thermid.simulation.scenarios import SLOTS, Scenario
+from thermid.simulation.scenarios import Scenario
 from thermid.simulation.solver import MemberTurnings, Options
 from thermid.values.fitted import FittedValues
 from thermid.values.store import Choice, LeftOut, Source, model_standing
@@ -64,8 +64,7 @@ def starts(spec: Any, scenario: Scenario) -> tuple[list[float], tuple[str, ...],
         raise ScenarioError("start times must increase from zero or later, in at most 1000 steps.", where)
     times = np.arange(low, high + 1e-9 * step, step).tolist()
     stays = tuple(spec.get("stays", ()))
-    known = {name for place, _ in scenario.signals() for name in (place.partition(".")[2], place.split(".")[1])} | set(SLOTS)
-    refuse_unknown(stays, known, f"{where}, stays", "the scenario has no changing input '{}'.", ScenarioError)
+    refuse_unknown(stays, scenario.names(), f"{where}, stays", "the scenario has no changing input '{}'.", ScenarioError)
     still = [k for k, s in scenario.commands.items() if s.cycle != 0.0] + [n for n in stays if n not in scenario.commands]
     said = (f"the start moves all that changes in time but {', '.join(still)}, which count{'s' * (len(still) == 1)} from it",)
     return times, stays, said if still and len(times) > 1 else ()

@@ -203,7 +203,11 @@ class Look(Result):
         target = re.sub(r"\W+", "_", c.name).strip("_") or "node"
         role = {"temperature": "node", "boundary": "boundary"}.get(c.guess, "load")
         said = f', unit = "{c.unit}"' if c.assumed else ""
-        if role == "node" and c.good.any() and (noise := noise_seen(Channel.of(c.name, in_si(c.values[c.good], c.unit), unit="K"))) > 0.0:
+        if (
+            role == "node"
+            and c.good.any()
+            and (noise := round(noise_seen(Channel.of(c.name, in_si(c.values[c.good], c.unit), unit="K")), 6))
+        ):
             said += f', noise = "{short(noise, 2)} [K]"'
         why = f"  # {c.why}{'; no unit in the log' if c.assumed else ''}"
         if c.guess == "duty":

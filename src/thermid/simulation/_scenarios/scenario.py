@@ -160,6 +160,10 @@ class Scenario:
         for surface, falling in self.irradiation.items():
             yield from ((f"irradiation.{surface}.{k}", v) for k, v in falling.signals().items())
 
+    def names(self) -> set[str]:
+        """Names by which `mapped` and `begun` leave something out: of whole tables, or of single signals."""
+        return {name for place, _ in self.signals() for name in (place.partition(".")[2], place.split(".")[1])} | {*SLOTS}
+
     def mapped(self, law: Callable[[Signal], Signal], but: Collection[str] = ()) -> Scenario:
         """Return the scenario with what a law makes of each signal, but for some: of whole tables (``commands``) or single names."""
 

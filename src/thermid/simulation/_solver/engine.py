@@ -22,7 +22,7 @@ from thermid.physics.constants import ICE_POINT
 from thermid.simulation._network.controls import PHASE, state_of
 from thermid.simulation._network.network import held_in, unreached
 from thermid.simulation._scenarios.scenario import MEAN, STEADY
-from thermid.simulation._solver.large import METHODS as LARGE_METHODS, integrate_model, refusal, settle_model
+from thermid.simulation._solver.large import METHODS as LARGE_METHODS, Gone, integrate_model, refusal, settle_model
 from thermid.simulation._solver.problem import Answer, KernelProblem, Options, Traces, by_column, ints, unsettled
 from thermid.simulation._solver.wiring import Assembled, Wiring
 
@@ -357,7 +357,7 @@ class Engine(KernelProblem):
         if (runner := self.runner) is not None:
             return runner.run(self, a, times, nodes, end, gradients)
         if self._as_large(options, gradients):
-            return integrate_model(self, a, times, nodes, end, options, extremes)
+            return integrate_model(self, a, times, nodes, end, options, self._sums(a) if extremes else None)
         index = self._index()
         why = self.modal.refusal(options.method, times, end, gradients)
         if not why:
@@ -405,7 +405,7 @@ class Engine(KernelProblem):
         turnings = dict(zip((*nodes, *gone), by_column(raw.turnings, len(nodes) + len(gone)), strict=True)) if extremes else None
         return Answer(raw.traces, slopes, a.initial, raw.final, *energies, end, statistics, off, (), turnings)
 
-    def _sums(self, a: Assembled) -> tuple[tuple[str, ...], tuple[NDArray[np.int32], NDArray[np.int32], Array] | None]:
+    def _sums(self, a: Assembled) -> Gone:
         """Return the eliminated nodes, and each as a sum of temperatures of nodes and boundaries, in the kernel's form."""
         index = self._index()
         parts: dict[str, dict[int, float]] = {}

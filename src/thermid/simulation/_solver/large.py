@@ -7,7 +7,8 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
-from typing import Any, Final
+from itertools import pairwise
+from typing import Any, Final, TypeAlias
 
 import numpy as np
 
@@ -41,6 +42,8 @@ METHODS: Final[Mapping[str, int]] = {
 """Methods of large networks by the name that `Options.method` gives them."""
 NAMES: Final = {_kernel.LARGE_AUTO: "", _kernel.LARGE_RKC2: "RKC2", _kernel.LARGE_TRBDF2: "TR-BDF2 + CG"}
 KINDS: Final = {"mean": 0, "highest": 1, "lowest": 2}
+Gone: TypeAlias = tuple[tuple[str, ...], tuple[Ints, Ints, Array] | None]
+"""Eliminated nodes, and each as a sum of temperatures of nodes and boundaries, in the kernel's form: begins, places, weights."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -50,7 +53,8 @@ class Watched:
     Parameters
     ----------
     kind : str                  mean, highest or lowest.
-    nodes : array (nodes,)      Over which nodes; empty for all. Beyond their number: the level of one that stores heat by a table.
+    nodes : array (nodes,)      Over which nodes; empty for all. Beyond their number: the level of one that stores heat by a table; beyond
+                                twice their number: a boundary.
     weights : array (nodes,)    Of a mean; equal ones where empty. [-]
     """
 
@@ -275,15 +279,21 @@ def _conductors(table: Sequence[PlacedConductor], c: Array, follows: Sequence[in
 
 
 def integrate_model(
-    problem: KernelProblem, a: Assembled, times: Array, nodes: Sequence[str], end: float, options: Options, extremes: bool = False
+    problem: KernelProblem, a: Assembled, times: Array, nodes: Sequence[str], end: float, options: Options, gone: Gone | None = None
 ) -> Answer:
-    """Return what `Engine.integrate` does, by the integrator of large networks."""
+    """Return what `Engine.integrate` does, by the integrator of large networks; turning points where eliminated nodes are given."""
     network = sparse_of(problem, a)
     place, size = _places(problem, a), network.capacities.size
     held = np.array([n in a.reduced.stored for n in problem.nodes], dtype=bool)
     index = {name: int(place[k]) + (size if held[k] else 0) for k, name in enumerate(problem.nodes)}
     watched = [Watched("mean", np.array([index[n]], dtype=np.int32), np.ones(1)) for n in nodes]
     names = [n for n in problem.nodes if n not in a.reduced.stored]
+    lost, sums = gone or ((), None)
+    if sums is not None:
+        begin, parts, weights = sums
+        node = parts < place.size
+        parts = np.where(node, place[np.where(node, parts, 0)], parts - place.size + size + size).astype(np.int32)
+        watched += [Watched("mean", parts[i:j], weights[i:j]) for i, j in pairwise(begin.tolist())]
     initial = a.initial[~held]
     initial[place[held]] = a.initial[held]
 
@@ -291,13 +301,13 @@ def integrate_model(
         return problem.left(a, time, _levelled(problem, a, temperatures), NEAR)
 
     beyond = left if problem.refuses else None
-    raw = integrate(network, initial, end, times, watched, np.zeros(0), options, problem.title, names.__getitem__, extremes, beyond)
+    raw = integrate(network, initial, end, times, watched, np.zeros(0), options, problem.title, names.__getitem__, gone is not None, beyond)
     slopes = np.zeros((times.size, len(nodes), 0))
     energies = (raw.load_energy, raw.boundary_energy, np.zeros(0))
     on = np.zeros(len(problem.control_names), dtype=np.int32)
-    turnings = dict(zip(nodes, raw.turnings, strict=True)) if raw.turnings is not None else None
+    turnings = dict(zip((*nodes, *lost), raw.turnings, strict=True)) if raw.turnings is not None else None
     return Answer(
-        raw.watched,
+        raw.watched[:, : len(nodes)],
         slopes,
         a.initial,
         np.where(held, raw.levels[place], raw.final[place]),
