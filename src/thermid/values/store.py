@@ -9,6 +9,7 @@ import hashlib
 import math
 from collections.abc import Callable, Collection, Iterable, Mapping, Sequence
 from dataclasses import dataclass, field, fields, replace
+from functools import cached_property
 from typing import Any, Literal, Protocol
 
 import numpy as np
@@ -831,12 +832,51 @@ def _under(path: str, part: str) -> str:
     return f"{part}.{path}" if part else path
 
 
+@dataclass(frozen=True, eq=False)
+class LaterTable:
+    """A table of a fit's provenance that is made when somebody asks for it.
+
+    Parameters
+    ----------
+    make : callable     Returns the table.
+    at : str            What its paths begin with in the model above; see `error_table_of`.
+    """
+
+    make: Callable[[], Mapping[str, Any]]
+    at: str = ""
+
+    @cached_property
+    def table(self) -> Mapping[str, Any]:
+        """The table itself."""
+        return {**self.make(), "at": self.at}
+
+    def under(self, ahead: str) -> LaterTable:
+        """Return it with its places by their paths in the model above."""
+        return LaterTable(self.original, f"{ahead}{self.at}")
+
+    def original(self) -> Mapping[str, Any]:
+        """Return the table, made once for all places."""
+        return self.table
+
+
+def error_table_of(known: Mapping[str, Any]) -> Mapping[str, Any] | None:
+    """Return what the provenance of a stage keeps of its model of error; None where it keeps nothing."""
+    kept = known.get("errors")
+    return kept.table if isinstance(kept, LaterTable) else kept
+
+
+def errors_under(kept: Any, ahead: str) -> Any:
+    """Return what a fit keeps of its model of error, its places by their paths in the model above; `ahead` as in `structural_under`."""
+    return kept.under(ahead) if isinstance(kept, LaterTable) else {**kept, "at": f"{ahead}{kept['at']}"}
+
+
 def _provenance(known: Mapping[str, Any], part: str) -> Mapping[str, Any]:
     """Return what is known of a fit, its places by their paths in the model above."""
     moved = {n: {_under(p, part): x for p, x in known[n].items()} for n in ("conditions", "misfit") if n in known}
     structural = {"structural": structural_under(known["structural"], f"{part}.")} if part and "structural" in known else {}
     regimes = {"regimes": regimes_under(known["regimes"], f"{part}.")} if part and "regimes" in known else {}
-    return {**known, **moved, **structural, **regimes}
+    errors = {"errors": errors_under(known["errors"], f"{part}.")} if part and "errors" in known else {}
+    return {**known, **moved, **structural, **regimes, **errors}
 
 
 def _told(known: Mapping[str, Any], gone: Collection[str], absent: Collection[str]) -> Mapping[str, Any]:

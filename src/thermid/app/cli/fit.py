@@ -47,7 +47,7 @@ from thermid.campaign.studies import plan_retune
 from thermid.fit.calibration import Calibration
 from thermid.fit.estimation import estimated
 from thermid.fit.problem import LocalSpec
-from thermid.inference.error_model import SIZES
+from thermid.fit.error_model import SIZES
 from thermid.model.laws import literal
 from thermid.prediction import bands as prediction
 from thermid.prediction.bands import predict_record

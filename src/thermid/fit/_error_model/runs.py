@@ -9,9 +9,8 @@ from typing import Any
 import numpy as np
 
 from thermid.base.linear_algebra import Array
-from thermid.fit.discrepancy import OperatingPoint
-from thermid.fit.problem import Influence, Problem, Unknown
-from thermid.inference._error_model.elements import (
+from thermid.fit._discrepancy.discrepancy import OperatingPoint
+from thermid.fit._error_model.elements import (
     DepartureHeat,
     ElementCourse,
     ElementLaw,
@@ -23,8 +22,9 @@ from thermid.inference._error_model.elements import (
     places,
     room_heats,
 )
-from thermid.inference._error_model.gaussian import Wander, WhiteRows, features, innovations, pivots
-from thermid.inference._error_model.sizes import ASIDE, COLUMNS, EVERY, HEATED, LEFT_OVER, LENGTHS, READINGS, ROOM_TIME
+from thermid.fit._error_model.gaussian import Wander, WhiteRows, features, innovations, pivots
+from thermid.fit._error_model.sizes import ALL_COLUMNS, ASIDE, COLUMNS, EVERY, HEATED, LEFT_OVER, LENGTHS, READINGS, ROOM_TIME
+from thermid.fit._problem.residuals import Influence, Problem, Unknown
 from thermid.model.laws import TableSignal
 from thermid.model.tree import FlatConductor
 from thermid.simulation.network import Network
@@ -68,14 +68,16 @@ class Smooth:
     thinned: bool
 
     @classmethod
-    def of(cls, c: FlatConductor, at: OperatingPoint, kind: str, courses: Sequence[ElementCourse], thinned: bool) -> Smooth:
-        """Return the smooth departure of a conductor over the runs of a fit."""
+    def of(
+        cls, c: FlatConductor, at: OperatingPoint, kind: str, courses: Sequence[ElementCourse], thinned: bool, columns: int = COLUMNS
+    ) -> Smooth:
+        """Return the smooth departure of a conductor over the runs of a fit, in so many features at most."""
         runs = [r for r in courses if c.path in r.flows]
         most = max(float(np.abs(r.flows[c.path]).max()) for r in runs)
         every = np.concatenate([places(r, c, at)[np.abs(r.flows[c.path]) > HEATED * most][::EVERY] for r in runs])
         aside = np.array(ASIDE) * np.array(LENGTHS)
         wide = np.concatenate([every + aside * (i, j) for i in (-1, 0, 1) for j in (-1, 0, 1)])
-        found = pivots(wide, np.array(LENGTHS), LEFT_OVER, COLUMNS)
+        found = pivots(wide, np.array(LENGTHS), LEFT_OVER, columns)
         heat = np.concatenate([np.abs(r.flows[c.path]) for r in runs])
         where = np.concatenate([places(r, c, at) for r in runs])
         return cls(at, kind, found, heat @ features(where, found, np.array(LENGTHS)) / heat.sum(), thinned)
@@ -128,7 +130,7 @@ class Departures:
                 add(f"departure {k}", own.kind, 1.0, heat * column)
         for node in course.stores:
             for time in self.hidden:
-                name = f"mass behind {node} ({time:.3g} s)"
+                name = f"mass ({time:.3g} s) of {node}"
                 out.append((UnknownColumn(name, "hidden", 1.0, node), hidden_mass(name, course, node, time)))
         return out
 
@@ -169,9 +171,10 @@ def departures_of(
     every: dict[str, FlatConductor] = {}
     for course in courses:
         every |= conductors_of(network, course)
-    return Departures(
-        {p: Smooth.of(c, points[p], class_of(c, network), courses, thinned(network, c)) for p, c in every.items() if p in points}, hidden
-    )
+    several = {p: c for p, c in every.items() if p in points}
+    columns = min(COLUMNS, ALL_COLUMNS // max(len(several), 1))
+    smooth = {p: Smooth.of(c, points[p], class_of(c, network), courses, thinned(network, c), columns) for p, c in several.items()}
+    return Departures(smooth, hidden if len(hidden) * len(courses[0].stores) <= ALL_COLUMNS // 2 else hidden[-1:])
 
 
 def widened(problem: Problem, i: int, network: Network, scenario: Any, heats: Sequence[DepartureHeat]) -> Problem:

@@ -127,8 +127,9 @@ COUNTED: Final = 1e-3
 """Weight of a member beside the heaviest, below which it is left out. [-]"""
 LEAST_NOISE, USUAL_NOISE = 1e-3, 0.1
 """Scatter of neighbouring readings below which they show no noise, and what is then taken where nobody states any. [K]"""
-NODES_FOLLOWED: Final = 16
-"""Nodes up to which a fit has a model of error: the unknowns grow with the elements, and the cost with their cube."""
+ALL_COLUMNS: Final = 120
+"""Features of all departures of a model together, at most: the cost grows with their cube. What lies outside of them is independent from
+run to run."""
 KEPT_OF_PRIOR, REACHED, VALUES_DRAWN = 0.5, 0.01, 64
 """Part of what was known before that a value keeps where no reading determines it; share of all possible values that lead beyond what a
 network is said to reach, each side, and how many are drawn. [-]"""

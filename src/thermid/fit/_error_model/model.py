@@ -9,9 +9,8 @@ from typing import Any
 import numpy as np
 
 from thermid.base.linear_algebra import Array
-from thermid.fit.discrepancy import OperatingPoint
-from thermid.fit.problem import Experiment, Observation, Problem, Unknown, prior_rows
-from thermid.inference._error_model.elements import (
+from thermid.fit._discrepancy.discrepancy import OperatingPoint
+from thermid.fit._error_model.elements import (
     DepartureHeat,
     ElementCourse,
     ElementLaw,
@@ -22,31 +21,27 @@ from thermid.inference._error_model.elements import (
     with_heats,
     with_laws,
 )
-from thermid.inference._error_model.gaussian import Members, RunRows, Wander, members_of, weights_of
-from thermid.inference._error_model.runs import Departures, SensorRows, UnknownColumn, departures_of, white_rows, widened
-from thermid.inference._error_model.sizes import (
+from thermid.fit._error_model.gaussian import Members, RunRows, Wander, members_of, weights_of
+from thermid.fit._error_model.runs import Departures, SensorRows, UnknownColumn, departures_of, white_rows, widened
+from thermid.fit._error_model.sizes import (
     ARRIVED,
     FIRST_SETS,
-    KEPT_OF_PRIOR,
     LEAST_NOISE,
     LEFT_SIZES,
     LEFT_TIMES,
     LIKELY,
     NEWTON_STEPS,
-    REACHED,
     SETS,
     SHARES_OF_RUN,
     SIZES,
     UNBOUNDED,
     USUAL_LEFT,
     USUAL_NOISE,
-    VALUES_DRAWN,
 )
+from thermid.fit._problem.experiment import Experiment, Observation
+from thermid.fit._problem.residuals import Problem, Unknown, prior_rows
 from thermid.measure.records import noise_seen
-from thermid.model.tree import Model
 from thermid.simulation.network import Network
-from thermid.simulation.runs import prepare
-from thermid.simulation.scenarios import Scenario
 
 GROUPS = tuple(name for name in SIZES if name != "left")
 """Sizes that are drawn, in order."""
@@ -286,37 +281,9 @@ def points_of(problem: Problem, fitted: Array) -> dict[str, OperatingPoint]:
     return {p: at for p, c in every.items() if (at := point_of(courses, c)) is not None}
 
 
-def open_values(unknowns: Sequence[Unknown], deviations: Mapping[str, float]) -> list[str]:
-    """Return the values of a fit whose posterior is nearly as wide as what was known before, the widest first.
-
-    Parameters
-    ----------
-    deviations : dict   Value -> standard deviation that the readings leave it; fitted form.
-    """
-    left = {u.name: deviations[u.name] / _before(u)[1] for u in unknowns if u.kind == "parameter" and u.name in deviations}
-    return sorted((n for n, part in left.items() if part > KEPT_OF_PRIOR), key=lambda n: -left[n])
-
-
-def _before(u: Unknown) -> tuple[float, float]:
+def before(u: Unknown) -> tuple[float, float]:
     """Return mean and standard deviation of a value before any reading; fitted form."""
     if u.prior is not None:
         return u.prior.mean, u.prior.sd
     low, high = (float(x) for x in u.fitted_bounds())
     return (0.5 * (low + high) if np.isfinite(low + high) else u.to_fitted(u.start)), reach(u)
-
-
-def reachable(
-    model: Model, scenario: Scenario, unknowns: Sequence[Unknown], times: Array, nodes: Sequence[str]
-) -> dict[str, tuple[Array, Array]]:
-    """Return node -> temperatures (times,) below and above which 1 % of all values lead that some unknowns could have before. [K]"""
-    rng = np.random.default_rng(0)
-    draws: dict[str, Array] = {}
-    for u in unknowns:
-        mean, sd = _before(u)
-        low, high = u.fitted_bounds()
-        drawn = np.clip(mean + sd * rng.standard_normal(VALUES_DRAWN), low, high)
-        draws |= {n: np.array([u.to_value(float(x)) for x in drawn]) for n in (u.name, *u.also)}
-    ready = prepare(model, scenario, tuple(draws), times=times)
-    many = ready.ensemble(ready.with_units(draws), nodes=list(nodes))
-    ends = {n: np.nanquantile(many.temperatures(n), [REACHED, 1.0 - REACHED], axis=1) for n in nodes}
-    return {n: (low, high) for n, (low, high) in ends.items()}
