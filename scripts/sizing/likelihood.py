@@ -15,11 +15,11 @@ from unittest.mock import patch
 import numpy as np
 
 import thermid as td
-from thermid.inference._error_model import model as _model
-from thermid.inference._error_model.gaussian import RunRows, Wander, members_of
-from thermid.inference._error_model.model import GROUPS, RunsOfFit, deviations, reach
-from thermid.inference._error_model.runs import white_rows
-from thermid.inference._error_model.sizes import LEFT_TIMES, SIZES
+from thermid.fit._error_model import model as _model
+from thermid.fit._error_model.gaussian import RunRows, Wander, members_of
+from thermid.fit._error_model.model import GROUPS, RunsOfFit, deviations, reach
+from thermid.fit._error_model.runs import white_rows
+from thermid.fit._error_model.sizes import LEFT_TIMES, SIZES
 
 from .sets import Array, TestSet
 

@@ -11,6 +11,7 @@ from thermid.fit._error_model.kept import (
     KEY as KEY,
     ErrorModel as ErrorModel,
     KeptWay as KeptWay,
+    SeenValue as SeenValue,
     deviation as deviation,
 )
 from thermid.fit._error_model.records import (

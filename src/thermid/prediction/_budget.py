@@ -15,7 +15,7 @@ from thermid.base.errors import IdentificationError, NameNotFoundError, Scenario
 from thermid.base.linear_algebra import Array, quadratic_forms, symmetric_inverse
 from thermid.fit.calibration import Calibration
 from thermid.fit.discrepancy import MOST, Discrepancy, losing_gas
-from thermid.fit.error_model import ROOM, RUN, STRUCTURE, UNEXPLAINED, VALUES, ErrorModel, KeptWay
+from thermid.fit.error_model import ROOM, RUN, STRUCTURE, UNEXPLAINED, VALUES, ErrorModel, KeptWay, SeenValue
 from thermid.inference.criticism import asks
 from thermid.model.parameters import UNJUDGED, Standing
 from thermid.model.tree import Model, parameter_table
@@ -345,6 +345,7 @@ class Budget:
     alike : array                   Correlations of the sources, of their normal scores.
     targets : tuple of Target
     gain : array                    (targets, sources): by how much a target moves for a unit of a source.
+    loose : dict                    Value that hardly any reading determines -> what was known of it before.
     ways : tuple of BudgetWay       In which the heat of surfaces may be carried; none where no element departs.
     omitted : tuple of LeftOut      What is known to be left out before anything is run.
     remarks : tuple of str          What a reader must know.
@@ -360,6 +361,7 @@ class Budget:
     alike: Array
     targets: tuple[Target, ...]
     gain: Array
+    loose: Mapping[str, SeenValue] = field(default_factory=dict)
     ways: tuple[BudgetWay, ...] = ()
     omitted: tuple[LeftOut, ...] = ()
     remarks: tuple[str, ...] = ()
@@ -496,7 +498,7 @@ class Budget:
         known = {t.name for t in out.targets}
         driven = {*self.scenario.boundaries, *(f"scale.{n}" for n in self.scenario.loads)} if as_logged else set()
         acting = dict.fromkeys(n for e in errors for v in e.seen.values() for n, _ in v.acts if n in driven - known)
-        out = out.beside([], VALUES, [Target(n, "add") for n in acting], np.zeros((0, 0)))
+        out = out.beside([], VALUES, [Target(n, "add") for n in acting], np.zeros((len(acting), 0)))
         for cause, name in _own_of_run(errors, network, self.scenario, as_logged):
             out = out.with_one(Source(name, "structural", Normal(), name), cause, Target(name, "heat"))
         elements = {c.source for e in errors for w in e.ways for c in w.columns} or {*network.nodes}
@@ -508,7 +510,8 @@ class Budget:
         ways = [out._way([(e, next((w for w in e.ways if w.name == name), e.ways[0])) for e in errors]) for name in names]
         whole = sum(w.weight for w in ways)
         ways = [replace(w, weight=w.weight / whole) for w in ways]
-        return replace(out, ways=tuple(ways), gain=max(ways, key=lambda w: w.weight).gain.copy())
+        loose = {n: e.seen[n] for e in errors for n in e.open_values if n in known}
+        return replace(out, ways=tuple(ways), gain=max(ways, key=lambda w: w.weight).gain.copy(), loose=loose)
 
     def _way(self, several: Sequence[tuple[ErrorModel, KeptWay]]) -> BudgetWay:
         """Return one way of it: what is known of each part if the heat is carried so."""
@@ -681,6 +684,7 @@ def left_out_of(known: Known, whole: Budget, errors: Sequence[ErrorModel], witho
     elif known.values and (not errors or any(e.why for e in errors)):
         why = next((e.why for e in errors if e.why), SILENT)
         out.append(LeftOut(f"how elements depart from their laws, because {why.rstrip('.')}"))
+    out += [LeftOut(f"what is wrong where {e.contradiction}; `thermid criticise` looks for it") for e in errors if e.contradiction]
     out += [x for s in known.stores for x in s.left_out]
     fitted = [s for store in known.stores for s in store.parameters.values() if s.origin.kind == "fit" and s.acts]
     if not known.values:

@@ -20,7 +20,7 @@ from thermid.base.files import TABLE, replacing
 from thermid.base.linear_algebra import Array
 from thermid.base.results import PlottedTrace, Result, Row
 from thermid.fit.calibration import Calibration
-from thermid.fit.error_model import ROOM, RUN, STRUCTURE, UNEXPLAINED, VALUES
+from thermid.fit.error_model import REACHED, ROOM, RUN, STRUCTURE, UNEXPLAINED, VALUES, VALUES_DRAWN
 from thermid.inference.criticism import ExplainedFit, explained, summary
 from thermid.measure.amounts import duration_text, short
 from thermid.model.parameters import UNJUDGED, Standing, worst
@@ -38,7 +38,7 @@ from thermid.prediction._budget import (
 )
 from thermid.prediction._known import Known, Rows
 from thermid.prediction._setting import Drawn, Linear, Setting
-from thermid.simulation.runs import Solution, simulate
+from thermid.simulation.runs import Solution, prepare, simulate
 from thermid.simulation.scenarios import Scenario
 from thermid.simulation.solver import Options
 from thermid.values.store import LeftOut, Normal, Source, State
@@ -49,6 +49,8 @@ CAUSE_SHARE = 0.005
 """Share of a variance from which a table names its cause. [-]"""
 TELLING = 0.1
 """Probability from which the other answer to what carries the heat is told. [-]"""
+MOSTLY = 0.5
+"""Share of a variance from which its cause is what a band mostly comes from. [-]"""
 MEANING = {
     VALUES: "noise, instruments and priors leave the fitted values this uncertain",
     STRUCTURE: "elements depart from their laws, the more the further the run is from those that were fitted",
@@ -541,6 +543,7 @@ def predicted(
         if all(n in w.linear.settled for w in ways):
             last = {c: v[-1:] for c, v in parts.items()}
             rest[n] = Band(n, times[-1:], centre[-1:], np.zeros(1), last, end[None, :] if end is not None else None).final
+    _refuse_unreachable(budget, bands, times)
     warnings = (
         *best.warnings,
         *budget.remarks,
@@ -552,6 +555,37 @@ def predicted(
     widest = max((b.final for b in bands.values()), key=lambda e: e.error, default=None)
     words = meaning(widest.shares if widest is not None else {})
     return Prediction(budget.model.title, budget.scenario.title, times, bands, rest, words, warnings, find, budget.standing, left, least)
+
+
+def _refuse_unreachable(budget: Budget, bands: Mapping[str, Band], times: Array) -> None:
+    """Refuse bands that are wider than what the network can reach at all, because a value is determined by no reading.
+
+    Raises
+    ------
+    IdentificationError   Names the value.
+    """
+    wide = [n for n, b in bands.items() if b.final.shares.get(VALUES, 0.0) > MOSTLY] if budget.loose else []
+    if not wide:
+        return
+    also = {t.name: (t.name, *t.also) for t in budget.targets}
+    generator, draws = np.random.default_rng(0), dict[str, Array]()
+    for name, v in budget.loose.items():
+        drawn = np.clip(v.mean + v.sd * generator.standard_normal(VALUES_DRAWN), v.low, v.high)
+        draws |= dict.fromkeys(also[name], np.array([v.si(float(x)) for x in drawn]))
+    ready = prepare(budget.model, budget.scenario, tuple(draws), times=times)
+    many = ready.ensemble(ready.with_units(draws), nodes=wide)
+    for n in wide:
+        low, high = np.nanquantile(many.temperatures(n), [REACHED, 1.0 - REACHED], axis=1)
+        half, room = bands[n].half_width, 0.5 * (high - low)
+        if (half > room).any() and ((bands[n].kelvin + half > high) | (bands[n].kelvin - half < low)).any():
+            k = int((half - room).argmax())
+            raise IdentificationError(
+                f"no reading determines '{next(iter(budget.loose))}', and the band of '{n}', +- {half[k]:.3g} K at {times[k]:.3g} s, would be "
+                f"wider than what the network can reach with any value of it, {low[k] - ICE_POINT:.1f} to {high[k] - ICE_POINT:.1f} degC. "
+                "State a prior of it, or fit a run that determines it: next_test names one.",
+                budget.model.title,
+                code="prediction.value-undetermined",
+            )
 
 
 @dataclass(frozen=True, eq=False)

@@ -16,6 +16,7 @@ from thermid.base.errors import IdentificationError, NameNotFoundError, ThermidE
 from thermid.base.linear_algebra import Array, variance
 from thermid.base.results import Result
 from thermid.fit.calibration import Calibration
+from thermid.fit.error_model import ROOM, RUN, STRUCTURE, UNEXPLAINED, VALUES
 from thermid.fit.problem import (
     SCALE,
     Experiment,

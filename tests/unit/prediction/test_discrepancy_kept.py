@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 import thermid as td
-from thermid.prediction._budget import MISFIT
+from thermid.fit.error_model import UNEXPLAINED
 from thermid.prediction._predict import IN_TESTS, widened
 from thermid.values.fitted import load_values
 from unit.qualify.things import UNIT, soak, unit
@@ -37,18 +37,18 @@ def test_values_keep_it_and_predictions_from_them_count_it(fit: td.Calibration, 
     kept = values.provenance["misfit"]
     assert kept["proc"] == pytest.approx(0.4 / 2**0.5, rel=0.3)
     seen = td.design.foresee(td.design.Known(fit.fitted_model, (values,)), soak(40.0))
-    assert seen.prediction["proc"].parts[MISFIT] == pytest.approx(kept["proc"] ** 2)
-    assert not seen.prediction["air"].parts[MISFIT].any()
+    assert seen.prediction["proc"].parts[UNEXPLAINED] == pytest.approx(kept["proc"] ** 2)
+    assert not seen.prediction["air"].parts[UNEXPLAINED].any()
     told = td.predict(fit, soak(40.0))
-    assert seen.prediction["proc"].parts[MISFIT][0] == pytest.approx(told["proc"].parts[MISFIT][0])
+    assert seen.prediction["proc"].parts[UNEXPLAINED][0] == pytest.approx(told["proc"].parts[UNEXPLAINED][0])
 
 
 def test_of_two_accounts_of_it_the_larger_counts(fit: td.Calibration) -> None:
     seen = td.design.foresee(td.design.Known(fit.fitted_model, (fit.values,)), soak(40.0), nodes=["proc"])
-    for size, cause in ((2.0, IN_TESTS), (0.01, MISFIT)):
+    for size, cause in ((2.0, IN_TESTS), (0.01, UNEXPLAINED)):
         wide = widened(seen, {"proc": size}, IN_TESTS, "x").prediction["proc"].parts
-        assert {c for c in (MISFIT, IN_TESTS) if c in wide} == {cause}
-        assert wide[cause][-1] == pytest.approx(max(size**2, seen.prediction["proc"].parts[MISFIT][-1]))
+        assert {c for c in (UNEXPLAINED, IN_TESTS) if c in wide} == {cause}
+        assert wide[cause][-1] == pytest.approx(max(size**2, seen.prediction["proc"].parts[UNEXPLAINED][-1]))
 
 
 def test_members_differ_by_it_and_by_nothing_else_besides(fit: td.Calibration) -> None:
@@ -64,7 +64,7 @@ def test_members_differ_by_it_and_by_nothing_else_besides(fit: td.Calibration) -
     assert counted.discrepancy == pytest.approx(fit.values.provenance["misfit"]["proc"])
     assert "the model's discrepancy is included: " in str(counted)
     assert "the model's discrepancy is not included" in str(plain)
-    assert any(d.name == MISFIT for d in counted["proc"].drivers)
+    assert any(d.name == UNEXPLAINED for d in counted["proc"].drivers)
 
 
 def test_a_plan_counts_what_its_own_logs_show(tmp_path: Path) -> None:

@@ -10,9 +10,9 @@ import pytest
 
 import thermid as td
 from thermid.fit.calibration import Calibration
+from thermid.fit.error_model import ROOM, RUN, UNEXPLAINED
 from thermid.measure.records import Channel, Record
-from thermid.prediction._budget import KINDS, MISFIT
-from thermid.prediction._records import LEVELS, READING, ROOM, RecordPrediction, as_run, predict_record
+from thermid.prediction._records import LEVELS, READING, RecordPrediction, predict_record
 
 SENSORS = {"T1": "part.case", "T2": "lid"}
 FREE = ("part.case.capacitance", "part.skin", "foot.conductance")
@@ -77,8 +77,9 @@ def found() -> Calibration:
 
 def test_a_right_model_holds_the_share_it_states(found: Calibration) -> None:
     told = [predict_record(found, log(f"c{k}", 10 + k, 7.0)) for k in range(4)]
-    for level in LEVELS:
-        assert np.mean([t.coverage[level] for t in told]) == pytest.approx(level, abs=0.04)
+    for level in LEVELS:  # of two runs nobody knows that no element departs: bands are wider than a right model needs
+        assert np.mean([t.coverage[level] for t in told]) > level - 0.04
+    assert all(b.half_width().mean() < 1.0 for t in told for b in t.bands.values())
     assert all(t.rmse == pytest.approx(0.1, rel=0.15) for t in told)
 
 
@@ -98,9 +99,7 @@ def test_a_verdict_keeps_the_room_that_was_fitted(found: Calibration) -> None:
     )
     shown = verdict.prediction
     assert shown is not None
-    assert shown.problem is not None
-    scenario = as_run(shown.problem, np.array(list(shown.fitted.values())), shown.experiments[0])
-    assert float(scenario.boundaries["air"].at(np.zeros(1))[0]) - 273.15 == pytest.approx(24.0, abs=0.2)
+    assert shown.local[0].value - 273.15 == pytest.approx(24.0, abs=0.2)
 
 
 def test_what_a_fitted_room_follows_is_not_counted_twice() -> None:
@@ -110,7 +109,7 @@ def test_what_a_fitted_room_follows_is_not_counted_twice() -> None:
     own = predict_record(fit, record, local={"air": {"start": "21 [degC]", "sd": "5 [K]"}}).bands["T1"]
     fixed = predict_record(fit, record, scenario=td.Scenario("s", boundaries={"air": "21 [degC]"})).bands["T1"]
     late = own.times > 7200.0
-    assert own.parts[KINDS][late].mean() < 0.3 * fixed.parts[KINDS][late].mean()
+    assert own.parts[RUN][late].mean() < 0.3 * fixed.parts[RUN][late].mean()
 
 
 def test_rooms_that_nobody_measured_widen_the_band_by_how_runs_differ() -> None:
@@ -148,10 +147,10 @@ def test_the_worst_stretch_is_the_one_that_was_spoilt(found: Calibration) -> Non
 
 def test_what_the_noise_of_a_reading_is_and_what_is_switched_off(found: Calibration) -> None:
     record = log("c", 33, 7.0)
-    told, bare = predict_record(found, record), predict_record(found, record, without=["misfit", "fit"])
+    told, bare = predict_record(found, record), predict_record(found, record, without=["misfit", "structural", "values"])
     assert told.bands["T1"].parts[READING][0] == pytest.approx(0.01, rel=0.3)
     assert set(bare.bands["T1"].parts) == {READING}
-    assert MISFIT not in bare.bands["T1"].parts
+    assert UNEXPLAINED not in bare.bands["T1"].parts
     assert any("switched off" in x.what for x in bare.left_out)
     assert str(bare).startswith("not counted: ")
 

@@ -8,7 +8,7 @@ from numpy.typing import NDArray
 from scipy.optimize import brentq
 from scipy.stats import multivariate_normal, norm
 
-from thermid.inference._error_model.gaussian import (
+from thermid.fit._error_model.gaussian import (
     NormalMixture,
     RunRows,
     Wander,
