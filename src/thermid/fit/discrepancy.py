@@ -29,5 +29,9 @@ from thermid.fit._discrepancy.discrepancy import (
     with_patterns as with_patterns,
 )
 from thermid.fit._discrepancy.doubts import SETTLING_PACES as SETTLING_PACES
-from thermid.fit._discrepancy.regime_runs import kind_of_run as kind_of_run, wandering as wandering
-from thermid.fit._discrepancy.regimes import BALANCE as BALANCE, FEW as FEW, LEFT as LEFT, KindsSeen as KindsSeen, OwnValue as OwnValue
+from thermid.fit._discrepancy.own_values import (
+    BALANCE as BALANCE,
+    OwnValue as OwnValue,
+    own_value as own_value,
+    own_values_kept as own_values_kept,
+)

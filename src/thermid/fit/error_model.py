@@ -6,6 +6,7 @@ from thermid.fit._error_model.elements import (
     with_heats as with_heats,
     with_laws as with_laws,
 )
+from thermid.fit._error_model.gaussian import NormalMixture as NormalMixture
 from thermid.fit._error_model.kept import (
     FOLLOWED as FOLLOWED,
     KEY as KEY,

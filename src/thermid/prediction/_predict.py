@@ -20,7 +20,7 @@ from thermid.base.files import TABLE, replacing
 from thermid.base.linear_algebra import Array
 from thermid.base.results import PlottedTrace, Result, Row
 from thermid.fit.calibration import Calibration
-from thermid.fit.error_model import REACHED, ROOM, RUN, STRUCTURE, UNEXPLAINED, VALUES, VALUES_DRAWN
+from thermid.fit.error_model import REACHED, ROOM, RUN, STRUCTURE, UNEXPLAINED, VALUES, VALUES_DRAWN, NormalMixture
 from thermid.inference.criticism import ExplainedFit, explained, summary
 from thermid.measure.amounts import duration_text, short
 from thermid.model.parameters import UNJUDGED, Standing, worst
@@ -127,6 +127,7 @@ class Band(Result):
     parts : dict                    Cause -> variance (times,). [K^2]
     members : array or None         Temperatures (times, members) of drawn members, where draws were asked for. [K]
     shifts : dict                   Cause -> its part of `shift` (times,). [K]
+    mixture : NormalMixture or None Of the temperature, where the heat of surfaces may be carried in several ways.
     """
 
     path: str
@@ -136,6 +137,7 @@ class Band(Result):
     parts: Mapping[str, Array]
     members: Array | None = field(default=None, repr=False)
     shifts: Mapping[str, Array] = field(default_factory=dict, repr=False)
+    mixture: NormalMixture | None = field(default=None, repr=False)
 
     def _summary(self) -> str:
         low, high = (end[-1] for end in self.interval())
@@ -180,6 +182,9 @@ class Band(Result):
         """Return the lower and upper ends (times,) of the band that holds the truth with a probability. [degC]"""
         if self.members is not None:
             low, high = np.quantile(self.members, [0.5 - level / 2, 0.5 + level / 2], axis=1)
+            return low - ICE_POINT, high - ICE_POINT
+        if self.mixture is not None:
+            low, high = self.mixture.interval(level)
             return low - ICE_POINT, high - ICE_POINT
         wide = NormalDist().inv_cdf(0.5 + level / 2) * self.error
         return self.celsius - wide, self.celsius + wide
@@ -536,13 +541,14 @@ def predicted(
     members, lost = drawn_members(ways, budget.chosen(sources), sources, straight=not draws and not why.bent) if count else ({}, "")
     bands, rest = {}, {}
     for n in first.linear.columns:
-        parts, shifts, centre = mixed_answer(ways, n, best[n].kelvin)
+        parts, shifts, centre, mixture = mixed_answer(ways, n, best[n].kelvin)
         now, moved = ({c: v[:-1] for c, v in several.items()} for several in (parts, shifts))
         own, end = members.get(n, (None, None))
-        bands[n] = Band(n, times, best[n].kelvin, centre[:-1] - best[n].kelvin, now, own, moved)
+        bands[n] = Band(n, times, best[n].kelvin, centre[:-1] - best[n].kelvin, now, own, moved, taken(mixture, slice(0, -1)))
         if all(n in w.linear.settled for w in ways):
             last = {c: v[-1:] for c, v in parts.items()}
-            rest[n] = Band(n, times[-1:], centre[-1:], np.zeros(1), last, end[None, :] if end is not None else None).final
+            drawn = end[None, :] if end is not None else None
+            rest[n] = Band(n, times[-1:], centre[-1:], np.zeros(1), last, drawn, mixture=taken(mixture, slice(-1, None))).final
     _refuse_unreachable(budget, bands, times)
     warnings = (
         *best.warnings,
@@ -616,15 +622,25 @@ class Answer:
         return np.append(self.linear.run[node].kelvin, self.linear.settled.get(node, np.nan))
 
 
-def mixed_answer(ways: Sequence[Answer], node: str, best: Array) -> tuple[dict[str, Array], dict[str, Array], Array]:
-    """Return cause -> variance, cause -> what moves the centre from the run with the best values, and the centre (times and settled,). [K]"""
+def taken(mixture: NormalMixture | None, times: slice) -> NormalMixture | None:
+    """Return a mixture at some of its times."""
+    return replace(mixture, means=mixture.means[:, times], variances=mixture.variances[:, times]) if mixture is not None else None
+
+
+def mixed_answer(ways: Sequence[Answer], node: str, best: Array) -> tuple[dict[str, Array], dict[str, Array], Array, NormalMixture | None]:
+    """Return cause -> variance, cause -> what moves the centre from the run with the best values, the centre, and the mixture if it is one.
+
+    Each at the times and where the run settles. [K]
+    """
     parts: dict[str, Array] = {}
     shifts: dict[str, Array] = {}
-    centres = []
+    centres, variances = [], []
     for way in ways:
         budget, columns = way.setting.budget, way.linear.columns[node]
         centres.append(way.kelvin(node) + columns @ budget.means)
-        for several, own in ((parts, budget.parts(columns)), (shifts, budget.shifts(columns))):
+        each = budget.parts(columns)
+        variances.append(np.sum([np.zeros(len(columns)), *each.values()], axis=0))
+        for several, own in ((parts, each), (shifts, budget.shifts(columns))):
             for cause, v in own.items():
                 several[cause] = several.get(cause, 0.0) + way.weight * v
     weights = np.array([w.weight for w in ways])
@@ -634,7 +650,8 @@ def mixed_answer(ways: Sequence[Answer], node: str, best: Array) -> tuple[dict[s
     if any(w.setting.budget.ways for w in ways):
         run = weights @ np.array([w.kelvin(node) for w in ways])
         shifts[STRUCTURE] = shifts.get(STRUCTURE, 0.0) + run - np.append(best, run[-1])
-    return parts, shifts, centre
+    mixture = NormalMixture(weights, np.array(centres), np.array(variances)) if len(ways) > 1 else None
+    return parts, shifts, centre, mixture
 
 
 def meaning(shares: Mapping[str, float]) -> dict[str, str]:
@@ -908,4 +925,5 @@ def _wider(band: Band, variance: float, cause: str) -> Band:
         more = np.sqrt(variance - before[:, None]) * np.random.default_rng(0).standard_normal(members.shape[1])
         members = members + more
     parts = {c: v for c, v in band.parts.items() if c != UNEXPLAINED} | {cause: np.full(band.times.size, variance)}
-    return replace(band, parts=parts, members=members)
+    own = band.mixture
+    return replace(band, parts=parts, members=members, mixture=own and replace(own, variances=own.variances + variance - before))

@@ -18,7 +18,7 @@ from thermid.base.arguments import takes_objects
 from thermid.base.linear_algebra import Array
 from thermid.base.units import TEMPERATURE
 from thermid.fit.calibration import Calibration, fit as fitted_to
-from thermid.fit.discrepancy import BALANCE, KindsSeen, OwnValue
+from thermid.fit.discrepancy import BALANCE, OwnValue, own_value, own_values_kept
 from thermid.fit.error_model import (
     ROOM,
     RUN,
@@ -325,7 +325,7 @@ def record_bands(calibration: Calibration, shown: Calibration, without: Sequence
     assert shown.request is not None
     e, known = shown.problem.experiments[0], Known.of(calibration)
     budget = budget_of(known, e.bare, without=without)
-    own, open_ = own_values(shown, e, KindsSeen.of(known.provenances))
+    own, open_ = own_values(shown, e, own_values_kept(known.provenances))
     local = {u.name: float(shown.fitted[u.name]) for u in shown.problem.unknowns}
     below = Budget.of_rows(rows_of(known), known.model, e.bare).without_noise_of(known.errors)
     laws = {n: (mean, sd) for n, (mean, sd, _) in own.items()}
@@ -421,7 +421,7 @@ def _follow_commands(bands: Mapping[str, SensorBand], scenario: Scenario) -> lis
     return out
 
 
-def own_values(shown: Calibration, e: Experiment, seen: KindsSeen) -> tuple[dict[str, tuple[float, float, int]], list[str]]:
+def own_values(shown: Calibration, e: Experiment, seen: Sequence[OwnValue]) -> tuple[dict[str, tuple[float, float, int]], list[str]]:
     """Return room or start of a run -> mean and sd of what it is off by [K], and from how many runs; and rooms of which no fit says it.
 
     Those that were fitted or logged are left out.
@@ -442,9 +442,9 @@ def own_values(shown: Calibration, e: Experiment, seen: KindsSeen) -> tuple[dict
         rule = rules.get(name)
         start = rule.channel if rule is not None else texts.get(name, "") or _assumed(seen, name, e.scenario)
         start = BALANCE if name in hidden else start
-        found = seen.own_value(name, start) if name not in taken else None
+        found = own_value(seen, name, start) if name not in taken else None
         if found is None:
-            if name in rooms and name not in taken and seen:
+            if name in rooms and name not in taken:
                 open_.append(f"'{name}'")
             continue
         if rule is not None and rule.offset:  # how far the first reading stands from the room is known already
@@ -453,10 +453,10 @@ def own_values(shown: Calibration, e: Experiment, seen: KindsSeen) -> tuple[dict
     return out, open_
 
 
-def _assumed(seen: KindsSeen, name: str, scenario: Scenario) -> str:
+def _assumed(seen: Sequence[OwnValue], name: str, scenario: Scenario) -> str:
     """Return the text of the temperature that a scenario gives a boundary, where the runs of a fit were assumed to have the same."""
     given = scenario.boundaries.get(name)
-    for text in dict.fromkeys(o.start for stage in seen.stages for o in stage.own if o.name == name and "[" in o.start):
+    for text in dict.fromkeys(o.start for o in seen if o.name == name and "[" in o.start):
         if isinstance(given, Constant) and abs(literal(text, TEMPERATURE) - given.value) < SAME:
             return text
     return ""

@@ -321,7 +321,7 @@ class Before:
         """Return how a temperature responds (sources,), its value, and cause -> error that no test takes away. [K]"""
         ways = [Answer.of(w, own, [node], None, [at], None) for w, own in self.budget.each]
         (columns,) = max(ways, key=lambda w: w.weight).linear.columns.values()
-        parts, _, centre = mixed_answer(ways, next(iter(ways[0].linear.columns)), np.zeros(1))
+        parts, _, centre, _ = mixed_answer(ways, next(iter(ways[0].linear.columns)), np.zeros(1))
         beside = {cause: float(np.sqrt(v[0])) for cause, v in parts.items() if cause in (*BESIDE, AVERAGED)}
         return self.placed(columns[0]), float(centre[0]), beside
 
@@ -366,7 +366,10 @@ def _beside_values(instruments: Rows, budget: Budget) -> Rows:
     found = Rows(tuple(known), log, {}, tuple(budget.sources[k] for k in own), (VALUES,) * size, matrix)
     rest = [k for k, n in enumerate(instruments.names) if n not in place]
     others = replace(
-        instruments, names=tuple(instruments.names[k] for k in rest), log=tuple(instruments.log[k] for k in rest), matrix=instruments.matrix[rest]
+        instruments,
+        names=tuple(instruments.names[k] for k in rest),
+        log=tuple(instruments.log[k] for k in rest),
+        matrix=instruments.matrix[rest],
     )
     return found.beside(others)
 

@@ -146,25 +146,49 @@ class OwnTable(StrictTable):
     beside: list[BesideTable] = []
 
 
-class KindsTable(StrictTable):
-    """What the kinds of run of a fit say of a further one."""
+class SmoothTable(StrictTable):
+    """How a conductor may depart from its law."""
 
-    kinds: dict[str, list[str]]
-    names: list[str]
-    groups: list[str]
-    free: list[str]
-    responses: dict[str, list[list[Real]]]
-    evidence: dict[str, list[Any]]
-    own: list[OwnTable]
-    noise: dict[str, Real]
-    checksums: list[str]
+    at: Pair
+    kind: str
+    pivots: list[Pair]
+    centre: list[Real]
+    thinned: Flag
+
+
+class WayTable(StrictTable):
+    """What is known of values and elements if the heat of surfaces is carried in one way."""
+
+    name: str
+    weight: Annotated[Real, Field(ge=0.0)]
+    laws: dict[str, dict[str, Any]]
+    values: dict[str, Real]
+    smooth: dict[str, SmoothTable]
+    hidden: list[Real]
+    columns: list[tuple[str, str, float, str]]
+    mean: list[Real]
+    root: list[list[Real]]
+    sizes: dict[str, Real]
+    left: list[tuple[float, float, float]]
 
     @model_validator(mode="after")
     def _fits(self) -> Self:
-        for kind, rows in self.responses.items():
-            if len(rows) != len(self.free) or any(len(row) != len(self.names) for row in rows):
-                raise PydanticCustomError("thermid", "{message}", {"message": f"responses of '{kind}' do not fit its names."})
+        size = len(self.values) + len(self.columns)
+        if len(self.mean) != len(self.columns) or [len(row) for row in self.root] != list(range(1, size + 1)):
+            raise PydanticCustomError("thermid", "the mean and the root of a way have a number for each of its values and columns.")
         return self
+
+
+class ErrorsTable(StrictTable):
+    """The model of error of a fit."""
+
+    at: str
+    stage: str
+    key: str
+    seen: dict[str, tuple[str, bool, list[tuple[str, float]], float, float, float, float]]
+    ways: list[WayTable]
+    misfit: Real
+    why: str
 
 
 class ModeTable(StrictTable):
@@ -219,7 +243,8 @@ class MadeTable(StrictTable):
     conditions: dict[str, Pair] = {}
     misfit: dict[str, Real] = {}
     structural: StructuralTable | None = None
-    regimes: KindsTable | None = None
+    own: list[OwnTable] = []
+    errors: ErrorsTable | None = None
 
 
 class ValuesFile(StrictTable):

@@ -874,9 +874,8 @@ def _provenance(known: Mapping[str, Any], part: str) -> Mapping[str, Any]:
     """Return what is known of a fit, its places by their paths in the model above."""
     moved = {n: {_under(p, part): x for p, x in known[n].items()} for n in ("conditions", "misfit") if n in known}
     structural = {"structural": structural_under(known["structural"], f"{part}.")} if part and "structural" in known else {}
-    regimes = {"regimes": regimes_under(known["regimes"], f"{part}.")} if part and "regimes" in known else {}
     errors = {"errors": errors_under(known["errors"], f"{part}.")} if part and "errors" in known else {}
-    return {**known, **moved, **structural, **regimes, **errors}
+    return {**known, **moved, **structural, **errors}
 
 
 def _told(known: Mapping[str, Any], gone: Collection[str], absent: Collection[str]) -> Mapping[str, Any]:
@@ -894,26 +893,7 @@ def _told(known: Mapping[str, Any], gone: Collection[str], absent: Collection[st
         modes = [{**m, "response": some(m["response"])} for m in kept["modes"]]
         assumed = {p: some(moved) for p, moved in kept.get("assumed", {}).items()}
         out["structural"] = {**kept, "names": some(kept["names"]), "modes": modes, "assumed": assumed, **noise}
-    if "regimes" in known:
-        kept = known["regimes"]
-        rows = [k for k, name in enumerate(kept["free"]) if name not in gone]
-        columns = [k for k, name in enumerate(kept["names"]) if name not in absent]
-        responses = {kind: [[each[k][j] for j in columns] for k in rows] for kind, each in kept["responses"].items()}
-        names, groups = ([kept[key][j] for j in columns] for key in ("names", "groups"))
-        out["regimes"] = {**kept, "free": [kept["free"][k] for k in rows], "names": names, "groups": groups, "responses": responses}
     return out
-
-
-def regimes_under(kept: Mapping[str, Any], ahead: str) -> dict[str, Any]:
-    """Return what a fit keeps of kinds of run (`Regimes.to_dict`), its places by their paths in the model above; `ahead` as above."""
-
-    def moved(name: str) -> str:
-        head = next((h for h in ("scale.", "initial.") if name.startswith(h)), "")
-        return name if " " in name else f"{head}{ahead}{name.removeprefix(head)}"
-
-    places = {n: [moved(p) for p in kept[n]] for n in ("names", "free")}
-    own = [{**o, "name": moved(o["name"])} for o in kept["own"]]
-    return {**kept, **places, "own": own, "noise": {moved(n): x for n, x in kept["noise"].items()}}
 
 
 def structural_under(kept: Mapping[str, Any], ahead: str) -> dict[str, Any]:

@@ -20,8 +20,7 @@ from thermid.base.errors import IdentificationError
 from thermid.base.linear_algebra import Array, covariance, finite, pseudo_inverse, sandwich, square_root
 from thermid.base.results import Result
 from thermid.fit._calibration import Calibration
-from thermid.fit._discrepancy.regime_runs import regimes_of
-from thermid.fit._discrepancy.regimes import KEY as REGIMES
+from thermid.fit._discrepancy.own_values import OWN, own_values_of
 from thermid.fit._minimisation import covariances, ended
 from thermid.fit._problem.request import key_for
 from thermid.fit._problem.residuals import Influence, Problem, Unknown
@@ -650,9 +649,9 @@ def with_discrepancy(fit: Calibration) -> Calibration:
     kept = Discrepancy(conditions, means, sizes, names, response[rows], misfit, _surfaces(seen), joints, assumed, unsaid, of_assumed=said)
     kept = replace(kept, accounted=_accounted(fit, problem, kept, response, pieces))
     known = {p: [c.difference, c.level] for p, c in conditions.items() if p in decided}
-    regimes = regimes_of(fit, misfit)
+    alone = [o.to_dict() for o in own_values_of(fit)]
     provenance = {**fit.values.provenance, **({"conditions": known} if known else {}), "misfit": misfit, KEY: kept.to_dict()}
-    provenance |= {REGIMES: regimes.to_dict()} if regimes is not None else {}
+    provenance |= {OWN: alone} if alone else {}
     store = replace(fit.store, provenance={**fit.store.provenance, fit.values.stage: provenance})
     return replace(fit, values=replace(fit.values, provenance=provenance), store=store)
 

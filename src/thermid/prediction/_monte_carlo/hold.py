@@ -18,12 +18,12 @@ from thermid.base.linear_algebra import Array
 from thermid.base.results import PlottedTrace, Result
 from thermid.base.toml_files import Places, read_toml, resolve_inside
 from thermid.base.units import TEMPERATURE
+from thermid.fit.error_model import UNEXPLAINED
 from thermid.model.deck import load_model
 from thermid.model.laws import literal
 from thermid.model.parameters import UNJUDGED, Standing
 from thermid.model.tree import Model
 from thermid.physics.constants import ICE_POINT
-from thermid.fit.error_model import UNEXPLAINED
 from thermid.prediction._budget import OFF, SILENT, UNFITTED
 from thermid.prediction._hand import filed
 from thermid.prediction._monte_carlo.drivers import Driver, drivers_of

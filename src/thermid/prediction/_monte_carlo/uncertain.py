@@ -209,7 +209,7 @@ class UncertainRuns(Result):
         chosen = job.budget.chosen(sources)
         moved = {}
         for n in self.nodes:
-            _, shifts, _ = mixed_answer(ways, n, best[n].kelvin)
+            _, shifts, _, _ = mixed_answer(ways, n, best[n].kelvin)
             # beside the straight model at the same draws, so that their number does not count
             lines = [w.linear.run[n].kelvin[:, None] + w.linear.columns[n][:-1] @ sources[:, chosen == k] for k, w in enumerate(ways)]
             straight = np.concatenate(lines, axis=1).mean(axis=1)
