@@ -191,43 +191,17 @@ class ErrorsTable(StrictTable):
     why: str
 
 
-class ModeTable(StrictTable):
-    """One structural deviation of a fit."""
-
-    path: str
-    kind: str
-    mean: Real
-    sd: Annotated[Real, Field(ge=0.0)]
-    response: list[Real]
-    unsaid: Real = 0.0
-
-
-class AccountedTable(StrictTable):
-    """What is left of noise and misfit where the deck says what carries the heat."""
-
-    key: str
-    noise: dict[str, Real]
-    misfit: dict[str, Real]
-
-
 class StructuralTable(StrictTable):
     """What a fit leaves open of the model's structure."""
 
+    model_config = ConfigDict(extra="allow")  # files of before hold more
+
     conditions: dict[str, Pair]
-    modes: list[ModeTable]
     names: list[str]
-    misfit: dict[str, Real]
     surfaces: dict[str, Pair]
     separated: list[str]
     assumed: dict[str, list[Real]] = {}
     of_assumed: dict[str, Pair] = {}
-    accounted: AccountedTable | None = None
-
-    @model_validator(mode="after")
-    def _fits(self) -> Self:
-        if any(len(mode.response) != len(self.names) for mode in self.modes):
-            raise PydanticCustomError("thermid", "a response has as many numbers as there are names.")
-        return self
 
 
 class MadeTable(StrictTable):

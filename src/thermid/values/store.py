@@ -888,11 +888,8 @@ def _told(known: Mapping[str, Any], gone: Collection[str], absent: Collection[st
         def some(numbers: Sequence[float]) -> list[float]:
             return [numbers[k] for k in at]
 
-        own = kept.get("accounted")
-        noise = {"accounted": {**own, "noise": {n: x for n, x in own["noise"].items() if n not in gone}}} if own else {}
-        modes = [{**m, "response": some(m["response"])} for m in kept["modes"]]
         assumed = {p: some(moved) for p, moved in kept.get("assumed", {}).items()}
-        out["structural"] = {**kept, "names": some(kept["names"]), "modes": modes, "assumed": assumed, **noise}
+        out["structural"] = {**kept, "names": some(kept["names"]), "assumed": assumed}
     return out
 
 
@@ -904,12 +901,8 @@ def structural_under(kept: Mapping[str, Any], ahead: str) -> dict[str, Any]:
     kept : dict
     ahead : str     What paths begin with there, such as ``unit.``; names of instruments hold a space and stay.
     """
-    placed = {n: {ahead + p: x for p, x in kept[n].items()} for n in ("conditions", "misfit", "surfaces")}
-    modes = [{**m, "path": ahead + m["path"]} for m in kept["modes"]]
+    placed = {n: {ahead + p: x for p, x in kept[n].items()} for n in ("conditions", "surfaces")}
     names = [n if " " in n else ahead + n for n in kept["names"]]
     assumed, said = ({ahead + p: own for p, own in kept.get(key, {}).items()} for key in ("assumed", "of_assumed"))
     separated = [ahead + p for p in kept["separated"]]
-    own = kept.get("accounted")
-    noise = {n if " " in n else ahead + n: x for n, x in own["noise"].items()} if own else {}
-    more = {"accounted": {**own, "noise": noise, "misfit": {ahead + p: x for p, x in own["misfit"].items()}}} if own else {}
-    return {**kept, **placed, "modes": modes, "names": names, "separated": separated, "assumed": assumed, "of_assumed": said, **more}
+    return {**kept, **placed, "names": names, "separated": separated, "assumed": assumed, "of_assumed": said}
