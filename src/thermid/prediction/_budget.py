@@ -40,7 +40,7 @@ SEEN = 0.8
 TENTH = 0.1
 """Standard deviation of an assumed value whose deck gives no range: a tenth of it."""
 UNFITTED = "the model's own error, because no fit has measured it"
-SILENT = "the fitted values do not include it"
+SILENT = "how elements depart from their laws, because the fitted values do not include it"
 OFF = "(switched off)"
 FELT = 0.1
 """Share of a band from which what it does not count is named in the first line. [-]"""
@@ -505,6 +505,8 @@ class Budget:
         for n in (n for n in network.nodes if n in elements):
             out = out.with_one(Source(f"left over at {n}", "misfit", Normal(), UNEXPLAINED), UNEXPLAINED, Target(n, "node"))
         names = list(dict.fromkeys(w.name for e in errors if len(e.ways) > 1 for w in e.ways)) or [errors[0].ways[0].name]
+        # a deck may have said since what carries the heat
+        names = [n for n in names if all(w.agrees(network) for e in errors for w in e.ways if w.name == n)] or names
         if len(names) > 1:
             out = out.beside([Source(AVERAGED, "structural", Uniform(0.0, 1.0), "what carries the heat of surfaces")], AVERAGED)
         ways = [out._way([(e, next((w for w in e.ways if w.name == name), e.ways[0])) for e in errors]) for name in names]
@@ -682,8 +684,8 @@ def left_out_of(known: Known, whole: Budget, errors: Sequence[ErrorModel], witho
     if off:
         out.append(LeftOut(f"{', '.join(off)} {OFF}"))
     elif known.values and (not errors or any(e.why for e in errors)):
-        why = next((e.why for e in errors if e.why), SILENT)
-        out.append(LeftOut(f"how elements depart from their laws, because {why.rstrip('.')}"))
+        why = next((f"how elements depart from their laws, because {e.why.rstrip('.')}" for e in errors if e.why), SILENT)
+        out.append(LeftOut(why))
     out += [LeftOut(f"what is wrong where {e.contradiction}; `thermid criticise` looks for it") for e in errors if e.contradiction]
     out += [x for s in known.stores for x in s.left_out]
     fitted = [s for store in known.stores for s in store.parameters.values() if s.origin.kind == "fit" and s.acts]

@@ -111,7 +111,9 @@ def test_values_of_a_file_say_what_their_fit_says(fit: td.Calibration, tmp_path:
     assert read.half_width == pytest.approx(own.half_width, rel=1e-4, abs=1e-6)
 
 
-def test_a_fit_whose_elements_cannot_be_followed_counts_its_values_and_says_why(fit: td.Calibration, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_fit_whose_elements_cannot_be_followed_counts_its_values_and_says_why(
+    fit: td.Calibration, monkeypatch: pytest.MonkeyPatch
+) -> None:
     def refused(*_: Any) -> None:
         raise IdentificationError("nobody knows its elements.")
 

@@ -19,7 +19,7 @@ from thermid.base.errors import IdentificationError, ThermidError
 from thermid.base.linear_algebra import Array
 from thermid.base.results import Result, Row
 from thermid.fit._calibration import Calibration
-from thermid.fit._discrepancy.discrepancy import OperatingPoint, coefficient_path, constant_coefficients
+from thermid.fit._discrepancy.discrepancy import FREE_AIR, OperatingPoint, coefficient_path, constant_coefficients
 from thermid.fit._error_model.elements import (
     EXPONENT_OF,
     SHARE_OF,
@@ -37,6 +37,7 @@ from thermid.fit._error_model.runs import Departures, Smooth, UnknownColumn
 from thermid.fit._error_model.sizes import COUNTED, FAR_SIZE, KEPT_OF_PRIOR, OUTSIDE, SIZES
 from thermid.fit._problem.request import key_for
 from thermid.fit._problem.residuals import Problem, Unknown
+from thermid.model.elements import CARRIED_BY
 from thermid.model.identity import identity_of
 from thermid.simulation.network import Network
 
@@ -130,6 +131,11 @@ class KeptWay:
         """Return conductor -> its law in a network, of those that it has."""
         own = {c.path: c for c in network.flat.conductors}
         return {p: replace(law, linear=linear_recipe(own[p])) for p, law in self.laws.items() if p in own}
+
+    def agrees(self, network: Network) -> bool:
+        """Return whether it is what the deck of a network says of its surfaces, as far as that says anything."""
+        said = {c.path: c.words[CARRIED_BY] == FREE_AIR for c in network.flat.conductors if CARRIED_BY in c.words}
+        return all(said[p] == (law.exponent > 0.0) for p, law in self.laws.items() if p in said and isinstance(law, SurfaceLaw))
 
     @classmethod
     def of(cls, way: FittedWay, shares: Array, bounds: Mapping[str, tuple[float, float]]) -> KeptWay:
