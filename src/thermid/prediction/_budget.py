@@ -686,6 +686,8 @@ def left_out_of(known: Known, whole: Budget, errors: Sequence[ErrorModel], witho
     elif known.values and (not errors or any(e.why for e in errors)):
         why = next((f"how elements depart from their laws, because {e.why.rstrip('.')}" for e in errors if e.why), SILENT)
         out.append(LeftOut(why))
+    aside = max((w.departures.aside for e in errors for w in e.ways), default=0)
+    out += [LeftOut(f"how {aside} elements with little heat depart from their laws", listed=True)] if aside else []
     out += [LeftOut(f"what is wrong where {e.contradiction}; `thermid criticise` looks for it") for e in errors if e.contradiction]
     out += [x for s in known.stores for x in s.left_out]
     fitted = [s for store in known.stores for s in store.parameters.values() if s.origin.kind == "fit" and s.acts]

@@ -22,6 +22,7 @@ from thermid.fit.discrepancy import BALANCE, OwnValue, own_value, own_values_kep
 from thermid.fit.error_model import (
     ROOM,
     RUN,
+    START,
     STRUCTURE,
     UNEXPLAINED,
     BesideRow,
@@ -171,7 +172,6 @@ class RecordPrediction:
     warnings : tuple of str         What a reader must know.
     left_out : tuple of LeftOut     What the bands do not count.
     standing : Standing             Of the values that it rests on.
-    guessed : tuple of str          Those of the warnings that say what nobody stated of constant coefficients.
     """
 
     title: str
@@ -181,7 +181,6 @@ class RecordPrediction:
     warnings: tuple[str, ...] = ()
     left_out: tuple[LeftOut, ...] = ()
     standing: Standing = UNJUDGED
-    guessed: tuple[str, ...] = ()
 
     @property
     def rmse(self) -> float:
@@ -376,7 +375,7 @@ def _banded(
     off = {
         READING,
         *({UNEXPLAINED} if "misfit" in without else ()),
-        *({STRUCTURE, RUN, ROOM, AVERAGED} if "structural" in without else ()),
+        *({STRUCTURE, RUN, ROOM, START, AVERAGED} if "structural" in without else ()),
         *without,
     }
     predicted = {b.sensor: b.predicted for b in shown.blocks}

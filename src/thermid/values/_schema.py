@@ -165,6 +165,8 @@ class WayTable(StrictTable):
     values: dict[str, Real]
     smooth: dict[str, SmoothTable]
     hidden: list[Real]
+    nodes: list[str]
+    aside: Whole
     columns: list[tuple[str, str, float, str]]
     mean: list[Real]
     root: list[list[Real]]

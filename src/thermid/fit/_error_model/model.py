@@ -30,6 +30,7 @@ from thermid.fit._error_model.sizes import (
     LEFT_SIZES,
     LEFT_TIMES,
     LIKELY,
+    MANY_COLUMNS,
     NEWTON_STEPS,
     SETS,
     SHARES_OF_RUN,
@@ -250,14 +251,15 @@ def fitted_way(problem: Problem, fitted: Array, way: Way, points: Mapping[str, O
 
 def _averaged(runs: RunsOfFit, way: Way, laws: Mapping[str, ElementLaw], centre: Array) -> FittedWay:
     """Return the posterior at all sizes that count."""
-    prior, sizes = left_prior(), drawn_sizes(SETS)
+    sets = SETS if len(runs.columns) <= MANY_COLUMNS else SETS // 4
+    prior, sizes = left_prior(), drawn_sizes(sets)
     first = {left: runs.posterior(centre, drawn_sizes(FIRST_SETS), left).log_evidence for left in prior}
     logs = {left: log + first[left].max() + float(np.log(np.mean(np.exp(first[left] - first[left].max())))) for left, log in prior.items()}
     likely = [left for left, share in zip(logs, weights_of(list(logs.values())), strict=True) if share > LIKELY]
     parts = [runs.posterior(centre, sizes, left) for left in likely]
     parts = [replace(p, log_evidence=p.log_evidence + prior[left]) for p, left in zip(parts, likely, strict=True)]
     members = Members(*(np.concatenate([getattr(p, name) for p in parts]) for name in ("log_evidence", "mean", "root", "square")))
-    sizes_left = np.repeat([(SIZES["left"].value * size, time) for size, time in likely], SETS, axis=0)
+    sizes_left = np.repeat([(SIZES["left"].value * size, time) for size, time in likely], sets, axis=0)
     values = {runs.problem.unknowns[k].name: float(runs.fitted[k]) for k in runs.values}
     return FittedWay(way, laws, values, runs.departures, runs.columns, members, np.tile(sizes, (len(parts), 1)), sizes_left)
 

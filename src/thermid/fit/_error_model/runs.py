@@ -23,7 +23,7 @@ from thermid.fit._error_model.elements import (
     room_heats,
 )
 from thermid.fit._error_model.gaussian import Wander, WhiteRows, features, innovations, pivots
-from thermid.fit._error_model.sizes import ALL_COLUMNS, ASIDE, COLUMNS, EVERY, HEATED, LEFT_OVER, LENGTHS, READINGS, ROOM_TIME
+from thermid.fit._error_model.sizes import ALL_COLUMNS, ASIDE, COLUMNS, CONDUCTORS, EVERY, HEATED, LEFT_OVER, LENGTHS, NODES, READINGS, ROOM_TIME
 from thermid.fit._problem.residuals import Influence, Problem, Unknown
 from thermid.model.laws import TableSignal
 from thermid.model.tree import FlatConductor
@@ -101,10 +101,14 @@ class Departures:
     ----------
     smooth : dict           Conductor -> its smooth departure.
     hidden : tuple          Time constants of hidden masses. [s]
+    nodes : tuple of str    Whose masses depart.
+    aside : int             Elements that carry or store too little heat to be followed.
     """
 
     smooth: Mapping[str, Smooth]
     hidden: tuple[float, ...]
+    nodes: tuple[str, ...] = ()
+    aside: int = 0
 
     def shared(
         self, network: Network, course: ElementCourse, way: Way, laws: Mapping[str, ElementLaw]
@@ -128,7 +132,7 @@ class Departures:
             phi, _ = own.along(c, course, thinned(network, c))
             for k, column in enumerate(phi.T):
                 add(f"departure {k}", own.kind, 1.0, heat * column)
-        for node in course.stores:
+        for node in (n for n in self.nodes if n in course.stores):
             for time in self.hidden:
                 name = f"mass ({time:.3g} s) of {node}"
                 out.append((UnknownColumn(name, "hidden", 1.0, node), hidden_mass(name, course, node, time)))
@@ -137,10 +141,10 @@ class Departures:
     def own(self, network: Network, course: ElementCourse) -> list[tuple[UnknownColumn, DepartureHeat]]:
         """Return what each run has for itself, with its heats."""
         out: list[tuple[UnknownColumn, DepartureHeat]] = []
-        for path, c in conductors_of(network, course).items():
+        for path, c in ((p, c) for p, c in conductors_of(network, course).items() if p in self.smooth):
             name = f"{path} in this run"
             out.append((UnknownColumn(name, "run", 1.0, path), moved_heat(name, network, c.ends, course.times, course.flows[path])))
-        for node, (watts, _) in course.stores.items():
+        for node, (watts, _) in ((n, s) for n, s in course.stores.items() if n in self.nodes):
             name = f"{node} in this run"
             out.append((UnknownColumn(name, "run", 1.0, node), DepartureHeat(name, ((node, TableSignal(course.times, -watts, False)),))))
         for load, (node, power) in course.powers.items():
@@ -171,10 +175,14 @@ def departures_of(
     every: dict[str, FlatConductor] = {}
     for course in courses:
         every |= conductors_of(network, course)
-    several = {p: c for p, c in every.items() if p in points}
+    heat = {p: sum(float(np.abs(r.flows[p]).mean()) for r in courses if p in r.flows) for p in every if p in points}
+    several = {p: every[p] for p in sorted(heat, key=lambda p: -heat[p])[:CONDUCTORS]}
+    several = {p: c for p, c in every.items() if p in several}
+    stored = {n: sum(float(np.abs(r.stores[n][0]).mean()) for r in courses if n in r.stores) for r in courses for n in r.stores}
+    nodes = tuple(sorted(stored, key=lambda n: -stored[n])[:NODES])
     columns = min(COLUMNS, ALL_COLUMNS // max(len(several), 1))
     smooth = {p: Smooth.of(c, points[p], class_of(c, network), courses, thinned(network, c), columns) for p, c in several.items()}
-    return Departures(smooth, hidden if len(hidden) * len(courses[0].stores) <= ALL_COLUMNS // 2 else hidden[-1:])
+    return Departures(smooth, hidden, nodes, len(heat) - len(several) + len(stored) - len(nodes))
 
 
 def widened(problem: Problem, i: int, network: Network, scenario: Any, heats: Sequence[DepartureHeat]) -> Problem:
