@@ -850,6 +850,10 @@ class LaterTable:
         """The table itself."""
         return {**self.make(), "at": self.at}
 
+    def __eq__(self, other: object) -> bool:
+        """Whether another is the same table, made already or not."""
+        return self.table == (other.table if isinstance(other, LaterTable) else other)
+
     def under(self, ahead: str) -> LaterTable:
         """Return it with its places by their paths in the model above."""
         return LaterTable(self.original, f"{ahead}{self.at}")

@@ -248,7 +248,15 @@ class ErrorModel(Result):
         ------
         IdentificationError   When the calibration does not hold what its fit was asked, or its elements cannot be followed.
         """
+        from threadpoolctl import threadpool_limits
+
         problem = _problem_of(fit)
+        with threadpool_limits(limits=1):  # matrices of some hundred rows, as in a fit
+            return cls._of(fit, problem)
+
+    @classmethod
+    def _of(cls, fit: Calibration, problem: Problem) -> ErrorModel:
+        """Return the model of error of a fit that can be followed."""
         fitted = np.array(list(fit.fitted.values()))
         points = points_of(problem, fitted)
         network = problem.experiments[0].network

@@ -22,17 +22,18 @@ from thermid.fit._error_model.elements import (
     with_laws,
 )
 from thermid.fit._error_model.gaussian import Members, RunRows, Wander, members_of, weights_of
-from thermid.fit._error_model.runs import Departures, SensorRows, UnknownColumn, departures_of, white_rows, widened
+from thermid.fit._error_model.runs import Departures, SensorRows, UnknownColumn, departures_of, run_rows, widened
 from thermid.fit._error_model.sizes import (
     ARRIVED,
+    FEWEST_SETS,
     FIRST_SETS,
     LEAST_NOISE,
     LEFT_SIZES,
     LEFT_TIMES,
     LIKELY,
-    MANY_COLUMNS,
     NEWTON_STEPS,
     SETS,
+    SETS_COST,
     SHARES_OF_RUN,
     SIZES,
     UNBOUNDED,
@@ -166,7 +167,7 @@ class RunsOfFit:
         values = len(self.values)
         shared = values + len(self.columns)
         size, part = SIZES["left"].value * left[0], left[1]
-        rows = [RunRows.of(white_rows(t, Wander(size, part * span)), shared) for t, span in zip(self.traces, self.spans, strict=True)]
+        rows = [run_rows(t, Wander(size, part * span), shared) for t, span in zip(self.traces, self.spans, strict=True)]
         wide = np.array([reach(self.problem.unknowns[k]) for k in self.values])
         every = np.column_stack([np.broadcast_to(wide, (len(sizes), values)), deviations(self.columns, sizes)])
         own = [deviations(c, sizes) for c in self.own]
@@ -251,9 +252,11 @@ def fitted_way(problem: Problem, fitted: Array, way: Way, points: Mapping[str, O
 
 def _averaged(runs: RunsOfFit, way: Way, laws: Mapping[str, ElementLaw], centre: Array) -> FittedWay:
     """Return the posterior at all sizes that count."""
-    sets = SETS if len(runs.columns) <= MANY_COLUMNS else SETS // 4
+    most = SETS_COST / (len(runs.values) + len(runs.columns)) ** 3
+    sets = 2 ** int(np.log2(np.clip(most, FEWEST_SETS, SETS)))  # a power of two, as Sobol's points ask for
     prior, sizes = left_prior(), drawn_sizes(sets)
-    first = {left: runs.posterior(centre, drawn_sizes(FIRST_SETS), left).log_evidence for left in prior}
+    few = drawn_sizes(max(sets * FIRST_SETS // SETS, 1))
+    first = {left: runs.posterior(centre, few, left).log_evidence for left in prior}
     logs = {left: log + first[left].max() + float(np.log(np.mean(np.exp(first[left] - first[left].max())))) for left, log in prior.items()}
     likely = [left for left, share in zip(logs, weights_of(list(logs.values())), strict=True) if share > LIKELY]
     parts = [runs.posterior(centre, sizes, left) for left in likely]

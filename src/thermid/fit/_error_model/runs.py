@@ -22,7 +22,7 @@ from thermid.fit._error_model.elements import (
     places,
     room_heats,
 )
-from thermid.fit._error_model.gaussian import Wander, WhiteRows, features, innovations, pivots
+from thermid.fit._error_model.gaussian import RunRows, Wander, features, innovations, pivots
 from thermid.fit._error_model.sizes import ALL_COLUMNS, ASIDE, COLUMNS, CONDUCTORS, EVERY, HEATED, LEFT_OVER, LENGTHS, NODES, READINGS, ROOM_TIME
 from thermid.fit._problem.residuals import Influence, Problem, Unknown
 from thermid.model.laws import TableSignal
@@ -229,14 +229,12 @@ class SensorRows:
         """Return some of the unknowns, in an order."""
         return replace(self, rows=self.rows[:, list(columns)])
 
-    def white(self, wander: Wander) -> tuple[Array, Array, float]:
-        """Return white rows and residuals, and ln det of what they were divided by."""
-        out, log_det = innovations(self.times, np.column_stack([self.rows, self.residuals]), self.noise, wander)
-        return out[:, :-1], out[:, -1], log_det
+    def white(self, wander: Wander) -> tuple[Array, float]:
+        """Return white rows and residuals (m, unknowns + 1), and ln det of what they were divided by."""
+        return innovations(self.times, np.column_stack([self.rows, self.residuals]), self.noise, wander)
 
 
-def white_rows(traces: Sequence[SensorRows], wander: Wander) -> WhiteRows:
-    """Return the white rows of a run's sensors."""
+def run_rows(traces: Sequence[SensorRows], wander: Wander, shared: int) -> RunRows:
+    """Return what a run's sensors say of unknowns, the first of which other runs share."""
     parts = [t.white(wander) for t in traces]
-    rows, values = np.concatenate([p[0] for p in parts]), np.concatenate([p[1] for p in parts])
-    return WhiteRows.of(rows, values, sum(p[2] for p in parts))
+    return RunRows.of(np.concatenate([rows for rows, _ in parts]), shared, sum(log for _, log in parts))
