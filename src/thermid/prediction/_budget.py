@@ -471,11 +471,12 @@ class Budget:
         """Return it with a source that moves one target by itself."""
         return self.beside([source], cause, [target], np.ones((1, 1)))
 
-    def without_noise_of(self, errors: Sequence[ErrorModel]) -> Budget:
-        """Return it without the noise of fits whose models of error have their values."""
-        lost = [k for k, s in enumerate(self.sources) if any(e.key and s.name.startswith(f"{e.key}:") for e in errors)]
-        kept = [k for k in range(len(self.sources)) if k not in lost]
-        sources, causes = tuple(self.sources[k] for k in kept), tuple(self.causes[k] for k in kept)
+    def below(self, errors: Sequence[ErrorModel]) -> Budget:
+        """Return it with those sources alone that act on what fits held, and their values follow; the rest is in their models of error."""
+        own = {n for e in errors for n in e.seen}
+        held = [k for k, t in enumerate(self.targets) if t.name not in own]
+        kept = np.flatnonzero(self.gain[held].any(axis=0)).tolist()
+        sources, causes = tuple(self.sources[k] for k in kept), (VALUES,) * len(kept)
         return replace(self, sources=sources, causes=causes, alike=np.eye(len(kept)), gain=self.gain[:, kept])
 
     def with_elements(self, errors: Sequence[ErrorModel], network: Network, as_logged: bool) -> Budget:
@@ -656,7 +657,7 @@ def budget_of(
     make = Budget.of_rows(rows, own, scenario)
     network = network_for(own, scenario if scenario.seconds else lasting(scenario))
     if errors:
-        make = make.without_noise_of(errors).with_elements(errors, network, as_logged)
+        make = make.below(errors).with_elements(errors, network, as_logged)
     contacts, remark = open_contacts(source, rows, scenario)
     for path, gas in contacts.items():
         also = next((t.also for t in make.targets if t.name == path), ())

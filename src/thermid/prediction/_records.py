@@ -326,7 +326,7 @@ def record_bands(calibration: Calibration, shown: Calibration, without: Sequence
     budget = budget_of(known, e.bare, without=without)
     own, open_ = own_values(shown, e, own_values_kept(known.provenances))
     local = {u.name: float(shown.fitted[u.name]) for u in shown.problem.unknowns}
-    below = Budget.of_rows(rows_of(known), known.model, e.bare).without_noise_of(known.errors)
+    below = Budget.of_rows(rows_of(known), known.model, e.bare).below(known.errors)
     laws = {n: (mean, sd) for n, (mean, sd, _) in own.items()}
     bands = _banded(calibration, shown, local, laws, beside_rows(below), without)
     listed = (

@@ -186,7 +186,6 @@ class ErrorsTable(StrictTable):
 
     at: str
     stage: str
-    key: str
     seen: dict[str, tuple[str, bool, list[tuple[str, float]], float, float, float, float]]
     ways: list[WayTable]
     misfit: Real

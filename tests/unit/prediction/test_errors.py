@@ -55,7 +55,7 @@ def test_it_holds_the_truth_of_a_law_that_no_deck_has(fit: td.Calibration, power
     told = td.predict(fit, _asked(power), times=TIMES[::4])["case"]
     true = td.simulate(_truth(), _asked(power), times=TIMES[::4])["case"].kelvin
     assert np.mean(np.abs(told.kelvin - true) <= told.half_width) > 0.95
-    assert told.half_width.max() < 1.8  # at twice the power; below 1.5 with the first priors of sizes
+    assert told.half_width.max() < 2.0  # at twice the power, ends of a mixture of free air and fan
     assert np.abs(told.simulated - true).max() > np.abs(told.kelvin - true).max()
 
 

@@ -35,7 +35,6 @@ from thermid.fit._error_model.gaussian import weights_of
 from thermid.fit._error_model.model import GROUPS, FittedWay, before, fitted_way, points_of
 from thermid.fit._error_model.runs import Departures, Smooth, UnknownColumn
 from thermid.fit._error_model.sizes import COUNTED, FAR_SIZE, KEPT_OF_PRIOR, OUTSIDE, SIZES
-from thermid.fit._problem.request import key_for
 from thermid.fit._problem.residuals import Problem, Unknown
 from thermid.model.elements import CARRIED_BY
 from thermid.model.identity import identity_of
@@ -226,7 +225,6 @@ class ErrorModel(Result):
     Parameters
     ----------
     stage : str                 Of the fit.
-    key : str                   What the names of its sources of noise begin with.
     seen : dict                 Value that runs share -> what it is.
     ways : tuple of KeptWay     The posterior for each way in which the heat of surfaces may be carried; none where elements are not followed.
     misfit : float              Root mean square of the readings over what is allowed of them; one is expected. [-]
@@ -234,7 +232,6 @@ class ErrorModel(Result):
     """
 
     stage: str
-    key: str
     seen: Mapping[str, SeenValue] = field(default_factory=dict)
     ways: tuple[KeptWay, ...] = ()
     misfit: float = 1.0
@@ -273,7 +270,7 @@ class ErrorModel(Result):
         ways = [KeptWay.of(w, share, bounds) for w, share in zip(found, shares, strict=True) if share.sum() > COUNTED]
         total = sum(w.weight for w in ways)
         seen = {n: SeenValue.of(named[n]) for n in ways[0].values}
-        return cls(fit.stage, key_of_fit(fit), seen, tuple(replace(w, weight=w.weight / total) for w in ways), misfit)
+        return cls(fit.stage, seen, tuple(replace(w, weight=w.weight / total) for w in ways), misfit)
 
     @property
     def carriers(self) -> dict[str, float]:
@@ -345,7 +342,7 @@ class ErrorModel(Result):
         """Return plain numbers and texts for a file."""
         seen = {n: [v.kind, v.log, [list(a) for a in v.acts], v.mean, v.sd, v.low, v.high] for n, v in self.seen.items()}
         ways = [w.to_dict() for w in self.ways]
-        return {"at": "", "stage": self.stage, "key": self.key, "seen": seen, "ways": ways, "misfit": self.misfit, "why": self.why}
+        return {"at": "", "stage": self.stage, "seen": seen, "ways": ways, "misfit": self.misfit, "why": self.why}
 
     @classmethod
     def from_dict(cls, data: Mapping[str, Any]) -> ErrorModel:
@@ -356,7 +353,7 @@ class ErrorModel(Result):
             for n, (kind, log, acts, *rest) in data["seen"].items()
         }
         ways = tuple(KeptWay.from_dict(w, at) for w in data["ways"])
-        return cls(data["stage"], data["key"], seen, ways, float(data["misfit"]), data["why"])
+        return cls(data["stage"], seen, ways, float(data["misfit"]), data["why"])
 
 
 def deviation(c: UnknownColumn, sizes: Mapping[str, float], beyond: Mapping[str, tuple[str, float]]) -> float:
@@ -371,11 +368,6 @@ def deviation(c: UnknownColumn, sizes: Mapping[str, float], beyond: Mapping[str,
     size = c.size * (sizes[c.group] if c.group else 1.0)
     kind, rest = beyond.get(c.source, ("", 0.0)) if c.group == "run" else ("", 0.0)
     return float(np.sqrt(size**2 + rest * sizes[kind] ** 2)) if kind else size
-
-
-def key_of_fit(fit: Calibration) -> str:
-    """Return what the names of a fit's sources of noise begin with."""
-    return key_for(fit.request)[:16] if fit.request is not None else ""
 
 
 def error_table(fit: Calibration) -> dict[str, Any]:
@@ -399,7 +391,7 @@ def _of_values(fit: Calibration, why: str) -> ErrorModel:
     way = KeptWay(
         "", 1.0, {}, at, Departures({}, ()), (), np.zeros(0), _triangular(covariance), dict.fromkeys(GROUPS, 0.0), ((1.0, left, 1.0 / 3.0),)
     )
-    return ErrorModel(fit.stage, key_of_fit(fit), seen, (way,), 1.0, why)
+    return ErrorModel(fit.stage, seen, (way,), 1.0, why)
 
 
 def placed(name: str, at: str) -> str:

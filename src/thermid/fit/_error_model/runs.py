@@ -23,7 +23,19 @@ from thermid.fit._error_model.elements import (
     room_heats,
 )
 from thermid.fit._error_model.gaussian import RunRows, Wander, features, innovations, pivots
-from thermid.fit._error_model.sizes import ALL_COLUMNS, ASIDE, COLUMNS, CONDUCTORS, EVERY, HEATED, LEFT_OVER, LENGTHS, NODES, READINGS, ROOM_TIME
+from thermid.fit._error_model.sizes import (
+    ALL_COLUMNS,
+    ASIDE,
+    COLUMNS,
+    CONDUCTORS,
+    EVERY,
+    HEATED,
+    LEFT_OVER,
+    LENGTHS,
+    NODES,
+    READINGS,
+    ROOM_TIME,
+)
 from thermid.fit._problem.residuals import Influence, Problem, Unknown
 from thermid.model.laws import TableSignal
 from thermid.model.tree import FlatConductor
