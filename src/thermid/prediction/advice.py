@@ -323,7 +323,10 @@ class Before:
         (columns,) = max(ways, key=lambda w: w.weight).linear.columns.values()
         parts, _, centre, _ = mixed_answer(ways, next(iter(ways[0].linear.columns)), np.zeros(1))
         beside = {cause: float(np.sqrt(v[0])) for cause, v in parts.items() if cause in (*BESIDE, AVERAGED)}
-        return self.placed(columns[0]), float(centre[0]), beside
+        # of several ways of carrying heat the likeliest has the gradient, and all of them its size
+        gradient, whole = self.placed(columns[0]), sum(float(v[0]) for cause, v in parts.items() if cause not in beside)
+        size = float(np.sum(gradient[self.information > 0.0] ** 2))
+        return gradient * (whole / size if size > 0.0 else 1.0) ** 0.5, float(centre[0]), beside
 
 
 def before_fit(fit: Calibration, scenario: Scenario | None = None) -> Before:

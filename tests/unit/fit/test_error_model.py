@@ -130,7 +130,7 @@ def test_the_error_of_a_meter_cancels_where_the_scenario_is_what_it_reads(fit: t
 
 def test_what_acts_is_stated_and_what_is_logged_wanders(fit: td.Calibration) -> None:
     logged, acting = _band(fit, 6.0, as_logged=True), _band(fit, 6.0)
-    assert not acting.parts["room"].any()
+    assert "room" not in acting.parts
     assert (logged.parts["room"][1:] > 0.0).all()
     assert (logged.parts["this run"][1:] > acting.parts["this run"][1:]).all()
 
@@ -151,7 +151,7 @@ def test_a_calibration_of_a_file_has_no_model_of_error(fit: td.Calibration) -> N
 
 def test_a_file_gives_back_what_was_kept(model: ErrorModel) -> None:
     again = ErrorModel.from_dict(model.to_dict())
-    assert again.covariance == pytest.approx(model.covariance, rel=1e-5)
+    assert again.covariance == pytest.approx(model.covariance, rel=1e-4, abs=1e-9)
     assert again.carriers == model.carriers
     assert again.unknowns == model.unknowns
     under = ErrorModel.from_dict({**model.to_dict(), "at": "unit."})

@@ -58,7 +58,9 @@ def problem_of_record(
     assert fit.problem is not None
     named = tuple(u.name for u in fit.problem.unknowns if u.kind == "parameter")
     untie = fit.request.untie if fit.request is not None else False
-    bare = replace(request, free=named, priors={}, prior=(), store=Store(), held_bias={}, held_errors=None, untie=untie)
+    (record,) = request.records  # a sensor of no stated accuracy is off by what the fit says of it
+    held = {s: x for s, x in request.held_bias.items() if s not in record.channels or record.channels[s].accuracy is None}
+    bare = replace(request, free=named, priors={}, prior=(), store=Store(), held_bias=held, held_errors=None, untie=untie)
     made = build_problem(bare)
     e = made.experiments[0]
     starts: dict[str, list[str]] = {}
