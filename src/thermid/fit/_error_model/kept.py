@@ -117,9 +117,9 @@ class KeptWay:
     @property
     def way(self) -> Way:
         """What of its laws is not known."""
-        own = {f"{kind} of {c.source}": (c, kind) for c in self.columns for kind in (EXPONENT_OF, SHARE_OF, TREND_OF)}
-        shapes = {(c.source, kind): (c.group, c.size) for name, (c, kind) in own.items() if c.name == name}
-        return Way(self.name, self.laws, shapes)
+        kinds = (EXPONENT_OF, SHARE_OF, TREND_OF)
+        own = {(c.source, kind): (c.group, c.size) for c in self.columns for kind in kinds if c.name == f"{kind} of {c.source}"}
+        return Way(self.name, self.laws, own)
 
     @property
     def left_over(self) -> float:
