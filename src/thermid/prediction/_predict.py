@@ -570,7 +570,8 @@ def _refuse_unreachable(budget: Budget, bands: Mapping[str, Band], times: Array)
     ------
     IdentificationError   Names the value.
     """
-    wide = [n for n, b in bands.items() if b.final.shares.get(VALUES, 0.0) > MOSTLY] if budget.loose else []
+    shares = {n: _shares({c: float(v.mean()) for c, v in b.parts.items()}) for n, b in bands.items()}
+    wide = [n for n, s in shares.items() if s.get(VALUES, 0.0) > MOSTLY] if budget.loose else []
     if not wide:
         return
     also = {t.name: (t.name, *t.also) for t in budget.targets}

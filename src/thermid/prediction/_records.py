@@ -27,6 +27,7 @@ from thermid.fit.error_model import (
     UNEXPLAINED,
     BesideRow,
     RecordRun,
+    errors_of_values,
     problem_of_record,
     shared_with,
     split,
@@ -362,7 +363,7 @@ def _banded(
     below : dict        Value -> how it follows sources of unit variance that the fit does not know.
     """
     assert shown.request is not None
-    (errors,) = Known.of(calibration).errors
+    errors = next(iter(Known.of(calibration).errors), None) or errors_of_values(calibration)
     problem = problem_of_record(calibration, shown.request, own, below)
     known = shared_with(calibration, problem)
     ways = [(w, RecordRun.of(w, problem, known, local)) for w in errors.ways]

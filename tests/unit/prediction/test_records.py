@@ -79,7 +79,8 @@ def test_a_right_model_holds_the_share_it_states(found: Calibration) -> None:
     told = [predict_record(found, log(f"c{k}", 10 + k, 7.0)) for k in range(4)]
     for level in LEVELS:  # of two runs nobody knows that no element departs: bands are wider than a right model needs
         assert np.mean([t.coverage[level] for t in told]) > level - 0.04
-    assert all(b.half_width().mean() < 1.0 for t in told for b in t.bands.values())
+    # 2.7 % of a rise of 20 to 30 K from run to run, and more power than in either fit
+    assert all(b.half_width().mean() < 2.0 for t in told for b in t.bands.values())
     assert all(t.rmse == pytest.approx(0.1, rel=0.15) for t in told)
 
 

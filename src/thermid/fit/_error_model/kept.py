@@ -375,7 +375,7 @@ def error_table(fit: Calibration) -> dict[str, Any]:
     try:
         return ErrorModel.of(fit).to_dict()
     except (ThermidError, np.linalg.LinAlgError) as error:
-        return _of_values(fit, getattr(error, "message", "its runs leave the sizes of departures open")).to_dict()
+        return errors_of_values(fit, getattr(error, "message", "its runs leave the sizes of departures open")).to_dict()
 
 
 def _of_values(fit: Calibration, why: str) -> ErrorModel:
