@@ -378,7 +378,7 @@ def error_table(fit: Calibration) -> dict[str, Any]:
         return errors_of_values(fit, getattr(error, "message", "its runs leave the sizes of departures open")).to_dict()
 
 
-def _of_values(fit: Calibration, why: str) -> ErrorModel:
+def errors_of_values(fit: Calibration, why: str = "") -> ErrorModel:
     """Return what is known where no element is followed: the errors of the fit's values, and what wanders in its residuals."""
     assert fit.problem is not None
     named = {u.name: u for u in fit.problem.unknowns if u.kind != "local" and u.name in fit.values}
