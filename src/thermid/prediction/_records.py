@@ -26,6 +26,7 @@ from thermid.fit.error_model import (
     STRUCTURE,
     UNEXPLAINED,
     BesideRow,
+    ErrorModel,
     RecordRun,
     errors_of_values,
     problem_of_record,
@@ -48,7 +49,7 @@ from thermid.model.parameters import UNJUDGED, Standing
 from thermid.prediction._budget import AVERAGED, Budget, budget_of, first_line, in_order
 from thermid.prediction._known import Known, rows_of
 from thermid.simulation.scenarios import Scenario
-from thermid.values.store import LeftOut
+from thermid.values.store import LeftOut, error_table_of
 
 POINTS = 300
 """Times of a record at which its band is computed; straight lines between."""
@@ -363,9 +364,10 @@ def _banded(
     below : dict        Value -> how it follows sources of unit variance that the fit does not know.
     """
     assert shown.request is not None
-    errors = next(iter(Known.of(calibration).errors), None) or errors_of_values(calibration)
+    kept = error_table_of(calibration.values.provenance)
+    errors = ErrorModel.from_dict(kept) if kept is not None else errors_of_values(calibration)
     problem = problem_of_record(calibration, shown.request, own, below)
-    known = shared_with(calibration, problem)
+    known = shared_with(calibration, problem) & {*errors.seen}
     ways = [(w, RecordRun.of(w, problem, known, local)) for w in errors.ways]
     weights = np.array([w.weight for w, _ in ways])
     found = [run.parts(w) for w, run in ways]
