@@ -45,7 +45,7 @@ INSIDE = {
     "model": ("_laws", "_parts", "_tree", "_deck", "_blocks"),
     "measure": (".", "_record", "_readers"),
     "simulation": ("_network", "_scenarios", "_solver", "."),
-    "fit": ("_problem", "_minimisation", "_uncertainty", "_inputs", "_calibration", "_discrepancy", ".", "_power", "_estimation"),
+    "fit": ("_problem", "_minimisation", "_uncertainty", "_inputs", "_calibration", "_discrepancy", "_error_model", ".", "_power", "_estimation"),
     "inference": ("_explain", "."),
     "prediction": (".", "_reduction", "_monte_carlo"),
     "campaign": ("_judge", ".", "_start"),
