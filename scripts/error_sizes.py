@@ -1,7 +1,7 @@
 """Sizes of model error from public test sets: ``python scripts/error_sizes.py`` prints them, and what leaving whole sets out says of them.
 
 Each set gives a likelihood of every size (kept in build/error_sizes by what it depends on), the population over sets the numbers of
-`thermid.inference.error_model.SIZES`. ``--write`` keeps the likelihoods for the tests, ``--page`` writes the section of docs/statistics.md.
+`thermid.fit.error_model.SIZES`. ``--write`` keeps the likelihoods for the tests, ``--page`` writes the section of docs/statistics.md.
 Sets are looked for in ``--data`` and under THERMID_PUBLIC; one that is not here is named and skipped.
 """
 
@@ -21,7 +21,7 @@ from sizing.population import Scale, rounded, scales
 from sizing.sets import LEFT_OUT, TestSet, present
 
 import thermid as td
-from thermid.inference.error_model import SIZES
+from thermid.fit.error_model import SIZES
 
 ROOT = Path(__file__).parent.parent
 DATA = ROOT.parent / "shared" / "data"
@@ -33,7 +33,7 @@ BEGIN, END = "<!-- sizes: begin -->", "<!-- sizes: end -->"
 
 def key_of(of: TestSet) -> str:
     """Return what the likelihoods of a set depend on: what was read of its files, structure, model of error, and how they are made."""
-    code = [p.read_bytes() for p in sorted((ROOT / "src" / "thermid" / "inference" / "_error_model").glob("*.py")) if p.name != "sizes.py"]
+    code = [p.read_bytes() for p in sorted((ROOT / "src" / "thermid" / "fit" / "_error_model").glob("*.py")) if p.name != "sizes.py"]
     read = [x for c in of.conditions for many in (c.readings, c.rooms, c.loads, c.commands) for x in many.values()]
     starts = [[c.name, c.noise, c.starts, [str(x) for x in c.local.items()]] for c in of.conditions]
     told = json.dumps([of.deck, of.free, of.stated, starts, GRID.tolist(), CHAINS, STEPS, WARMING, SEED], sort_keys=True)

@@ -8,7 +8,6 @@ from __future__ import annotations
 import sys
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
-from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -75,7 +74,7 @@ REAL_SETS: dict[str, Callable[..., rr.RealSet]] = {
     "tclab_apmonitor": apmonitor,
     "tclabsp": rr.tclabsp,
 }
-BANDS: dict[str, rr.Bands] = {"today": predict_record, "error-model": partial(predict_record, error_model=True)}
+BANDS: dict[str, rr.Bands] = {"today": predict_record}
 """Rules that predict records, by name."""
 
 

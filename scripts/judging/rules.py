@@ -1,25 +1,32 @@
 """The bands that are judged, by name: today's code, persistence, an oracle; others by ``module:function``.
 
-A name may be followed by ``~part`` for what is left out (an ablation): ``today~kinds of run`` or ``error-model~trend``.
+A name may be followed by ``~part`` for what is left out (an ablation): ``today~room`` or ``today~trend``.
 """
 
 from __future__ import annotations
 
 import importlib
+from dataclasses import replace
 from functools import partial
+from unittest.mock import patch
 
 import numpy as np
 
 import thermid as td
 from thermid.base.errors import ThermidError
+from thermid.fit.error_model import SIZES
 from thermid.prediction.bands import predict
 
 from . import benches as b
 from .oracle import oracle_bands
 from .tasks import Answer, Array, Predictor, Question, Refusal, Task
 
+PARTS = {"trend": ("trend",), "room": ("room",), "run": ("run",), "departures": ("surface", "joint", "law"), "hidden": ("hidden",)}
+"""Part of the model of error that may be left out -> the sizes that are then nothing."""
+NOTHING = 1e-9
 
-def fitted(task: Task) -> object:
+
+def fitted(task: Task, without: tuple[str, ...] = ()) -> object:
     """Return the fit of a task, made once: the calibration, or its error."""
 
     def made() -> object:
@@ -28,24 +35,28 @@ def fitted(task: Task) -> object:
         except ThermidError as error:
             return error
 
-    return task.once("fit", made)
+    return task.once(("fit", without), made)
 
 
 def today(task: Task, question: Question, without: tuple[str, ...] = ()) -> Answer | Refusal:
-    """Return the band of `thermid.predict`; what it would call something else than credible is scored all the same."""
-    fit = fitted(task)
+    """Return the band of `thermid.predict`; what it would call something else than credible is scored all the same.
+
+    ``~trend``, ``~room``, ``~run``, ``~departures``, ``~hidden`` leave a part of the model of error out, other names a cause.
+    """
+    none = {g: replace(SIZES[g], value=NOTHING) for part in without if part in PARTS for g in PARTS[part]}
+    fit = fitted(task, tuple(p for p in without if p in PARTS))
     if isinstance(fit, ThermidError):
         return Refusal(str(fit))
-    spread = (dict(question.spread),) if question.spread else ()
     try:
-        told = predict(
-            fit,  # type: ignore[arg-type]
-            question.scenario,
-            times=question.times,
-            spread=spread,
-            nodes=list(question.nodes),
-            without=without,
-        )
+        with patch.dict(SIZES, none):
+            told = predict(
+                fit,  # type: ignore[arg-type]
+                question.scenario,
+                times=question.times,
+                nodes=list(question.nodes),
+                without=tuple(p for p in without if p not in PARTS),
+                as_logged=True,
+            )
     except ThermidError as error:
         return Refusal(str(error))
     return Answer({n: told[n].kelvin for n in question.nodes}, {n: told[n].half_width for n in question.nodes})
@@ -82,8 +93,6 @@ def rule(name: str) -> Predictor:
         module, _, function = base.partition(":")
         found: Predictor = getattr(importlib.import_module(module), function)
     else:
-        if base not in RULES and base == "error-model":
-            RULES[base] = importlib.import_module("judging.error_model").error_model
         found = RULES[base]
     return partial(found, without=tuple(left_out)) if left_out else found
 

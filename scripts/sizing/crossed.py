@@ -14,9 +14,9 @@ from scipy.stats import beta
 
 import thermid as td
 from thermid.base.errors import ThermidError
+from thermid.fit._error_model import model as _model
 from thermid.fit.calibration import Calibration
-from thermid.inference._error_model import model as _model
-from thermid.inference.error_model import SIZES
+from thermid.fit.error_model import SIZES
 
 sys.path.insert(0, str(Path(__file__).parents[1]))
 from judging import scores as s

@@ -15,11 +15,11 @@ from unittest.mock import patch
 import numpy as np
 
 import thermid as td
-from thermid.inference._error_model import model as _model
-from thermid.inference._error_model.gaussian import RunRows, Wander, members_of
-from thermid.inference._error_model.model import GROUPS, RunsOfFit, deviations, reach
-from thermid.inference._error_model.runs import white_rows
-from thermid.inference._error_model.sizes import LEFT_TIMES, SIZES
+from thermid.fit._error_model import model as _model
+from thermid.fit._error_model.gaussian import RunRows, Wander, members_of
+from thermid.fit._error_model.model import GROUPS, RunsOfFit, deviations, reach
+from thermid.fit._error_model.runs import run_rows
+from thermid.fit._error_model.sizes import LEFT_TIMES, SIZES
 
 from .sets import Array, TestSet
 
@@ -45,7 +45,7 @@ class Evidence:
         if (left, time) not in self._rows:
             shared = len(self.runs.values) + len(self.runs.columns)
             pairs = zip(self.runs.traces, self.runs.spans, strict=True)
-            self._rows[left, time] = [RunRows.of(white_rows(t, Wander(left, time * span)), shared) for t, span in pairs]
+            self._rows[left, time] = [run_rows(t, Wander(left, time * span), shared) for t, span in pairs]
         wide = np.array([reach(self.runs.problem.unknowns[k]) for k in self.runs.values])
         every = np.column_stack([np.broadcast_to(wide, (len(sizes), wide.size)), deviations(self.runs.columns, sizes)])
         own = [np.zeros((len(sizes), 0)), *(deviations(c, sizes) for c in self.runs.own)]

@@ -7,6 +7,7 @@ from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import replace
 from datetime import UTC, datetime
+from functools import partial
 from importlib.metadata import version
 from itertools import combinations
 from typing import Any
@@ -20,6 +21,7 @@ from thermid.base.units import NAMES, counted, unit
 from thermid.fit._calibration import FAR, FIRST, TIMES, Calibration, Local, contradicted, far_from_sheet, loudly
 from thermid.fit._discrepancy.discrepancy import with_discrepancy
 from thermid.fit._discrepancy.doubts import with_doubts
+from thermid.fit._error_model.kept import KEY as ERRORS, error_table
 from thermid.fit._inputs import inputs_of
 from thermid.fit._minimisation import Fit, KeptFit, covariances, ended, minimise
 from thermid.fit._problem.experiment import UNSAID_NOISE, Experiment
@@ -40,7 +42,7 @@ from thermid.model.parameters import CREDIBLE, UNJUDGED, Standing, worst
 from thermid.model.tree import Model, deck_text, parameter_table, unlumped
 from thermid.simulation.scenarios import Scenario
 from thermid.values.fitted import FittedValue, FittedValues, view
-from thermid.values.store import State, Store, ValueOrigin
+from thermid.values.store import LaterTable, State, Store, ValueOrigin
 
 NOISES, OF_RANGE = 3.0, 0.02
 """What residuals may be, as a standard deviation: so many times the stated noise of the sensor. Where no noise was stated, their
@@ -803,7 +805,16 @@ def _fitted(request: Request, problem: Problem, progress: Progress | None, known
     errors = responses(request, problem, found, spread.variance_factor, random, weights)
     _refuse_without_errors(request, problem, errors.total)
     made = with_discrepancy(replace(summarise(request, problem, found, errors, random, spread), kept=kept))
-    return with_doubts(made) if request.doubts or _suspect(made, spread) else made
+    return _with_errors(with_doubts(made) if request.doubts or _suspect(made, spread) else made)
+
+
+def _with_errors(fit: Calibration) -> Calibration:
+    """Return a fit whose values keep its model of error, which is made when somebody asks for it."""
+    if fit.stopped or fit.problem is None or not any(u.kind == "parameter" for u in fit.problem.unknowns):
+        return fit
+    provenance = {**fit.values.provenance, ERRORS: LaterTable(partial(error_table, fit))}
+    store = replace(fit.store, provenance={**fit.store.provenance, fit.values.stage: provenance})
+    return replace(fit, values=replace(fit.values, provenance=provenance), store=store)
 
 
 def _suspect(fit: Calibration, spread: Autocorrelation) -> bool:

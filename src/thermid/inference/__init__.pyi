@@ -10,6 +10,7 @@ from thermid.campaign.verdicts import (
 )
 from thermid.fit.calibration import Alignment as Alignment, align as align
 from thermid.fit.discrepancy import Discrepancy as Discrepancy, discrepancy as discrepancy
+from thermid.fit.error_model import ErrorModel as ErrorModel
 from thermid.fit.estimation import Estimation as Estimation, estimate as estimate
 from thermid.fit.power import PowerHistory as PowerHistory, PowerLaw as PowerLaw, power_history as power_history
 from thermid.inference.criticism import Criticism as Criticism, criticise as criticise
@@ -21,7 +22,6 @@ from thermid.inference.diagnosis import (
     energy_balance as energy_balance,
     plausibility as plausibility,
 )
-from thermid.inference.error_model import ErrorBand as ErrorBand, ErrorModel as ErrorModel
 from thermid.inference.intervals import (
     Evidence as Evidence,
     Identifiability as Identifiability,

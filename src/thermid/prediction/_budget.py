@@ -12,33 +12,17 @@ import numpy as np
 from thermid.base.arguments import takes_objects
 from thermid.base.dual import value_of
 from thermid.base.errors import IdentificationError, NameNotFoundError, ScenarioError, SolverError
-from thermid.base.linear_algebra import Array, quadratic_forms, symmetric_inverse
+from thermid.base.linear_algebra import Array, Indices, quadratic_forms, symmetric_inverse
 from thermid.fit.calibration import Calibration
-from thermid.fit.discrepancy import (
-    EXPECTED,
-    FEW,
-    LEFT,
-    MOST,
-    Discrepancy,
-    KindsSeen,
-    OperatingPoint,
-    alike,
-    coefficient_path,
-    constant_coefficients,
-    kept_in,
-    kind_of_run,
-    losing_gas,
-    misfit_kept,
-    steady_paths,
-)
-from thermid.fit.problem import of_a_sensor
+from thermid.fit.discrepancy import MOST, Discrepancy, losing_gas
+from thermid.fit.error_model import ROOM, RUN, STRUCTURE, UNEXPLAINED, VALUES, ErrorModel, KeptWay, SeenValue
 from thermid.inference.criticism import asks
 from thermid.model.parameters import UNJUDGED, Standing
 from thermid.model.tree import Model, parameter_table
 from thermid.prediction._known import Known, Rows, known_of, normal_sources, rows_of
 from thermid.prediction._split import split_values
 from thermid.simulation.network import Network, compile_network
-from thermid.simulation.runs import Simulator, prepare
+from thermid.simulation.runs import Simulator, network_for, prepare
 from thermid.simulation.scenarios import Scenario
 from thermid.values.fitted import FittedValues
 from thermid.values.spreads import cut
@@ -46,7 +30,7 @@ from thermid.values.store import Distribution, LeftOut, Logarithm, Normal, Shift
 
 Groups = Sequence[tuple[Sequence[str], Any]]
 """Names that share one value, and how it is spread."""
-Form = Literal["add", "log", "factor", "mode", "node"]
+Form = Literal["add", "log", "factor", "heat", "node"]
 FURTHEST = 1e-7
 """Share of a law below which no member lies. [-]"""
 NEAR_ZERO = 0.01
@@ -56,16 +40,19 @@ SEEN = 0.8
 TENTH = 0.1
 """Standard deviation of an assumed value whose deck gives no range: a tenth of it."""
 UNFITTED = "the model's own error, because no fit has measured it"
-SILENT = "the misfit, because the fitted values do not include the residuals of their fit"
+SILENT = "how elements depart from their laws, because the fitted values do not include it"
 OFF = "(switched off)"
 FELT = 0.1
 """Share of a band from which what it does not count is named in the first line. [-]"""
 
 
-CONSTANT, MISFIT, SPLIT, GAS_IN_JOINTS = "constant coefficients", "misfit", "split of effective coefficients", "gas in joints"
-KINDS = "kinds of run"
+SPLIT, GAS_IN_JOINTS = "split of effective coefficients", "gas in joints"
+AVERAGED = "what carries the heat"
 """Causes, as a reader is told them."""
-NAMES = {"difference": "exponent of", "level": "radiative share of", EXPECTED: "expected heat of"}
+ELEMENTS = ("structural", STRUCTURE)
+"""Kinds and causes without which nothing departs: the answer is that of the model's own structure, with the errors of its fits."""
+ROOM_HATS = 25
+"""Numbers by which a logged room may wander in a run, at most."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -125,55 +112,6 @@ class Spread:
         return cls(cause or f"fit of {values.stage}", names, found.covariance, logs, also)
 
 
-@dataclass(frozen=True)
-class Mode:
-    """One way in which a constant coefficient may differ from a constant, as a source of error.
-
-    Parameters
-    ----------
-    path, kind : str    Of the conductor; 'difference' or 'level'; 'expected' for what is sure, of size 1.
-    law : Distribution  Of the exponent or of the radiative share. [-]
-    """
-
-    path: str
-    kind: str
-    law: Distribution
-
-    @property
-    def name(self) -> str:
-        """What the source and its target are called."""
-        return f"{NAMES[self.kind]} {self.path}"
-
-
-def modes_of(kept: Sequence[Discrepancy], steady: Collection[str] = ()) -> tuple[list[Mode], Array]:
-    """Return the coefficient modes of all fits, of two that know one the later's, and their correlations.
-
-    Coefficients of `steady` conductors have none: their deck says since that a stream or a solid carries the heat.
-    """
-    found = {key: Mode(*key, Normal(k.means[key], sd)) for k in kept for key, sd in k.sizes.items() if key[0] not in steady}
-    unsaid = {key: size for k in kept for key, size in k.unsaid.items()}
-    # files of before do not keep it
-    sure = [Mode(path, EXPECTED, Normal(1.0, 0.0)) for path in dict.fromkeys(p for p, _ in found) if (path, EXPECTED) not in found]
-    joined = np.eye(len(found) + len(sure))
-    joined[: len(found), : len(found)] = alike(list(found), unsaid)
-    return [*found.values(), *sure], joined
-
-
-def responses(kept: Sequence[Discrepancy], rows: Rows, modes: Sequence[Mode]) -> Array:
-    """Return what the fitted values (names, modes) would differ by for a unit of each mode; fitted form."""
-    place = {name: k for k, name in enumerate(rows.names)}
-    column = {(m.path, m.kind): k for k, m in enumerate(modes)}
-    out = np.zeros((len(rows.names), len(modes)))
-    for k in kept:
-        for i, name in enumerate(k.names):
-            if name in place:
-                out[place[name]] = 0.0  # what an earlier fit found of it was replaced
-                for j, key in enumerate(k.sizes):
-                    if key in column:
-                        out[place[name], column[key]] = k.response[i, j]
-    return out
-
-
 def followed_by(kept: Sequence[Discrepancy]) -> dict[str, dict[str, float]]:
     """Return assumed value -> fitted value -> what it moves by for one more of the assumed one's SI unit; of two fits the later's."""
     out: dict[str, dict[str, float]] = {}
@@ -205,18 +143,6 @@ def narrowed(law: Distribution, nominal: float, said: tuple[float, float] | None
     return Normal(nominal, left**0.5) if left < SEEN * law.variance else law
 
 
-def misfit_of(kept: Sequence[Mapping[str, float]], network: Network) -> dict[str, float]:
-    """Return node -> standard deviation of what the last fit that states this could not follow; empty where none does. [K]
-
-    Nodes without a reading of their own have the root mean square of those that have one.
-    """
-    sizes = next((k for k in reversed(kept) if any(k.values())), {})
-    if not sizes:
-        return {}
-    other = float(np.sqrt(np.mean(np.square(list(sizes.values())))))
-    return {n: sizes.get(n, other) for n in network.nodes}
-
-
 def split_needed(model: Model, scenario: Scenario, known: Sequence[str]) -> list[str]:
     """Return the surfaces whose effective coefficient a scenario takes apart, and whose emissivity is not among the known values."""
     network = compile_network(model)
@@ -226,7 +152,7 @@ def split_needed(model: Model, scenario: Scenario, known: Sequence[str]) -> list
     return [c.path for c in effective if media.changed(c.gas) and not {roots(c.emissivity), c.emissivity} & {*known}]
 
 
-def split_rows(known: Known, rows: Rows, scenario: Scenario, named: Sequence[str]) -> tuple[Model, Rows]:
+def split_rows(known: Known, rows: Rows, scenario: Scenario, named: Sequence[str], lawful: Collection[str] = ()) -> tuple[Model, Rows]:
     """Return the model and the rows with effective coefficients separated where the scenario thins their gas.
 
     Parameters
@@ -234,11 +160,12 @@ def split_rows(known: Known, rows: Rows, scenario: Scenario, named: Sequence[str
     known, rows         What is known.
     scenario : Scenario What is asked about.
     named : sequence    Names whose spread is stated; an emissivity among them is known already.
+    lawful : collection Surfaces whose radiation stands in a law of their own.
     """
     values = known.placed[-1] if known.values else FittedValues(known.model.title, {}, np.zeros((0, 0)))
     thin = split_needed(known.model, scenario, [*known.assigned, *map(known.model.canonical, named)])
     surfaces = known.kept[-1].surfaces if known.kept else {}
-    thin = [p for p in thin if p in surfaces]
+    thin = [p for p in thin if p in surfaces and p not in lawful]
     if not thin:
         return known.model, rows
     apart = split_values(known.model, values.bare(), thin, surfaces)
@@ -366,8 +293,8 @@ class Target:
 
     Parameters
     ----------
-    name : str              Parameter, boundary, ``initial.<node>``, ``scale.<load>``, coefficient mode, or node.
-    form : str              add (to the value [SI]), log (to its logarithm), factor (a relative change), mode (of a coefficient), or
+    name : str              Parameter, boundary, ``initial.<node>``, ``scale.<load>``, departure of an element, or node.
+    form : str              add (to the value [SI]), log (to its logarithm), factor (a relative change), heat (of a departure), or
                             node (to its temperature after the run [K]).
     also : tuple of str     Other names that share the value.
     """
@@ -388,6 +315,24 @@ UNSEEN = "the bands do not count what the equations of the FMU leave out: its st
 
 
 @dataclass(frozen=True, eq=False)
+class BudgetWay:
+    """One way in which the heat of surfaces may be carried, as a budget has it.
+
+    Parameters
+    ----------
+    weight : float      Its probability. [-]
+    kept : tuple        What is known of the elements, of every part that a fit of its own saw.
+    at : dict           Value -> its mean. [SI]
+    gain : array        (targets, sources) of the first targets and sources of the budget.
+    """
+
+    weight: float
+    kept: tuple[KeptWay, ...]
+    at: Mapping[str, float]
+    gain: Array
+
+
+@dataclass(frozen=True, eq=False)
 class Budget:
     """The uncertainty of one question.
 
@@ -400,14 +345,13 @@ class Budget:
     alike : array                   Correlations of the sources, of their normal scores.
     targets : tuple of Target
     gain : array                    (targets, sources): by how much a target moves for a unit of a source.
-    modes : tuple of Mode           Coefficient modes among the targets.
-    conditions : dict               Conductor -> where its coefficient was found.
+    loose : dict                    Value that hardly any reading determines -> what was known of it before.
+    ways : tuple of BudgetWay       In which the heat of surfaces may be carried; none where no element departs.
     omitted : tuple of LeftOut      What is known to be left out before anything is run.
     remarks : tuple of str          What a reader must know.
     standing : Standing             Of the values that it rests on.
     followed : dict                 Assumed value -> fitted value -> what it moves by for one more SI unit of the assumed one; fitted form.
     said : dict                     Assumed value -> what readings say of it, as `said_of_assumed` returns it.
-    whole : Budget or None          Before modes were left out of it: the temperatures that are expected, at which modes act, are its.
     """
 
     model: Model
@@ -417,14 +361,13 @@ class Budget:
     alike: Array
     targets: tuple[Target, ...]
     gain: Array
-    modes: tuple[Mode, ...] = ()
-    conditions: Mapping[str, OperatingPoint] = field(default_factory=dict)
+    loose: Mapping[str, SeenValue] = field(default_factory=dict)
+    ways: tuple[BudgetWay, ...] = ()
     omitted: tuple[LeftOut, ...] = ()
     remarks: tuple[str, ...] = ()
     standing: Standing = UNJUDGED
     followed: Mapping[str, Mapping[str, float]] = field(default_factory=dict)
     said: Mapping[str, tuple[float, float]] = field(default_factory=dict)
-    whole: Budget | None = None
 
     @classmethod
     def of_rows(cls, rows: Rows, model: Model, scenario: Scenario | None = None) -> Budget:
@@ -440,10 +383,29 @@ class Budget:
 
     @property
     def spread(self) -> set[str]:
-        """Names that something spreads beside what one kind of run differs from another by."""
-        kept = np.array([c != KINDS for c in self.causes], dtype=bool)
-        own = (t for t, row in zip(self.targets, self.gain, strict=True) if row[kept].any())
+        """Names that something spreads."""
+        own = (t for t, row in zip(self.targets, self.gain, strict=True) if row.any())
         return {n for t in own for n in (t.name, *t.also)}
+
+    @property
+    def each(self) -> tuple[tuple[float, Budget], ...]:
+        """Probability and budget of each way in which the heat of surfaces may be carried."""
+        if not self.ways:
+            return ((1.0, self),)
+        out = []
+        for way in self.ways:
+            gain = self.gain.copy()
+            gain[: way.gain.shape[0], : way.gain.shape[1]] = way.gain
+            out.append((way.weight, replace(self, gain=gain, ways=(way,))))
+        return tuple(out)
+
+    def chosen(self, sources: Array) -> Indices:
+        """Return which way each member (members,) has, by the values (sources, members) of the sources."""
+        own = next((k for k, s in enumerate(self.sources) if s.name == AVERAGED), None)
+        if own is None:
+            return np.zeros(sources.shape[1], dtype=np.int64)
+        ends = np.cumsum([w.weight for w in self.ways])
+        return np.minimum(np.searchsorted(ends, sources[own]), len(self.ways) - 1).astype(np.int64)
 
     @property
     def means(self) -> Array:
@@ -509,57 +471,69 @@ class Budget:
         """Return it with a source that moves one target by itself."""
         return self.beside([source], cause, [target], np.ones((1, 1)))
 
-    def with_modes(self, modes: Sequence[Mode], alike: Array, response: Array) -> Budget:
-        """Return it with coefficient modes, which move their own loads and what was fitted."""
-        sources = [Source(m.name, "structural", m.law, f"{m.name}, held constant by the model") for m in modes]
-        out = self.beside(sources, CONSTANT, [Target(m.name, "mode") for m in modes], np.eye(len(modes)), alike)
-        out.gain[: response.shape[0], len(self.sources) :] += response
-        return out
+    def below(self, errors: Sequence[ErrorModel]) -> Budget:
+        """Return it with those sources alone that act on what fits held, and their values follow; the rest is in their models of error."""
+        own = {n for e in errors for n in e.seen}
+        held = [k for k, t in enumerate(self.targets) if t.name not in own]
+        kept = np.flatnonzero(self.gain[held].any(axis=0)).tolist()
+        sources, causes = tuple(self.sources[k] for k in kept), (VALUES,) * len(kept)
+        return replace(self, sources=sources, causes=causes, alike=np.eye(len(kept)), gain=self.gain[:, kept])
 
-    def accounted(self, kept: Sequence[Discrepancy]) -> Budget:
-        """Return it with the noise of fits less what of it is the law of coefficients, which counts by itself."""
-        gain = self.gain.copy()
-        place = {name: k for k, t in enumerate(self.targets) if t.form in ("add", "log") for name in (t.name, *t.also)}
-        for own in (k.accounted for k in kept if k.accounted is not None):
-            noise = [j for j, s in enumerate(self.sources) if s.kind == "data" and s.name.startswith(f"{own.key}:")]
-            for name, part in own.noise.items():
-                if name in place:
-                    gain[place[name], noise] *= part
-        return replace(self, gain=gain)
-
-    def with_nodes(self, source: Source, sizes: Mapping[str, float]) -> Budget:
-        """Return it with a source that moves all nodes after the run."""
-        return self.beside([source], source.name, [Target(n, "node") for n in sizes], np.array(list(sizes.values()))[:, None])
-
-    def with_kinds(self, seen: KindsSeen, kind: str, tied: Mapping[str, tuple[str, ...]]) -> Budget:
-        """Return it with the deviations of a kind of run.
-
-        What those of other kinds did to the fitted values is not carried on: along directions that no reading decides a fit follows a
-        deviation without bound, and a prediction has no reading that takes it back.
+    def with_elements(self, errors: Sequence[ErrorModel], network: Network, as_logged: bool) -> Budget:
+        """Return it with what fits leave open of their values and of the elements of a network, whose noise is no source of its own then.
 
         Parameters
         ----------
-        seen : KindsSeen    What the fits say of kinds of run.
-        kind : str          That of the scenario; of one that was fitted, the fit has followed a part.
-        tied : dict         Fitted value -> others that share it.
+        errors : sequence of ErrorModel     Those that follow elements.
+        network : Network                   That of the scenario.
+        as_logged : bool                    Whether the rooms and powers of the scenario are what instruments read; else they are what acts.
         """
-        flat = compile_network(self.model).flat
-        names = list(seen.directions)
-        free, moved = seen.response()
-        # a sensor that is a node of its own has values too, which the predicted model does not hold
-        alien = {n for n in (*names, *free) if of_a_sensor(n) and n not in flat.parameters.table}
-        fixed = self.scenario.driven(flat) | alien
-        sizes = np.array([0.0 if n in fixed else seen.size(group) for n, group in seen.directions.items()])
-        gain = np.diag(sizes)
-        if kind in moved:
-            rows = [names.index(n) for n in free if n in names]
-            gain[rows] -= moved[kind][[free.index(names[r]) for r in rows]] * sizes
-        words = seen.words
-        acting = [k for k, n in enumerate(names) if n not in fixed]
-        targets = [Target(names[k], "log", tied.get(names[k], ())) for k in acting]
-        sources = [Source(f"kind of run: {names[k]}", "structural", Normal(), words) for k in acting]
-        gain = gain[np.ix_(acting, acting)]
-        return self.beside(sources, KINDS, targets, gain)
+        out = self
+        for e in errors:
+            size, most = len(e.seen), max(len(w.places) for w in e.ways)
+            numbered = [Source(f"errors of {e.stage}: {k}", "data" if k < size else "structural", Normal(), VALUES) for k in range(most)]
+            sure = Source(f"expected of {e.stage}", "structural", Normal(1.0, 0.0), "where elements are expected")
+            columns = dict.fromkeys(c.name for w in e.ways for c in w.columns)
+            out = out.beside(numbered[:size], VALUES)
+            out = out.beside([*numbered[size:], sure], STRUCTURE, [Target(n, "heat") for n in columns])
+        known = {t.name for t in out.targets}
+        driven = {*self.scenario.boundaries, *(f"scale.{n}" for n in self.scenario.loads)} if as_logged else set()
+        acting = dict.fromkeys(n for e in errors for v in e.seen.values() for n, _ in v.acts if n in driven - known)
+        out = out.beside([], VALUES, [Target(n, "add") for n in acting], np.zeros((len(acting), 0)))
+        for cause, name in _own_of_run(errors, network, self.scenario, as_logged):
+            out = out.with_one(Source(name, "structural", Normal(), name), cause, Target(name, "heat"))
+        elements = {c.source for e in errors for w in e.ways for c in w.columns} or {*network.nodes}
+        for n in (n for n in network.nodes if n in elements):
+            out = out.with_one(Source(f"left over at {n}", "misfit", Normal(), UNEXPLAINED), UNEXPLAINED, Target(n, "node"))
+        names = list(dict.fromkeys(w.name for e in errors if len(e.ways) > 1 for w in e.ways)) or [errors[0].ways[0].name]
+        # a deck may have said since what carries the heat
+        names = [n for n in names if all(w.agrees(network) for e in errors for w in e.ways if w.name == n)] or names
+        if len(names) > 1:
+            out = out.beside([Source(AVERAGED, "structural", Uniform(0.0, 1.0), "what carries the heat of surfaces")], AVERAGED)
+        ways = [out._way([(e, next((w for w in e.ways if w.name == name), e.ways[0])) for e in errors]) for name in names]
+        whole = sum(w.weight for w in ways)
+        ways = [replace(w, weight=w.weight / whole) for w in ways]
+        loose = {n: e.seen[n] for e in errors for n in e.open_values if n in known}
+        return replace(out, ways=tuple(ways), gain=max(ways, key=lambda w: w.weight).gain.copy(), loose=loose)
+
+    def _way(self, several: Sequence[tuple[ErrorModel, KeptWay]]) -> BudgetWay:
+        """Return one way of it: what is known of each part if the heat is carried so."""
+        gain, at = self.gain.copy(), dict[str, float]()
+        place = {s.name: k for k, s in enumerate(self.sources)}
+        for e, way in several:
+            unknown, begin, end = way.places, place[f"errors of {e.stage}: 0"], place[f"expected of {e.stage}"]
+            means = dict(zip((c.name for c in way.columns), way.mean.tolist(), strict=True))
+            acts = {n: (v, factor) for v, one in e.seen.items() for n, factor in one.acts}
+            for row, t in zip(gain, self.targets, strict=True):
+                name, factor = acts.get(t.name, (t.name, 1.0))
+                if name in unknown and t.form != "node":
+                    row[begin : begin + len(unknown)] = factor * way.root[unknown[name]]
+                    row[end] = means.get(name, 0.0)
+                if name in e.seen:
+                    at |= {n: factor * e.seen[name].si(way.values[name]) for n in (t.name, *t.also)}
+                if t.form == "node" and (not way.columns or any(c.source == t.name for c in way.columns)):
+                    row[place[f"left over at {t.name}"]] = way.left_over
+        return BudgetWay(float(np.prod([w.weight for _, w in several])), tuple(w for _, w in several), at, gain)
 
     def with_stated(self, given: Sequence[Spread | Groups]) -> Budget:
         """Return it with what is stated."""
@@ -612,22 +586,27 @@ class Budget:
 
     def without(self, names: Sequence[str]) -> Budget:
         """Return the budget without some sources, named by kind, cause or name."""
-        lost = {m.path for m in self.modes if m.name in names}  # what is expected is that of all modes of a coefficient
-        named = {*names} | {m.name for m in self.modes if m.kind == EXPECTED and m.path in lost}
-        kept = [k for k, s in enumerate(self.sources) if not {s.kind, self.causes[k], s.name} & named]
-        gain = self.gain[:, kept]
-        acting = [k for k, row in enumerate(gain) if row.any()]
-        modes = tuple(m for m in self.modes if any(self.targets[k].name == m.name for k in acting))
+        kept = [k for k, s in enumerate(self.sources) if not {s.kind, self.causes[k], s.name} & {*names}]
+        first = [k for k in kept if k < max((w.gain.shape[1] for w in self.ways), default=0)]
+        acting = [k for k, row in enumerate(self.gain[:, kept]) if row.any() or self.ways]
         return replace(
             self,
             sources=tuple(self.sources[k] for k in kept),
             causes=tuple(self.causes[k] for k in kept),
             alike=self.alike[np.ix_(kept, kept)],
             targets=tuple(self.targets[k] for k in acting),
-            gain=gain[acting],
-            modes=modes,
-            whole=self.whole or (self if len(modes) < len(self.modes) else None),
+            gain=self.gain[np.ix_(acting, kept)],
+            ways=tuple(replace(w, gain=w.gain[:, first]) for w in self.ways),
         )
+
+
+def _own_of_run(errors: Sequence[ErrorModel], network: Network, scenario: Scenario, as_logged: bool) -> list[tuple[str, str]]:
+    """Return cause and name of what a run may have for itself: its elements, powers that nobody states, rooms that are logged."""
+    seen = {c.source for e in errors for w in e.ways for c in w.columns} | {p for e in errors for w in e.ways for p in w.departures.smooth}
+    loads = [x for x in network.flat.loads if x.node in seen and (as_logged or x.path not in scenario.loads)]
+    paths = [*(c.path for c in network.flat.conductors), *network.nodes]
+    out = [(RUN, f"{p} in this run") for p in (*(p for p in paths if p in seen), *(x.path for x in loads))]
+    return out + [(ROOM, f"{b} wanders {k}") for b in (network.boundaries if as_logged else ()) for k in range(ROOM_HATS)]
 
 
 def combined(weights: Array, rows: Array) -> Array:
@@ -636,8 +615,8 @@ def combined(weights: Array, rows: Array) -> Array:
     Written out: a matrix product rounds differently for another number of members, and a member shall not depend on how many there are.
     """
     out = np.zeros((weights.shape[0], rows.shape[1]))
-    for k, s in zip(*np.nonzero(weights), strict=True):
-        out[k] += weights[k, s] * rows[s]
+    for s in np.flatnonzero(weights.any(axis=0)).tolist():
+        out += weights[:, s, None] * rows[s]
     return out
 
 
@@ -650,6 +629,7 @@ def budget_of(
     model: Model | None = None,
     at: str = "",
     without: Sequence[str] = (),
+    as_logged: bool = False,
 ) -> Budget:
     """Uncertainty budget of a scenario: every source, and how the inputs of the model respond to it.
 
@@ -661,6 +641,7 @@ def budget_of(
     model : Model           What fitted values are laid over; a fit's own by default.
     at : str                The submodel that the values belong to.
     without : sequence      Sources that are not counted: kinds (``structural``, ``misfit``), causes or names; the result states this.
+    as_logged : bool        Whether rooms and powers of the scenario are what instruments of a fit read; else they are what acts.
 
     Raises
     ------
@@ -670,50 +651,23 @@ def budget_of(
     given = [stated] if isinstance(stated, Mapping | Spread) else list(stated)
     plain: list[Spread | Groups] = [expanded(s, source.model) if isinstance(s, Mapping) else s for s in given]
     rows = rows_of(source)
-    own, rows = split_rows(source, rows, scenario, [n for s in plain for n in _names(s)])
+    errors = source.errors if not {*ELEMENTS} & {*without} else ()
+    lawful = {p for e in errors for w in e.ways for p in w.laws}  # what of such a surface is radiation stands in its law
+    own, rows = split_rows(source, rows, scenario, [n for s in plain for n in _names(s)], lawful)
     make = Budget.of_rows(rows, own, scenario)
+    network = network_for(own, scenario if scenario.seconds else lasting(scenario))
+    if errors:
+        make = make.below(errors).with_elements(errors, network, as_logged)
     contacts, remark = open_contacts(source, rows, scenario)
     for path, gas in contacts.items():
         also = next((t.also for t in make.targets if t.name == path), ())
         make = make.with_one(gas, GAS_IN_JOINTS, Target(path, "factor", also))
-    network = compile_network(own, media=scenario.media(), prescribed=tuple(scenario.prescribed))
-    steady = steady_paths(network)
-    modes, correlations = modes_of(source.kept, steady)
-    fitted = {path for k in source.kept for path, _ in k.sizes}
-    whole_law = not {"structural", CONSTANT, *(m.name for m in modes)} & {*without} and not fitted & {*steady}
-    make = make.accounted(source.kept) if whole_law else make
-    make = make.with_modes(modes, correlations, responses(source.kept, rows, modes))
-    seen = KindsSeen.of(source.provenances)
-    misfit = misfit_of([_misfit_of_stage(p, whole_law) for p in source.provenances], network)
-    if seen:  # the output takes only what the deviations of kinds leave
-        misfit = {n: seen.size(LEFT) * size for n, size in misfit.items()}
-    if misfit:
-        words = "residuals of the records that the model was fitted to"
-        make = make.with_nodes(Source(MISFIT, "misfit", Normal(), words), misfit)
     make = replace(make, followed=followed_by(source.kept), said=said_of_assumed(source.kept)).with_stated(plain)
-    if seen:
-        make = make.with_kinds(seen, _kind_of(own, scenario), {n: rows.also.get(n, ()) for n in rows.names})
-    conditions = {p: c for k in source.kept for p, c in k.conditions.items()}
     unseen = UNSEEN if own.runner is not None else ""
     unsought = UNSOUGHT if source.fit is not None and asks(source.fit) else ""
-    remarks = tuple(r for r in (unseen, unsought, remark, seen.words if seen and len(seen.kinds) < FEW else "") if r)
-    whole = replace(make, modes=tuple(modes), conditions=conditions, remarks=remarks)
-    return replace(whole.without(without), omitted=left_out_of(source, whole, without), standing=source.standing)
-
-
-def _misfit_of_stage(provenance: Mapping[str, Any], whole_law: bool) -> dict[str, float]:
-    """Return node -> what a stage could not follow, less what the laws of its coefficients are known to do where these count. [K]"""
-    kept = kept_in(provenance) if whole_law else None
-    return dict(kept.accounted.misfit) if kept is not None and kept.accounted is not None else misfit_kept(provenance)
-
-
-def _kind_of(model: Model, scenario: Scenario) -> str:
-    """Return the kind of run that a scenario is; empty where nothing says how it starts."""
-    try:
-        ready = prepare(model, lasting(scenario), ())
-        return kind_of_run(ready.wiring, ready.engine, None)
-    except (ScenarioError, SolverError):
-        return ""
+    whole = replace(make, remarks=tuple(r for r in (unseen, unsought, remark) if r))
+    told = left_out_of(source, whole, errors, without)
+    return replace(whole.without(without), omitted=told, standing=source.standing)
 
 
 def _names(stated: Spread | Groups) -> list[str]:
@@ -723,34 +677,21 @@ def _names(stated: Spread | Groups) -> list[str]:
     return [n for names, _ in stated for n in names]
 
 
-def left_out_of(known: Known, whole: Budget, without: Sequence[str]) -> tuple[LeftOut, ...]:
+def left_out_of(known: Known, whole: Budget, errors: Sequence[ErrorModel], without: Sequence[str]) -> tuple[LeftOut, ...]:
     """Return what the budget of a question leaves out by what is known, and what the caller switched off."""
     out = []
-    off = [s for s, cause in zip(whole.sources, whole.causes, strict=True) if {s.kind, cause, s.name} & {*without}]
+    off = dict.fromkeys(c for s, c in zip(whole.sources, whole.causes, strict=True) if {s.kind, c, s.name} & {*without})
+    off |= {STRUCTURE: None} if {*ELEMENTS} & {*without} and known.values else {}
     if off:
-        causes = dict.fromkeys(cause for s, cause in zip(whole.sources, whole.causes, strict=True) if s in off)
-        out.append(LeftOut(f"{', '.join(causes)} {OFF}"))
-    network = compile_network(whole.model, media=whole.scenario.media(), prescribed=tuple(whole.scenario.prescribed))
-    silent = {stage: s for s in known.stores for stage, own in s.provenance.items() if kept_in(own) is None}
-    for stage, store in silent.items():
-        paths = [p for s in store.parameters.values() if s.origin.stage == stage for p in s.acts]
-        moved = set(network.flat.parameters.downstream(paths))
-        constant = [p for p, c in constant_coefficients(network).items() if coefficient_path(c) in moved]
-        if constant:
-            out.append(
-                LeftOut(f"the error of constant coefficients ({listed(constant)}), because the values of '{stage}' do not include it")
-            )
-    if known.values and not any(misfit_kept(p) or kept_in(p) is not None for p in known.provenances):
-        out.append(LeftOut(SILENT))
+        out.append(LeftOut(f"{', '.join(off)} {OFF}"))
+    elif known.values and (not errors or any(e.why for e in errors)):
+        why = next((f"how elements depart from their laws, because {e.why.rstrip('.')}" for e in errors if e.why), SILENT)
+        out.append(LeftOut(why))
+    aside = max((w.departures.aside for e in errors for w in e.ways), default=0)
+    out += [LeftOut(f"how {aside} elements with little heat depart from their laws", listed=True)] if aside else []
+    out += [LeftOut(f"what is wrong where {e.contradiction}; `thermid criticise` looks for it") for e in errors if e.contradiction]
     out += [x for s in known.stores for x in s.left_out]
     fitted = [s for store in known.stores for s in store.parameters.values() if s.origin.kind == "fit" and s.acts]
-    surfaces = {p for k in known.kept for p in k.surfaces}
-    taken = [*whole.spread, *known.assigned]
-    closed = [p for p in split_needed(known.model, whole.scenario, taken) if p not in surfaces]
-    if closed:
-        out.append(
-            LeftOut(f"radiation without gas of {listed(closed)}, because no record shows at which temperatures its coefficient was found")
-        )
     if not known.values:
         out.append(LeftOut(UNFITTED))
     once = [s.acts[0] for s in fitted if len({r for o in (s.origin, *s.history) for r in o.records}) == 1]

@@ -14,10 +14,24 @@ from thermid.base.linear_algebra import Array, square_root
 from thermid.base.results import Result, Row
 from thermid.fit.calibration import Calibration
 from thermid.fit.discrepancy import KEY, Discrepancy, kept_in
+from thermid.fit.error_model import KEY as ERRORS, ErrorModel
 from thermid.model.parameters import Standing, worst
 from thermid.model.tree import Model
 from thermid.values.fitted import FittedValue, FittedValues, as_store
-from thermid.values.store import KNOWN, Kind, Normal, Source, State, Store, graft, model_standing, structural_under
+from thermid.values.store import (
+    KNOWN,
+    Kind,
+    LaterTable,
+    Normal,
+    Source,
+    State,
+    Store,
+    error_table_of,
+    errors_under,
+    graft,
+    model_standing,
+    structural_under,
+)
 
 
 @dataclass(frozen=True, eq=False)
@@ -85,6 +99,19 @@ class Known(Result):
         return tuple(k for known in self.provenances if (k := kept_in(known)) is not None)
 
     @property
+    def errors(self) -> tuple[ErrorModel, ...]:
+        """The models of error that speak of the elements of the model, each element once, by the last stage that saw it."""
+        out: list[ErrorModel] = []
+        taken: list[str] = []
+        for own in (own for s in reversed(self.stores) for own in reversed([*s.provenance.values()]) if ERRORS in own):
+            kept = own[ERRORS]
+            at = kept.at if isinstance(kept, LaterTable) else kept["at"]
+            if not any(at.startswith(part) for part in taken):
+                taken.append(at)
+                out.append(ErrorModel.from_dict(error_table_of(own) or {}))
+        return tuple(out)
+
+    @property
     def assigned(self) -> tuple[str, ...]:
         """Every parameter of the model that a fit gave its value."""
         return tuple(p for s in self.stores for state in s.parameters.values() for p in state.acts)
@@ -119,6 +146,7 @@ def values_at(values: FittedValues, at: str) -> FittedValues:
     items = {v.path: v for v in map(moved, values.values())}
     places = {n: {ahead + p: x for p, x in own[n].items()} for n in ("conditions", "misfit") if n in own}
     kept = {KEY: structural_under(own[KEY], ahead)} if KEY in own else {}
+    kept |= {"errors": errors_under(own["errors"], ahead)} if "errors" in own else {}
     return replace(values, items_=items, provenance={**own, **places, **kept}, store=None)
 
 

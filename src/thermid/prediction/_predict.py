@@ -20,26 +20,55 @@ from thermid.base.files import TABLE, replacing
 from thermid.base.linear_algebra import Array
 from thermid.base.results import PlottedTrace, Result, Row
 from thermid.fit.calibration import Calibration
-from thermid.fit.discrepancy import OperatingPoint
+from thermid.fit.error_model import REACHED, ROOM, RUN, STRUCTURE, UNEXPLAINED, VALUES, VALUES_DRAWN, NormalMixture
 from thermid.inference.criticism import ExplainedFit, explained, summary
-from thermid.inference.error_model import AVERAGED, FOLLOWED, STRUCTURE, ErrorModel
 from thermid.measure.amounts import duration_text, short
 from thermid.model.parameters import UNJUDGED, Standing, worst
 from thermid.model.tree import Model
 from thermid.physics.constants import ICE_POINT
-from thermid.prediction._budget import CONSTANT, KINDS, MISFIT, UNSOUGHT, Budget, Spread, assumed_left_out, budget_of, first_line, in_order
-from thermid.prediction._errors import CountedBeside, error_model_of, meaning, with_beside
+from thermid.prediction._budget import (
+    AVERAGED,
+    UNSOUGHT,
+    Budget,
+    Spread,
+    assumed_left_out,
+    budget_of,
+    first_line,
+    in_order,
+)
 from thermid.prediction._known import Known, Rows
 from thermid.prediction._setting import Drawn, Linear, Setting
-from thermid.simulation.runs import Solution, simulate
+from thermid.simulation.runs import Solution, prepare, simulate
 from thermid.simulation.scenarios import Scenario
 from thermid.simulation.solver import Options
 from thermid.values.store import LeftOut, Normal, Source, State
 
 EXACT = 1e-9
 """Scatter of members below which they are one temperature, and rounding. [K]"""
-FAR = (1.25, 10.0)
-"""Ratio of differences, and kelvin of level, from which a coefficient is said to be used far from where it was found."""
+CAUSE_SHARE = 0.005
+"""Share of a variance from which a table names its cause. [-]"""
+TELLING = 0.1
+"""Probability from which the other answer to what carries the heat is told. [-]"""
+MOSTLY = 0.5
+"""Share of a variance from which its cause is what a band mostly comes from. [-]"""
+MEANING = {
+    VALUES: "noise, instruments and priors leave the fitted values this uncertain",
+    STRUCTURE: "elements depart from their laws, the more the further the run is from those that were fitted",
+    RUN: "coefficients, masses and powers differ from run to run",
+    ROOM: "a room drifts about what is logged of it",
+    UNEXPLAINED: "residuals that no departure of an element follows",
+    AVERAGED: "whether free air or a fan carries the heat of surfaces",
+}
+"""Cause -> what it stands for."""
+NARROWS = {
+    VALUES: "a run that determines the values better, or stated spreads",
+    STRUCTURE: "a run at conditions nearer to those that are asked",
+    RUN: "further runs: they tell how much elements differ from run to run",
+    ROOM: "a room that is logged better, or held",
+    UNEXPLAINED: "an element that explains what the residuals show: criticise looks for it",
+    AVERAGED: "a deck that states what carries the heat (carried_by), or a run at another difference",
+}
+"""Cause -> what would narrow a band that comes from it."""
 PROBES = 32
 """Members that tell whether derivatives do, in pairs of opposite numbers."""
 DRAWN = 2000
@@ -98,6 +127,7 @@ class Band(Result):
     parts : dict                    Cause -> variance (times,). [K^2]
     members : array or None         Temperatures (times, members) of drawn members, where draws were asked for. [K]
     shifts : dict                   Cause -> its part of `shift` (times,). [K]
+    mixture : NormalMixture or None Of the temperature, where the heat of surfaces may be carried in several ways.
     """
 
     path: str
@@ -107,6 +137,7 @@ class Band(Result):
     parts: Mapping[str, Array]
     members: Array | None = field(default=None, repr=False)
     shifts: Mapping[str, Array] = field(default_factory=dict, repr=False)
+    mixture: NormalMixture | None = field(default=None, repr=False)
 
     def _summary(self) -> str:
         low, high = (end[-1] for end in self.interval())
@@ -151,6 +182,9 @@ class Band(Result):
         """Return the lower and upper ends (times,) of the band that holds the truth with a probability. [degC]"""
         if self.members is not None:
             low, high = np.quantile(self.members, [0.5 - level / 2, 0.5 + level / 2], axis=1)
+            return low - ICE_POINT, high - ICE_POINT
+        if self.mixture is not None:
+            low, high = self.mixture.interval(level)
             return low - ICE_POINT, high - ICE_POINT
         wide = NormalDist().inv_cdf(0.5 + level / 2) * self.error
         return self.celsius - wide, self.celsius + wide
@@ -345,14 +379,13 @@ def predict(
     draws: int = 0,
     seed: int = 0,
     options: Options | None = None,
-    error_model: bool = False,
     as_logged: bool = False,
 ) -> Prediction:
     """Prediction of a scenario: temperatures with standard errors, and the sources of these.
 
-    With `error_model` the band is that of the model of error (docs/statistics.md), with what is stated and what stages below say beside it.
-    Otherwise errors are carried by the derivatives of every temperature with respect to every source (Joint Committee for Guides in
-    Metrology, GUM 2008, 5.2.2). Where members drawn from the same sources would give another band (mean or half-width off by a tenth of the
+    The band is that of the model of error of the fit (docs/statistics.md), with what is stated and what stages below say beside it.
+    Errors are carried by the derivatives of every temperature with respect to every source (Joint Committee for Guides in Metrology, GUM
+    2008, 5.2.2). Where members drawn from the same sources would give another band (mean or half-width off by a tenth of the
     half-width), members are drawn, and a remark states this.
 
     Where a fit leaves residuals larger than the stated noise and a hidden defect (a clock, lags, a mass, a leak) is proved to explain
@@ -375,19 +408,18 @@ def predict(
     draws : int                 Members drawn from the sources; bands are then quantiles. 0 for derivatives, as long as they do.
     seed : int                  Of the draws.
     options : Options           The integrator's.
-    error_model : bool          Whether the band is that of the model of error; without `model`, `without` and `draws`.
-    as_logged : bool            With it: rooms and powers of the scenario are what instruments of the fit would read, not what acts.
+    as_logged : bool            Whether rooms and powers of the scenario are what instruments of the fit would read, constant errors and
+                                all; else they are what acts.
 
     Raises
     ------
-    IdentificationError     When a value is spread twice, or has no finite error; when a coefficient that must be separated cannot be; when
-                            the model of error does not follow a fit, or nothing explains its readings.
+    IdentificationError     When a value is spread twice, or has no finite error; when a coefficient that must be separated cannot be.
     """
     known = fit if isinstance(fit, Known) else Known.of(fit)
     if draws < 0:
         raise IdentificationError(f"{draws} members are too few. Give 0 for derivatives alone, or some hundred.", known.model.title)
     off = (*without, *(() if discrepancy else ("structural", "misfit")))
-    asked = Asked(scenario, spread, off, every, times, draws, seed, options, error_model, as_logged)
+    asked = Asked(scenario, spread, off, every, times, draws, seed, options, as_logged)
     plain = asked.of(known.on(model) if model is not None else known, nodes)
     if known.fit is None or model is not None or draws or DEFECTS in without:
         return plain
@@ -409,63 +441,20 @@ class Asked:
     draws: int
     seed: int
     options: Options | None
-    error_model: bool
     as_logged: bool
 
     def of(self, known: Known, nodes: Sequence[str] | None) -> Prediction:
         """Return the prediction by what is known."""
-        budget = budget_of(known, self.scenario, self.spread, without=self.without)
-        if self.error_model:
-            return self._by_errors(known, budget, nodes)
+        budget = budget_of(known, self.scenario, self.spread, without=self.without, as_logged=self.as_logged)
         return predicted(budget, nodes, every=self.every, times=self.times, draws=self.draws, seed=self.seed, options=self.options)
 
-    def _by_errors(self, known: Known, budget: Budget, nodes: Sequence[str] | None) -> Prediction:
-        """Return the prediction by the model of error of a fit; its whole budget states what is left out."""
-        if self.without or self.draws:
-            raise IdentificationError("the model of error takes no draws and leaves nothing out.", known.model.title)
-        if known.fit is None or known.at or known.model is not known.fit.fitted_model:
-            text = "values of a file or on another model have no model of error. Ask the fit itself."
-            raise IdentificationError(text, known.model.title, code=FOLLOWED)
-        errors = error_model_of(known.fit)
-        stated = [self.spread] if isinstance(self.spread, Mapping | Spread) else list(self.spread)
-        beside = CountedBeside.of(known, budget, stated)
-        found = errors.run(
-            self.scenario, list(nodes or ()), every=self.every, times=self.times, as_logged=self.as_logged, beside=beside.rows
-        )
-        best = simulate(known.model, self.scenario, every=self.every, times=self.times, options=self.options)
-        bands, rest = {}, {}
-        for n, band in found.bands.items():
-            parts, shifts, centre = with_beside(band, beside)
-            simulated = best[n].kelvin
-            own = {STRUCTURE: band.kelvin - simulated, **shifts}
-            bands[n] = Band(n, band.times, simulated, centre - simulated, parts, shifts=own)
-            if n in found.settled:
-                parts, _, centre = with_beside(found.settled[n], beside)
-                rest[n] = Band(n, band.times[-1:], centre, np.zeros(1), parts).final
-        find = {n: best[n].path for n in (nodes if nodes is not None else best.nodes)}
-        find |= {alias: path for alias, path in known.model.every_alias().items() if path in bands}
-        widest = max((b.final for b in bands.values()), key=lambda e: e.error)
-        unsought = [r for r in budget.remarks if r == UNSOUGHT]
-        warnings = (*best.warnings, *unsought, *([beside.remark] if beside.remark else []), *carrier_words(errors, bands))
-        left, least = _left_out(budget, bands)
-        title, standing = known.model.title, budget.standing
-        course, times = self.scenario.title, next(iter(bands.values())).times
-        return Prediction(title, course, times, bands, rest, meaning(widest.shares, CAUSE_SHARE), warnings, find, standing, left, least)
 
-
-CAUSE_SHARE = 0.005
-"""Share of a variance from which a table names its cause. [-]"""
-TELLING = 0.1
-"""Probability from which the other answer to what carries the heat is told. [-]"""
-
-
-def carrier_words(errors: ErrorModel, bands: Mapping[str, Band]) -> list[str]:
+def carrier_words(budget: Budget, bands: Mapping[str, Band]) -> list[str]:
     """Return what nobody stated of the surfaces, what readings say of it, and what a statement would change; empty where it matters not."""
-    carriers = errors.carriers
     share = max((b.final.shares.get(AVERAGED, 0.0) for b in bands.values()), default=0.0)
-    if len(carriers) < 2 or min(carriers.values()) < TELLING or share < TELLING:
+    if len(budget.ways) < 2 or min(w.weight for w in budget.ways) < TELLING or share < TELLING:
         return []
-    found = ", ".join(f"{name} {100 * p:.0f} %" for name, p in carriers.items())
+    found = ", ".join(f"{w.kept[0].name} {100 * w.weight:.0f} %" for w in budget.ways)
     return [f"no deck states what carries the heat of its surfaces; the readings say {found}. State carried_by: the bands narrow"]
 
 
@@ -540,53 +529,179 @@ def predicted(
     options: Options | None = None,
 ) -> Prediction:
     """Return what a budget says of its scenario; arguments as in `predict`."""
-    setting = Setting.of(budget, every=every, times=times, options=options)
-    linear = setting.linear(nodes)
-    find = {n: linear.run[n].path for n in (nodes if nodes is not None else linear.run.nodes)}
-    find |= {alias: path for alias, path in setting.budget.model.every_alias().items() if path in find.values()}
-    shifts = {n: c @ budget.means for n, c in linear.columns.items()}
-    parts = {n: budget.parts(c) for n, c in linear.columns.items()}
-    why = Missed() if draws else missed(setting, linear)
+    ways = [Answer.of(weight, own, nodes, every, times, options) for weight, own in budget.each]
+    first = max(ways, key=lambda w: w.weight)
+    times = first.setting.ready.times
+    best = simulate(budget.model, budget.scenario, times=times, options=options) if budget.ways else first.linear.run
+    find = {n: best[n].path for n in (nodes if nodes is not None else best.nodes)}
+    find |= {alias: path for alias, path in budget.model.every_alias().items() if path in find.values()}
+    why = Missed() if draws else missed(first.setting, first.linear)
     count = draws or (DRAWN if why.words else 0)
     sources = budget.drawn(budget.numbers(seed, 0, count))
-    # beside patterns of coefficients the run holds their courses by straight lines between points
-    best = simulate(budget.model, budget.scenario, times=setting.ready.times, options=options) if budget.modes else linear.run
-    members, lost = _members(setting, linear, sources, straight=not draws and not why.bent) if count else ({}, "")
+    members, lost = drawn_members(ways, budget.chosen(sources), sources, straight=not draws and not why.bent) if count else ({}, "")
     bands, rest = {}, {}
-    for n, column in linear.columns.items():
-        now = {c: v[:-1] for c, v in parts[n].items()}
-        own, kept = members.get(n, (None, None))
-        expected = {c: v[:-1] for c, v in budget.shifts(column).items()}
-        bands[n] = Band(n, setting.ready.times, best[n].kelvin, shifts[n][:-1], now, own, expected)
-        if n in linear.settled:
-            end = np.array([linear.settled[n]])
-            # from the end of each member to where it settles: as in the straight model
-            on = None if own is None else own[-1:] + (end - linear.run[n].kelvin[-1]) + (column[-1:] - column[-2:-1]) @ sources[:, kept]
-            rest[n] = Band(n, setting.ready.times[-1:], end, shifts[n][-1:], {c: v[-1:] for c, v in parts[n].items()}, on).final
+    for n in first.linear.columns:
+        parts, shifts, centre, mixture = mixed_answer(ways, n, best[n].kelvin)
+        now, moved = ({c: v[:-1] for c, v in several.items()} for several in (parts, shifts))
+        own, end = members.get(n, (None, None))
+        bands[n] = Band(n, times, best[n].kelvin, centre[:-1] - best[n].kelvin, now, own, moved, taken(mixture, slice(0, -1)))
+        if all(n in w.linear.settled for w in ways):
+            last = {c: v[-1:] for c, v in parts.items()}
+            drawn = end[None, :] if end is not None else None
+            rest[n] = Band(n, times[-1:], centre[-1:], np.zeros(1), last, drawn, mixture=taken(mixture, slice(-1, None))).final
+    _refuse_unreachable(budget, bands, times)
     warnings = (
-        *linear.run.warnings,
+        *best.warnings,
         *budget.remarks,
         *([f"{why.words}, so {count} members were drawn"] if why.words else []),
         *([lost] if lost else []),
-        *setting.guessed(linear),
+        *carrier_words(budget, bands),
     )
     left, least = _left_out(budget, bands)
-    words, standing = _words(setting), budget.standing
-    title, course = budget.model.title, budget.scenario.title
-    return Prediction(title, course, setting.ready.times, bands, rest, words, warnings, find, standing, left, least)
+    widest = max((b.final for b in bands.values()), key=lambda e: e.error, default=None)
+    words = meaning(widest.shares if widest is not None else {})
+    return Prediction(budget.model.title, budget.scenario.title, times, bands, rest, words, warnings, find, budget.standing, left, least)
 
 
-def _members(setting: Setting, linear: Linear, sources: Array, straight: bool) -> tuple[dict[str, tuple[Array, NDArray[np.int64]]], str]:
-    """Return node -> temperatures (times, members) [K] and which members they are, and a remark on those that failed."""
-    if straight:
-        every = np.arange(sources.shape[1])
-        return {n: (linear.run[n].kelvin[:, None] + c[:-1] @ sources, every) for n, c in linear.columns.items()}, ""
-    drawn = _bent(setting, linear, sources, list(linear.columns))
-    failed = drawn.runs.failed if drawn.runs is not None else {}
-    kept = {n: np.flatnonzero(~np.isnan(m).any(axis=0)) for n, m in drawn.kelvin.items()}
-    found = {n: (m[:, kept[n]], kept[n]) for n, m in drawn.kelvin.items() if kept[n].size}
+def _refuse_unreachable(budget: Budget, bands: Mapping[str, Band], times: Array) -> None:
+    """Refuse bands that are wider than what the network can reach at all, because a value is determined by no reading.
+
+    Raises
+    ------
+    IdentificationError   Names the value.
+    """
+    shares = {n: _shares({c: float(v.mean()) for c, v in b.parts.items()}) for n, b in bands.items()}
+    wide = [n for n, s in shares.items() if s.get(VALUES, 0.0) > MOSTLY] if budget.loose else []
+    if not wide:
+        return
+    also = {t.name: (t.name, *t.also) for t in budget.targets}
+    generator, draws = np.random.default_rng(0), dict[str, Array]()
+    for name, v in budget.loose.items():
+        drawn = np.clip(v.mean + v.sd * generator.standard_normal(VALUES_DRAWN), v.low, v.high)
+        draws |= dict.fromkeys(also[name], np.array([v.si(float(x)) for x in drawn]))
+    ready = prepare(budget.model, budget.scenario, tuple(draws), times=times)
+    many = ready.ensemble(ready.with_units(draws), nodes=wide)
+    for n in wide:
+        low, high = np.nanquantile(many.temperatures(n), [REACHED, 1.0 - REACHED], axis=1)
+        half, room = bands[n].half_width, 0.5 * (high - low)
+        if (half > room).any() and ((bands[n].kelvin + half > high) | (bands[n].kelvin - half < low)).any():
+            k = int((half - room).argmax())
+            raise IdentificationError(
+                f"no reading determines '{next(iter(budget.loose))}', and the band of '{n}', +- {half[k]:.3g} K at {times[k]:.3g} s, "
+                f"would be wider than what the network can reach with any value of it, {low[k] - ICE_POINT:.1f} to {high[k] - ICE_POINT:.1f} degC. "
+                "State a prior of it, or fit a run that determines it: next_test names one.",
+                budget.model.title,
+                code="prediction.value-undetermined",
+            )
+
+
+@dataclass(frozen=True, eq=False)
+class Answer:
+    """A budget's answer where the heat is carried in one way, and the probability of that."""
+
+    weight: float
+    setting: Setting
+    linear: Linear
+
+    @classmethod
+    def of(
+        cls,
+        weight: float,
+        budget: Budget,
+        nodes: Sequence[str] | None,
+        every: Any,
+        times: Any,
+        options: Options | None,
+        scenario: Scenario | None = None,
+    ) -> Answer:
+        """Return the answer of one way in the scenario of its budget, or in a variant of it."""
+        setting = Setting.of(budget, scenario=scenario, every=every, times=times, options=options)
+        return cls(weight, setting, setting.linear(nodes))
+
+    def kelvin(self, node: str) -> Array:
+        """Return the temperatures (times and the settled state,) of a node where the derivatives were taken. [K]"""
+        return np.append(self.linear.run[node].kelvin, self.linear.settled.get(node, np.nan))
+
+
+def taken(mixture: NormalMixture | None, times: slice) -> NormalMixture | None:
+    """Return a mixture at some of its times."""
+    return replace(mixture, means=mixture.means[:, times], variances=mixture.variances[:, times]) if mixture is not None else None
+
+
+def mixed_answer(ways: Sequence[Answer], node: str, best: Array) -> tuple[dict[str, Array], dict[str, Array], Array, NormalMixture | None]:
+    """Return cause -> variance, cause -> what moves the centre from the run with the best values, the centre, and the mixture if it is one.
+
+    Each at the times and where the run settles. [K]
+    """
+    parts: dict[str, Array] = {}
+    shifts: dict[str, Array] = {}
+    centres, variances = [], []
+    for way in ways:
+        budget, columns = way.setting.budget, way.linear.columns[node]
+        centres.append(way.kelvin(node) + columns @ budget.means)
+        each = budget.parts(columns)
+        variances.append(np.sum([np.zeros(len(columns)), *each.values()], axis=0))
+        for several, own in ((parts, each), (shifts, budget.shifts(columns))):
+            for cause, v in own.items():
+                several[cause] = several.get(cause, 0.0) + way.weight * v
+    weights = np.array([w.weight for w in ways])
+    centre = weights @ np.array(centres)
+    if len(ways) > 1:
+        parts[AVERAGED] = weights @ (np.array(centres) - centre) ** 2
+    if any(w.setting.budget.ways for w in ways):
+        run = weights @ np.array([w.kelvin(node) for w in ways])
+        shifts[STRUCTURE] = shifts.get(STRUCTURE, 0.0) + run - np.append(best, run[-1])
+    mixture = NormalMixture(weights, np.array(centres), np.array(variances)) if len(ways) > 1 else None
+    return parts, shifts, centre, mixture
+
+
+def meaning(shares: Mapping[str, float]) -> dict[str, str]:
+    """Return cause -> what it stands for; of the largest also what would narrow a band that comes from it.
+
+    Parameters
+    ----------
+    shares : dict   Cause -> its share of the variance of the widest band. [-]
+    """
+    largest = max(shares, key=shares.__getitem__, default="")
+    told = {c: MEANING[c] for c, share in shares.items() if c in MEANING and share >= CAUSE_SHARE}
+    return {c: f"{text}; narrower by {NARROWS[c]}" if c == largest and c in NARROWS else text for c, text in told.items()}
+
+
+Members = tuple[Array, Array]
+"""Temperatures of members (times, members), and where these settle (members,). [K]"""
+
+
+def drawn_members(ways: Sequence[Answer], chosen: NDArray[np.int64], sources: Array, straight: bool) -> tuple[dict[str, Members], str]:
+    """Return node -> members that reached the end, and a remark on those that failed.
+
+    Parameters
+    ----------
+    chosen : array (members,)           Which way each has.
+    sources : array (sources, members)  Values of the sources.
+    straight : bool                     Whether straight lines do.
+    """
+    failed: dict[int, str] = {}
+    out: dict[str, list[Members]] = {}
+    for k, way in enumerate(ways):
+        own = sources[:, chosen == k]
+        if not own.shape[1]:
+            continue
+        columns = way.linear.columns
+        if straight:
+            kelvin = {n: way.linear.run[n].kelvin[:, None] + c[:-1] @ own for n, c in columns.items()}
+        else:
+            drawn = _bent(way.setting, way.linear, own, list(columns))
+            kelvin = dict(drawn.kelvin)
+            failed |= drawn.runs.failed if drawn.runs is not None else {}
+        for n, traces in kelvin.items():
+            kept = ~np.isnan(traces).any(axis=0)
+            # from the end of each member to where it settles: as in the straight model
+            on = way.kelvin(n)[-1] - way.kelvin(n)[-2] + (columns[n][-1] - columns[n][-2]) @ own[:, kept]
+            out.setdefault(n, []).append((traces[:, kept], traces[-1, kept] + on))
+    every = {n: (np.concatenate([a for a, _ in m], axis=1), np.concatenate([b for _, b in m])) for n, m in out.items()}
     why = next(iter(failed.values()), "")
-    return found, f"{len(failed)} of {sources.shape[1]} members failed; the bands leave them out. One of them: {why}" if failed else ""
+    lost = f"{len(failed)} of {sources.shape[1]} members failed; the bands leave them out. One of them: {why}" if failed else ""
+    return {n: m for n, m in every.items() if m[1].size}, lost
 
 
 def _bent(setting: Setting, linear: Linear, sources: Array, nodes: Sequence[str]) -> Drawn:
@@ -676,33 +791,6 @@ def _missed_at(node: str, wide: float, ends: Array, straight: Array, off: Array)
         Missed(),
         key=lambda m: m.size,
     )
-
-
-def _far(at: OperatingPoint, here: OperatingPoint) -> bool:
-    ratio = here.difference / max(at.difference, 1e-9)
-    return not 1.0 / FAR[0] <= ratio <= FAR[0] or abs(here.level - at.level) > FAR[1]
-
-
-def _words(setting: Setting) -> dict[str, str]:
-    """Return cause -> what it stands for."""
-    budget = setting.budget
-    out = {}
-    for cause in dict.fromkeys(budget.causes):
-        own = [k for k, c in enumerate(budget.causes) if c == cause]
-        names = [t.name for t, row in zip(budget.targets, budget.gain, strict=True) if t.form not in ("mode", "node") and row[own].any()]
-        listed = ", ".join(names[:4]) + (f" and {len(names) - 4} more" if len(names) > 4 else "")
-        out[cause] = f"the temperature dependence of {listed}"
-    if CONSTANT in out:
-        at = budget.conditions
-        far = [f"{p} (found at {at[p]}, here {c})" for p, c in setting.here.items() if p in at and _far(at[p], c)]
-        listed = "; ".join(far[:3]) + (f"; and {len(far) - 3} more" if len(far) > 3 else "")
-        used = f"extrapolated: {listed}" if far else "used near the conditions of the fit"
-        out[CONSTANT] = f"in free air convection grows with the difference, and radiation with temperature; {used}"
-    if KINDS in out:
-        out[KINDS] = next(s.words for s, cause in zip(budget.sources, budget.causes, strict=True) if cause == KINDS)
-    if MISFIT in out:
-        out[MISFIT] = "residuals of the records that the model was fitted to"
-    return out
 
 
 FURTHEST = 3
@@ -829,13 +917,14 @@ def widened(seen: Foresight, sizes: Mapping[str, float], cause: str, words: str)
 
 def _wider(band: Band, variance: float, cause: str) -> Band:
     """Return a band with the larger of a variance and of the misfit that it holds."""
-    before = band.parts.get(MISFIT, np.zeros(band.times.size))
+    before = band.parts.get(UNEXPLAINED, np.zeros(band.times.size))
     if not variance > float(before.max()):
-        return replace(band, parts={**band.parts, MISFIT: before})
+        return replace(band, parts={**band.parts, UNEXPLAINED: before})
     members = band.members
     if members is not None:
         # what is added to each member: independent of all others, constant over the run
         more = np.sqrt(variance - before[:, None]) * np.random.default_rng(0).standard_normal(members.shape[1])
         members = members + more
-    parts = {c: v for c, v in band.parts.items() if c != MISFIT} | {cause: np.full(band.times.size, variance)}
-    return replace(band, parts=parts, members=members)
+    parts = {c: v for c, v in band.parts.items() if c != UNEXPLAINED} | {cause: np.full(band.times.size, variance)}
+    own = band.mixture
+    return replace(band, parts=parts, members=members, mixture=own and replace(own, variances=own.variances + variance - before))

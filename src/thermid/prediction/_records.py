@@ -6,7 +6,6 @@ followed of that, the constant error of the sensor, and the noise of one reading
 
 from __future__ import annotations
 
-import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from itertools import pairwise
@@ -16,36 +15,41 @@ from typing import Any
 import numpy as np
 
 from thermid.base.arguments import takes_objects
-from thermid.base.expression import Kelvin
-from thermid.base.linear_algebra import Array, quadratic_forms, symmetric_inverse
+from thermid.base.linear_algebra import Array
 from thermid.base.units import TEMPERATURE
 from thermid.fit.calibration import Calibration, fit as fitted_to
-from thermid.fit.discrepancy import BALANCE, KindsSeen, OwnValue, wandering
+from thermid.fit.discrepancy import BALANCE, OwnValue, own_value, own_values_kept
+from thermid.fit.error_model import (
+    ROOM,
+    RUN,
+    START,
+    STRUCTURE,
+    UNEXPLAINED,
+    BesideRow,
+    ErrorModel,
+    RecordRun,
+    errors_of_values,
+    problem_of_record,
+    shared_with,
+    split,
+)
 from thermid.fit.problem import (
-    SCALE,
     Experiment,
     LocalSpec,
-    Observation,
-    Problem,
     Reading,
     Request,
-    SensorTrace,
     as_found,
-    attached,
     first_reading,
     wired,
 )
 from thermid.fit.uncertainty import stretch_means
-from thermid.inference.error_model import ErrorModel
 from thermid.measure.records import Record
 from thermid.model.laws import Constant, TableSignal, literal
 from thermid.model.parameters import UNJUDGED, Standing
-from thermid.prediction._budget import MISFIT, UNSOUGHT, Budget, Target, budget_of, first_line, in_order
-from thermid.prediction._errors import beside_rows, error_model_of, rows_below
-from thermid.prediction._known import Known, instruments_of, rows_of
-from thermid.prediction._setting import Setting
+from thermid.prediction._budget import AVERAGED, Budget, budget_of, first_line, in_order
+from thermid.prediction._known import Known, rows_of
 from thermid.simulation.scenarios import Scenario
-from thermid.values.store import LeftOut, Normal, Source
+from thermid.values.store import LeftOut, error_table_of
 
 POINTS = 300
 """Times of a record at which its band is computed; straight lines between."""
@@ -63,8 +67,8 @@ SAME = 1e-6
 """Difference below which two given temperatures are one. [K]"""
 LEVELS = (0.5, 0.8, 0.9, 0.95, 0.99)
 """Nominal shares that are compared with those observed."""
-ROOM, START, READING, SENSORS = "ambient of the run", "start of the run", "noise of a reading", "constant errors of sensors"
-"""Causes, as a reader is told them."""
+READING = "noise of a reading"
+"""Cause, as a reader is told it."""
 
 
 @dataclass(frozen=True)
@@ -170,7 +174,6 @@ class RecordPrediction:
     warnings : tuple of str         What a reader must know.
     left_out : tuple of LeftOut     What the bands do not count.
     standing : Standing             Of the values that it rests on.
-    guessed : tuple of str          Those of the warnings that say what nobody stated of constant coefficients.
     """
 
     title: str
@@ -180,7 +183,6 @@ class RecordPrediction:
     warnings: tuple[str, ...] = ()
     left_out: tuple[LeftOut, ...] = ()
     standing: Standing = UNJUDGED
-    guessed: tuple[str, ...] = ()
 
     @property
     def rmse(self) -> float:
@@ -294,7 +296,6 @@ def predict_record(
     readings: Mapping[str, Any] | None = None,
     window: float = 0.0,
     without: Sequence[str] = (),
-    error_model: bool = False,
 ) -> RecordPrediction:
     """Prediction of a logged run, with its readings beside the bands.
 
@@ -307,13 +308,12 @@ def predict_record(
     readings : dict             Boundary or ``initial.<node>`` -> channel whose first reading stands there, or ``{channel, offset}``.
     window : float              First readings are medians over this time. [s]
     without : sequence          Sources that are not counted, as in `predict`.
-    error_model : bool          Whether the bands are those of the model of error of the fit; nothing is left out then.
     """
     shown = fitted_to(record_request(calibration, record, scenario, local, readings, window))
-    return record_bands(calibration, shown, without, error_model)
+    return record_bands(calibration, shown, without)
 
 
-def record_bands(calibration: Calibration, shown: Calibration, without: Sequence[str] = (), error_model: bool = False) -> RecordPrediction:
+def record_bands(calibration: Calibration, shown: Calibration, without: Sequence[str] = ()) -> RecordPrediction:
     """Return the bands of a record that was run at the values of a fit.
 
     Parameters
@@ -321,33 +321,75 @@ def record_bands(calibration: Calibration, shown: Calibration, without: Sequence
     calibration : Calibration   The fit.
     shown : Calibration         The run of the record at its values; what was fitted to it are values of its own.
     without : sequence          Sources that are not counted, as in `predict`.
-    error_model : bool          Whether the bands are those of the model of error of the fit; nothing is left out then.
     """
-    problem = shown.problem
-    assert problem is not None
-    if error_model:
-        return bands_by_errors(error_model_of(calibration), calibration, shown)
-    end = np.array(list(shown.fitted.values()))
-    bench = problem.bench(0, end)
-    e, scenario = bench.experiment, as_run(problem, end, bench.experiment)
-    known = Known.of(calibration)
-    if e.tips:
-        known = known.on(attached(calibration.fitted_model, e.record)[0])
-    budget = budget_of(known, scenario, without=without)
-    seen = KindsSeen.of(known.provenances)
-    budget, open_ = _with_own(budget, shown, e, seen)
-    fresh = _fresh(calibration, e)
-    budget = _with_inputs(budget, known, e, fresh)
-    every = np.unique(np.concatenate([e.times[o.index] for o in e.observations]))
-    grid = every[np.unique(np.linspace(0, every.size - 1, min(POINTS, every.size)).round().astype(int))]
-    bands, guessed = _banded(budget, known, problem, end, e, shown.blocks, grid, seen, fresh)
+    assert shown.problem is not None
+    assert shown.request is not None
+    e, known = shown.problem.experiments[0], Known.of(calibration)
+    budget = budget_of(known, e.bare, without=without)
+    own, open_ = own_values(shown, e, own_values_kept(known.provenances))
+    local = {u.name: float(shown.fitted[u.name]) for u in shown.problem.unknowns}
+    below = Budget.of_rows(rows_of(known), known.model, e.bare).below(known.errors)
+    laws = {n: (mean, sd) for n, (mean, sd, _) in own.items()}
+    bands = _banded(calibration, shown, local, laws, beside_rows(below), without)
     listed = (
-        LeftOut(f"the temperature of {', '.join(open_)}, which is assumed: no fit shows how it differs between runs") if open_ else None
+        [LeftOut(f"the temperature of {', '.join(open_)}, which is assumed: no fit shows how it differs between runs")] if open_ else []
     )
-    left = in_order((*(x for x in budget.omitted if not x.listed), *([listed] if listed else [])))
+    left = in_order((*(x for x in budget.omitted if not x.listed), *listed))
     locally = tuple(dict.fromkeys(i.name for i in shown.local))
-    told = (*budget.remarks, *guessed, *_follow_commands(bands, scenario))
-    return RecordPrediction(calibration.stage, e.record.name, bands, locally, told, left, calibration.standing, tuple(guessed))
+    told = (*budget.remarks, *_follow_commands(bands, e.scenario))
+    return RecordPrediction(calibration.stage, e.record.name, bands, locally, told, left, calibration.standing)
+
+
+def beside_rows(budget: Budget) -> dict[str, BesideRow]:
+    """Return value -> how it follows the sources of a budget."""
+    used = np.flatnonzero(budget.gain.any(axis=0))
+    named = ((n, t, row[used]) for t, row in zip(budget.targets, budget.gain, strict=True) for n in (t.name, *t.also))
+    return {n: BesideRow(row, t.form == "log") for n, t, row in named if row.any()}
+
+
+def _banded(
+    calibration: Calibration,
+    shown: Calibration,
+    local: Mapping[str, float],
+    own: Mapping[str, tuple[float, float]],
+    below: Mapping[str, BesideRow],
+    without: Sequence[str],
+) -> dict[str, SensorBand]:
+    """Return the band of every sensor of a record that was run at the values of a fit.
+
+    Parameters
+    ----------
+    local : dict        What was fitted to the record, by the names of its unknowns -> its value. [K]
+    own : dict          Boundary or ``initial.<node>`` -> mean and standard deviation of what it is off by in a further run. [K]
+    below : dict        Value -> how it follows sources of unit variance that the fit does not know.
+    """
+    assert shown.request is not None
+    kept = error_table_of(calibration.values.provenance)
+    errors = ErrorModel.from_dict(kept) if kept is not None else errors_of_values(calibration)
+    problem = problem_of_record(calibration, shown.request, own, below)
+    known = shared_with(calibration, problem) & {*errors.seen}
+    ways = [(w, RecordRun.of(w, problem, known, local)) for w in errors.ways]
+    weights = np.array([w.weight for w, _ in ways])
+    found = [run.parts(w) for w, run in ways]
+    centres = np.array([centre for centre, _ in found])
+    told = {source: sum(w * parts.get(source, 0.0) for w, (_, parts) in zip(weights, found, strict=True)) for source in found[0][1]}
+    told[AVERAGED] = weights @ (centres - weights @ centres) ** 2
+    sensors = [run.centres(np.concatenate([np.zeros(len(w.values)), w.mean])) for w, run in ways]
+    off = {
+        READING,
+        *({UNEXPLAINED} if "misfit" in without else ()),
+        *({STRUCTURE, RUN, ROOM, START, AVERAGED} if "structural" in without else ()),
+        *without,
+    }
+    predicted = {b.sensor: b.predicted for b in shown.blocks}
+    out = {}
+    for i, o in enumerate(problem.experiments[0].observations):
+        trace, rows = ways[0][1].traces[i], ways[0][1].means[i]
+        at = {s: np.interp(trace.times, rows.times, split(v, ways[0][1].means)[i]) for s, v in told.items() if s not in off}
+        centre = o.measured + weights @ np.array([c[i] for c in sensors])
+        parts = {s: v for s, v in at.items() if v.any()} | {READING: trace.noise**2}
+        out[o.sensor] = SensorBand(o.sensor, o.seat, trace.times, o.measured, centre, parts, centre - predicted[o.sensor])
+    return out
 
 
 def _follow_commands(bands: Mapping[str, SensorBand], scenario: Scenario) -> list[str]:
@@ -381,25 +423,7 @@ def _follow_commands(bands: Mapping[str, SensorBand], scenario: Scenario) -> lis
     return out
 
 
-def as_run(problem: Problem, end: Array, e: Experiment) -> Scenario:
-    """Return the scenario of a record with the rooms and starts that were fitted to it, as it was run."""
-    values = {n: x for n, x in zip(problem.bench(0, end).free, problem.inputs(0, end)[0], strict=True)}
-    boundaries = {n: Constant(x) for n, x in values.items() if isinstance(e.scenario.boundaries.get(n), Constant)}
-    initial = {n.removeprefix("initial."): Kelvin(x) for n, x in values.items() if n.startswith("initial.")}
-    return e.scenario.with_(boundaries=boundaries, initial=initial)
-
-
-def _with_own(budget: Budget, shown: Calibration, e: Experiment, seen: KindsSeen) -> tuple[Budget, list[str]]:
-    """Return the budget with the random room and start of the run where nothing fitted or logged them, and what no fit says."""
-    own, open_ = own_values(shown, e, seen)
-    for name, (mean, sd, runs) in own.items():
-        cause = START if name.startswith("initial.") else ROOM
-        source = Source(f"{cause}: {name}", "structural", Normal(mean, sd), f"differences between runs, from {runs} runs")
-        budget = budget.with_one(source, cause, Target(name, "add"))
-    return budget, open_
-
-
-def own_values(shown: Calibration, e: Experiment, seen: KindsSeen) -> tuple[dict[str, tuple[float, float, int]], list[str]]:
+def own_values(shown: Calibration, e: Experiment, seen: Sequence[OwnValue]) -> tuple[dict[str, tuple[float, float, int]], list[str]]:
     """Return room or start of a run -> mean and sd of what it is off by [K], and from how many runs; and rooms of which no fit says it.
 
     Those that were fitted or logged are left out.
@@ -420,9 +444,9 @@ def own_values(shown: Calibration, e: Experiment, seen: KindsSeen) -> tuple[dict
         rule = rules.get(name)
         start = rule.channel if rule is not None else texts.get(name, "") or _assumed(seen, name, e.scenario)
         start = BALANCE if name in hidden else start
-        found = seen.own_value(name, start) if name not in taken else None
+        found = own_value(seen, name, start) if name not in taken else None
         if found is None:
-            if name in rooms and name not in taken and seen:
+            if name in rooms and name not in taken:
                 open_.append(f"'{name}'")
             continue
         if rule is not None and rule.offset:  # how far the first reading stands from the room is known already
@@ -431,162 +455,10 @@ def own_values(shown: Calibration, e: Experiment, seen: KindsSeen) -> tuple[dict
     return out, open_
 
 
-def bands_by_errors(errors: ErrorModel, calibration: Calibration, shown: Calibration) -> RecordPrediction:
-    """Return the bands of a record that was run at the values of a fit, by its model of error."""
-    assert shown.problem is not None
-    assert shown.request is not None
-    e, known = shown.problem.experiments[0], Known.of(calibration)
-    own, open_ = own_values(shown, e, KindsSeen.of(known.provenances))
-    local = {u.name: float(shown.fitted[u.name]) for u in shown.problem.unknowns}
-    below = beside_rows(Budget.of_rows(rows_below(known, rows_of(known)), known.model, e.bare))
-    found = errors.readings(shown.request, local, {n: (mean, sd) for n, (mean, sd, _) in own.items()}, below)
-    run = {b.sensor: b.predicted for b in shown.blocks}
-    bands = {s: SensorBand(s, b.node, b.times, b.measured, b.predicted, b.parts, b.predicted - run[s]) for s, b in found.items()}
-    budget = budget_of(known, e.bare)
-    listed = (
-        [LeftOut(f"the temperature of {', '.join(open_)}, which is assumed: no fit shows how it differs between runs")] if open_ else []
-    )
-    left = in_order((*(x for x in budget.omitted if not x.listed), *listed))
-    locally = tuple(dict.fromkeys(i.name for i in shown.local))
-    told = (*(r for r in budget.remarks if r == UNSOUGHT), *_follow_commands(bands, e.scenario))
-    return RecordPrediction(calibration.stage, e.record.name, bands, locally, told, left, calibration.standing)
-
-
-def _assumed(seen: KindsSeen, name: str, scenario: Scenario) -> str:
+def _assumed(seen: Sequence[OwnValue], name: str, scenario: Scenario) -> str:
     """Return the text of the temperature that a scenario gives a boundary, where the runs of a fit were assumed to have the same."""
     given = scenario.boundaries.get(name)
-    for text in dict.fromkeys(o.start for stage in seen.stages for o in stage.own if o.name == name and "[" in o.start):
+    for text in dict.fromkeys(o.start for o in seen if o.name == name and "[" in o.start):
         if isinstance(given, Constant) and abs(literal(text, TEMPERATURE) - given.value) < SAME:
             return text
     return ""
-
-
-def _banded(
-    budget: Budget,
-    known: Known,
-    problem: Problem,
-    end: Array,
-    e: Experiment,
-    blocks: Sequence[SensorTrace],
-    grid: Array,
-    seen: KindsSeen,
-    fresh: Mapping[str, float],
-) -> tuple[dict[str, SensorBand], list[str]]:
-    """Return the band of every sensor, and what nobody stated of constant coefficients."""
-    setting = Setting.of(budget, times=grid, options=problem.options)
-    linear = setting.linear([o.node for o in e.observations])
-    guessed = setting.guessed(linear)
-    misfit = _misfit(budget, e)
-    still = [k for k, s in enumerate(budget.sources) if s.kind != "misfit"]
-    moved = np.concatenate([linear.columns[linear.run[o.node].path][:-1] for o in e.observations])
-    moved[:, [k for k in range(moved.shape[1]) if k not in still]] = 0.0
-    moved, more = _with_biases(moved, budget, known, e, grid.size, fresh)
-    left = _followed(problem, end, e, grid, np.concatenate([moved, more], axis=1))
-    moved, more = left[:, : moved.shape[1]], left[:, moved.shape[1] :]
-    parts = {c: v for c, v in budget.parts(moved).items() if v.any()}
-    if more.shape[1]:
-        parts[SENSORS] = parts.get(SENSORS, 0.0) + np.sum(more**2, axis=1)
-    parts[MISFIT] = _wanders(problem, end, e, grid, misfit)
-    shift = moved @ budget.means
-    out = {}
-    for k, (o, block) in enumerate(zip(e.observations, blocks, strict=True)):
-        own = slice(k * grid.size, (k + 1) * grid.size)
-        at = {c: np.interp(block.times, grid, v[own]) for c, v in parts.items()}
-        at[READING] = np.full(block.times.size, _noise(o, problem, seen) ** 2)
-        moved_by = np.interp(block.times, grid, shift[own])
-        causes = {c: v for c, v in at.items() if v.any()}
-        out[o.sensor] = SensorBand(o.sensor, o.seat, block.times, block.measured, block.predicted + moved_by, causes, moved_by)
-    return out, guessed
-
-
-def _noise(o: Observation, problem: Problem, seen: KindsSeen) -> float:
-    """Return the noise of one reading: as neighbouring readings of the fitted records scatter, or as stated. [K]"""
-    return seen.noise.get(o.seat, o.noise if o.noise is not None else problem.noise.get(o.sensor, 0.0))
-
-
-def _misfit(budget: Budget, e: Experiment) -> Array:
-    """Return what wanders at every sensor beyond the deviations. [K]"""
-    at = [k for k, s in enumerate(budget.sources) if s.kind == "misfit"]
-    sizes = {t.name: float(np.linalg.norm(row[at])) for t, row in zip(budget.targets, budget.gain, strict=True) if t.form == "node"}
-    return np.array([sizes.get(o.seat, 0.0) for o in e.observations])
-
-
-def _fresh(calibration: Calibration, e: Experiment) -> dict[str, float]:
-    """Return instrument -> stated accuracy, of those of a record that the fit does not know, or knows with another accuracy. [K], [-]"""
-    stated: dict[str, float] = {}
-    for one in calibration.experiments:
-        stated |= {o.sensor: o.accuracy for o in one.observations if o.accuracy} | {s: sd for s, (_, sd) in one.shared.items()}
-    own = {o.sensor: o.accuracy for o in e.observations if o.accuracy} | {s: sd for s, (_, sd) in e.shared.items()}
-    powers = {s for s, (target, _) in e.shared.items() if target.startswith(SCALE)}  # relative, and so another one at another power
-    return {s: sd for s, sd in own.items() if s not in stated or (s not in powers and not math.isclose(sd, stated[s]))}
-
-
-def _with_inputs(budget: Budget, known: Known, e: Experiment, fresh: Mapping[str, float]) -> Budget:
-    """Return the budget with the constant errors of logged boundaries and powers: as the fit knows them, or as a record states them."""
-    rows, place = instruments_of(known), {s.name: k for k, s in enumerate(budget.sources)}
-    for sensor, (target, sd) in e.shared.items():
-        name = f"{sensor} error"
-        if sensor in fresh or name not in rows.names:
-            budget = budget.with_one(Source(f"instrument {sensor}", "instrument", Normal(0.0, sd), name), SENSORS, Target(target, "add"))
-            continue
-        own = dict(zip((s.name for s in rows.sources), rows.matrix[rows.names.index(name)].tolist(), strict=True))
-        rest = float(np.linalg.norm([x for s, x in own.items() if s not in place]))
-        budget = budget.with_one(Source(f"instrument {sensor}", "instrument", Normal(0.0, rest), name), SENSORS, Target(target, "add"))
-        for s, x in own.items():
-            if s in place:
-                budget.gain[-1, place[s]] = x
-    return budget
-
-
-def _with_biases(moved: Array, budget: Budget, known: Known, e: Experiment, points: int, fresh: Mapping[str, float]) -> tuple[Array, Array]:
-    """Return the answers to the sources (rows, sources) with the sensors' constant errors, and to sources of these alone."""
-    rows = instruments_of(known)
-    place = {s.name: k for k, s in enumerate(budget.sources)}
-    more = np.zeros((moved.shape[0], len(rows.sources) + len(e.observations)))
-    for i, o in enumerate(e.observations):
-        own = slice(i * points, (i + 1) * points)
-        name = f"sensor {o.sensor}"
-        if o.sensor in fresh:
-            more[own, len(rows.sources) + i] = fresh[o.sensor]
-        elif name in rows.names:
-            for k, s in enumerate(rows.sources):
-                size = rows.matrix[rows.names.index(name), k]
-                if s.name in place:
-                    moved[own, place[s.name]] += size
-                else:
-                    more[own, k] += size
-    return moved, more[:, more.any(axis=0)]
-
-
-def _weighed_slopes(problem: Problem, end: Array, e: Experiment, grid: Array) -> tuple[Array, Array]:
-    """Return the derivatives of the weighted residuals by the run's own values (rows, locals), and each row's noise in the sum [K]."""
-    slopes = problem.slopes(0, end, grid)
-    sizes = [np.full(grid.size, o.sigma(problem.noise) * (grid.size / max(o.index.size, 1)) ** 0.5) for o in e.observations]
-    sigma = np.concatenate([np.full(grid.size, o.sigma(problem.noise)) for o in e.observations])
-    weighed = np.concatenate([slopes[:, k, :] for k in range(len(e.observations))])
-    return weighed * sigma[:, None] / np.concatenate(sizes)[:, None], np.concatenate(sizes)
-
-
-def _followed(problem: Problem, end: Array, e: Experiment, grid: Array, moved: Array) -> Array:
-    """Return what is left of changes (rows, columns) of the predicted readings once the run's own fitted values have answered. [K]"""
-    if not end.size:
-        return moved
-    slopes, sizes = _weighed_slopes(problem, end, e, grid)
-    priors = problem.prior_rows(end)[1]
-    answer = symmetric_inverse(slopes.T @ slopes + priors.T @ priors) @ slopes.T
-    return np.asarray(moved - sizes[:, None] * (slopes @ (answer @ (moved / sizes[:, None]))))
-
-
-def _wanders(problem: Problem, end: Array, e: Experiment, grid: Array, misfit: Array) -> Array:
-    """Return the variance (rows,) of what wanders and the run's own values do not follow. [K^2]"""
-    size = np.repeat(misfit, grid.size)
-    if not end.size or not misfit.any():
-        return size**2
-    few = grid[np.unique(np.linspace(0, grid.size - 1, min(COARSE, grid.size)).round().astype(int))]
-    span = max(float(few[-1] - few[0]), 1e-9)
-    sensors = np.repeat(np.arange(len(e.observations)), few.size)
-    like = wandering(np.tile(few / span, len(e.observations)), sensors)
-    sized = np.repeat(misfit, few.size)
-    through = _followed(problem, end, e, few, np.eye(sized.size))
-    variance = quadratic_forms(through, sized[:, None] * like * sized)
-    return np.concatenate([np.interp(grid, few, variance[sensors == k]) for k in range(len(e.observations))])

@@ -16,6 +16,7 @@ from thermid.base.errors import IdentificationError, NameNotFoundError, ThermidE
 from thermid.base.linear_algebra import Array, variance
 from thermid.base.results import Result
 from thermid.fit.calibration import Calibration
+from thermid.fit.error_model import ROOM, RUN, STRUCTURE, UNEXPLAINED, VALUES
 from thermid.fit.problem import (
     SCALE,
     Experiment,
@@ -37,9 +38,9 @@ from thermid.model.laws import Constant, Signal, TableSignal, literal
 from thermid.model.parameters import Parameter
 from thermid.model.tree import Model
 from thermid.physics.finishes import finish
-from thermid.prediction._budget import CONSTANT, MISFIT, Budget, budget_of
+from thermid.prediction._budget import AVERAGED, Budget, budget_of
 from thermid.prediction._known import Known, Rows, instruments_of, rows_of
-from thermid.prediction._setting import Setting
+from thermid.prediction._predict import Answer, mixed_answer
 from thermid.simulation.network import compile_network
 from thermid.simulation.runs import Workers, in_tasks, network_for
 from thermid.simulation.scenarios import Scenario
@@ -51,7 +52,7 @@ FELT = 0.1
 """Part of the error now below which what else a prediction has is not spoken of."""
 WITHOUT_GAS = " without gas"
 """After the name of a value that is another one without gas."""
-BESIDE = (CONSTANT, MISFIT)
+BESIDE = (STRUCTURE, RUN, ROOM, UNEXPLAINED)
 """Causes that a test adds no information to: they are said beside."""
 OPEN = ": open"
 """After the name of a value, its source where no fit has a finite error of it."""
@@ -318,11 +319,14 @@ class Before:
 
     def temperature(self, node: str, at: float) -> tuple[Array, float, dict[str, float]]:
         """Return how a temperature responds (sources,), its value, and cause -> error that no test takes away. [K]"""
-        linear = Setting.of(self.budget, times=[at]).linear([node])
-        (columns,) = linear.columns.values()
-        parts = self.budget.parts(columns[:1])
-        beside = {cause: float(np.sqrt(v[0])) for cause, v in parts.items() if cause in BESIDE}
-        return self.placed(columns[0]), float(linear.run[node].kelvin[0]), beside
+        ways = [Answer.of(w, own, [node], None, [at], None) for w, own in self.budget.each]
+        (columns,) = max(ways, key=lambda w: w.weight).linear.columns.values()
+        parts, _, centre, _ = mixed_answer(ways, next(iter(ways[0].linear.columns)), np.zeros(1))
+        beside = {cause: float(np.sqrt(v[0])) for cause, v in parts.items() if cause in (*BESIDE, AVERAGED)}
+        # of several ways of carrying heat the likeliest has the gradient, and all of them its size
+        gradient, whole = self.placed(columns[0]), sum(float(v[0]) for cause, v in parts.items() if cause not in beside)
+        size = float(np.sum(gradient[self.information > 0.0] ** 2))
+        return gradient * (whole / size if size > 0.0 else 1.0) ** 0.5, float(centre[0]), beside
 
 
 def before_fit(fit: Calibration, scenario: Scenario | None = None) -> Before:
@@ -336,7 +340,7 @@ def before_fit(fit: Calibration, scenario: Scenario | None = None) -> Before:
     rows = rows_of(known)
     budget = budget_of(known, scenario) if scenario is not None else Budget.of_rows(rows, known.model)
     states = fit.store.states
-    instruments = instruments_of(known)
+    instruments = _beside_values(instruments_of(known), budget)
     return Before(
         budget,
         instruments,
@@ -350,6 +354,27 @@ def before_fit(fit: Calibration, scenario: Scenario | None = None) -> Before:
         _seen(fit),
         tuple(t.name for t in budget.targets if t.form == "log" and t.name not in rows.names),
     )
+
+
+def _beside_values(instruments: Rows, budget: Budget) -> Rows:
+    """Return constant errors of instruments by the sources of a budget, of those that it knows with its values."""
+    if not budget.ways:
+        return instruments
+    kept = max(budget.ways, key=lambda w: w.weight).kept[0]
+    place, size = kept.places, len(kept.values)
+    own = [k for k, cause in enumerate(budget.causes) if cause == VALUES and budget.sources[k].name.startswith("errors of ")][:size]
+    known = [n for n in instruments.names if n in place]
+    log = tuple(x for n, x in zip(instruments.names, instruments.log, strict=True) if n in place)
+    matrix = np.array([kept.root[place[n], :size] for n in known]).reshape(len(known), size)
+    found = Rows(tuple(known), log, {}, tuple(budget.sources[k] for k in own), (VALUES,) * size, matrix)
+    rest = [k for k, n in enumerate(instruments.names) if n not in place]
+    others = replace(
+        instruments,
+        names=tuple(instruments.names[k] for k in rest),
+        log=tuple(instruments.log[k] for k in rest),
+        matrix=instruments.matrix[rest],
+    )
+    return found.beside(others)
 
 
 def _seen(fit: Calibration) -> dict[str, list[tuple[Array, Array]]]:

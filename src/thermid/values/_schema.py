@@ -146,64 +146,63 @@ class OwnTable(StrictTable):
     beside: list[BesideTable] = []
 
 
-class KindsTable(StrictTable):
-    """What the kinds of run of a fit say of a further one."""
+class SmoothTable(StrictTable):
+    """How a conductor may depart from its law."""
 
-    kinds: dict[str, list[str]]
-    names: list[str]
-    groups: list[str]
-    free: list[str]
-    responses: dict[str, list[list[Real]]]
-    evidence: dict[str, list[Any]]
-    own: list[OwnTable]
-    noise: dict[str, Real]
-    checksums: list[str]
+    at: Pair
+    kind: str
+    pivots: list[Pair]
+    centre: list[Real]
+    thinned: Flag
+
+
+class WayTable(StrictTable):
+    """What is known of values and elements if the heat of surfaces is carried in one way."""
+
+    name: str
+    weight: Annotated[Real, Field(ge=0.0)]
+    laws: dict[str, dict[str, Any]]
+    values: dict[str, Real]
+    smooth: dict[str, SmoothTable]
+    hidden: list[Real]
+    nodes: list[str]
+    aside: Whole
+    columns: list[tuple[str, str, float, str]]
+    mean: list[Real]
+    root: list[list[Real]]
+    sizes: dict[str, Real]
+    left: list[tuple[float, float, float]]
 
     @model_validator(mode="after")
     def _fits(self) -> Self:
-        for kind, rows in self.responses.items():
-            if len(rows) != len(self.free) or any(len(row) != len(self.names) for row in rows):
-                raise PydanticCustomError("thermid", "{message}", {"message": f"responses of '{kind}' do not fit its names."})
+        size = len(self.values) + len(self.columns)
+        if len(self.mean) != len(self.columns) or [len(row) for row in self.root] != list(range(1, size + 1)):
+            raise PydanticCustomError("thermid", "the mean and the root of a way have a number for each of its values and columns.")
         return self
 
 
-class ModeTable(StrictTable):
-    """One structural deviation of a fit."""
+class ErrorsTable(StrictTable):
+    """The model of error of a fit."""
 
-    path: str
-    kind: str
-    mean: Real
-    sd: Annotated[Real, Field(ge=0.0)]
-    response: list[Real]
-    unsaid: Real = 0.0
-
-
-class AccountedTable(StrictTable):
-    """What is left of noise and misfit where the deck says what carries the heat."""
-
-    key: str
-    noise: dict[str, Real]
-    misfit: dict[str, Real]
+    at: str
+    stage: str
+    seen: dict[str, tuple[str, bool, list[tuple[str, float]], float, float, float, float]]
+    ways: list[WayTable]
+    misfit: Real
+    why: str
 
 
 class StructuralTable(StrictTable):
     """What a fit leaves open of the model's structure."""
 
+    model_config = ConfigDict(extra="allow")  # files of before hold more
+
     conditions: dict[str, Pair]
-    modes: list[ModeTable]
     names: list[str]
-    misfit: dict[str, Real]
     surfaces: dict[str, Pair]
     separated: list[str]
     assumed: dict[str, list[Real]] = {}
     of_assumed: dict[str, Pair] = {}
-    accounted: AccountedTable | None = None
-
-    @model_validator(mode="after")
-    def _fits(self) -> Self:
-        if any(len(mode.response) != len(self.names) for mode in self.modes):
-            raise PydanticCustomError("thermid", "a response has as many numbers as there are names.")
-        return self
 
 
 class MadeTable(StrictTable):
@@ -219,7 +218,8 @@ class MadeTable(StrictTable):
     conditions: dict[str, Pair] = {}
     misfit: dict[str, Real] = {}
     structural: StructuralTable | None = None
-    regimes: KindsTable | None = None
+    own: list[OwnTable] = []
+    errors: ErrorsTable | None = None
 
 
 class ValuesFile(StrictTable):

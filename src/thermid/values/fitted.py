@@ -23,7 +23,7 @@ from thermid.base.toml_files import Places
 from thermid.base.units import counted, from_si, unit
 from thermid.model.identity import Dropped
 from thermid.model.parameters import UNJUDGED, Parameter, Standing, exact, worst
-from thermid.values.store import KNOWN, LeftOut, Normal, Source, State, Store, ValueOrigin, deviated, domain
+from thermid.values.store import KNOWN, LeftOut, Normal, Source, State, Store, ValueOrigin, deviated, domain, error_table_of
 
 SCHEMA = 2
 AGREES = 1e-6
@@ -299,7 +299,8 @@ def save_store(store: Store, path: str | os.PathLike[str], stage: str) -> None:
     lines = ["# Values with their errors and origins. Written by thermid; the decks stay as their authors wrote them."]
     lines += [f"{name} = {_toml(x)}" for name, x in head.items()]
     for name, known in store.provenance.items():
-        lines += ["", f"[provenance.{_toml(name)}]", *(f"{_toml(k)} = {_toml(v)}" for k, v in known.items())]
+        table = {**known, "errors": error_table_of(known)} if "errors" in known else known
+        lines += ["", f"[provenance.{_toml(name)}]", *(f"{_toml(k)} = {_toml(v)}" for k, v in table.items())]
     for name, state in store.states.items():
         lines += ["", f"[values.{_toml(name)}]", *(f"{k} = {_toml(v)}" for k, v in _kept(state, store).items())]
     for source in store.sources:

@@ -9,6 +9,7 @@ import hashlib
 import math
 from collections.abc import Callable, Collection, Iterable, Mapping, Sequence
 from dataclasses import dataclass, field, fields, replace
+from functools import cached_property
 from typing import Any, Literal, Protocol
 
 import numpy as np
@@ -831,12 +832,54 @@ def _under(path: str, part: str) -> str:
     return f"{part}.{path}" if part else path
 
 
+@dataclass(frozen=True, eq=False)
+class LaterTable:
+    """A table of a fit's provenance that is made when somebody asks for it.
+
+    Parameters
+    ----------
+    make : callable     Returns the table.
+    at : str            What its paths begin with in the model above; see `error_table_of`.
+    """
+
+    make: Callable[[], Mapping[str, Any]]
+    at: str = ""
+
+    @cached_property
+    def table(self) -> Mapping[str, Any]:
+        """The table itself."""
+        return {**self.make(), "at": self.at}
+
+    def __eq__(self, other: object) -> bool:
+        """Whether another is the same table, made already or not."""
+        return self.table == (other.table if isinstance(other, LaterTable) else other)
+
+    def under(self, ahead: str) -> LaterTable:
+        """Return it with its places by their paths in the model above."""
+        return LaterTable(self.original, f"{ahead}{self.at}")
+
+    def original(self) -> Mapping[str, Any]:
+        """Return the table, made once for all places."""
+        return self.table
+
+
+def error_table_of(known: Mapping[str, Any]) -> Mapping[str, Any] | None:
+    """Return what the provenance of a stage keeps of its model of error; None where it keeps nothing."""
+    kept = known.get("errors")
+    return kept.table if isinstance(kept, LaterTable) else kept
+
+
+def errors_under(kept: Any, ahead: str) -> Any:
+    """Return what a fit keeps of its model of error, its places by their paths in the model above; `ahead` as in `structural_under`."""
+    return kept.under(ahead) if isinstance(kept, LaterTable) else {**kept, "at": f"{ahead}{kept['at']}"}
+
+
 def _provenance(known: Mapping[str, Any], part: str) -> Mapping[str, Any]:
     """Return what is known of a fit, its places by their paths in the model above."""
     moved = {n: {_under(p, part): x for p, x in known[n].items()} for n in ("conditions", "misfit") if n in known}
     structural = {"structural": structural_under(known["structural"], f"{part}.")} if part and "structural" in known else {}
-    regimes = {"regimes": regimes_under(known["regimes"], f"{part}.")} if part and "regimes" in known else {}
-    return {**known, **moved, **structural, **regimes}
+    errors = {"errors": errors_under(known["errors"], f"{part}.")} if part and "errors" in known else {}
+    return {**known, **moved, **structural, **errors}
 
 
 def _told(known: Mapping[str, Any], gone: Collection[str], absent: Collection[str]) -> Mapping[str, Any]:
@@ -849,31 +892,9 @@ def _told(known: Mapping[str, Any], gone: Collection[str], absent: Collection[st
         def some(numbers: Sequence[float]) -> list[float]:
             return [numbers[k] for k in at]
 
-        own = kept.get("accounted")
-        noise = {"accounted": {**own, "noise": {n: x for n, x in own["noise"].items() if n not in gone}}} if own else {}
-        modes = [{**m, "response": some(m["response"])} for m in kept["modes"]]
         assumed = {p: some(moved) for p, moved in kept.get("assumed", {}).items()}
-        out["structural"] = {**kept, "names": some(kept["names"]), "modes": modes, "assumed": assumed, **noise}
-    if "regimes" in known:
-        kept = known["regimes"]
-        rows = [k for k, name in enumerate(kept["free"]) if name not in gone]
-        columns = [k for k, name in enumerate(kept["names"]) if name not in absent]
-        responses = {kind: [[each[k][j] for j in columns] for k in rows] for kind, each in kept["responses"].items()}
-        names, groups = ([kept[key][j] for j in columns] for key in ("names", "groups"))
-        out["regimes"] = {**kept, "free": [kept["free"][k] for k in rows], "names": names, "groups": groups, "responses": responses}
+        out["structural"] = {**kept, "names": some(kept["names"]), "assumed": assumed}
     return out
-
-
-def regimes_under(kept: Mapping[str, Any], ahead: str) -> dict[str, Any]:
-    """Return what a fit keeps of kinds of run (`Regimes.to_dict`), its places by their paths in the model above; `ahead` as above."""
-
-    def moved(name: str) -> str:
-        head = next((h for h in ("scale.", "initial.") if name.startswith(h)), "")
-        return name if " " in name else f"{head}{ahead}{name.removeprefix(head)}"
-
-    places = {n: [moved(p) for p in kept[n]] for n in ("names", "free")}
-    own = [{**o, "name": moved(o["name"])} for o in kept["own"]]
-    return {**kept, **places, "own": own, "noise": {moved(n): x for n, x in kept["noise"].items()}}
 
 
 def structural_under(kept: Mapping[str, Any], ahead: str) -> dict[str, Any]:
@@ -884,12 +905,8 @@ def structural_under(kept: Mapping[str, Any], ahead: str) -> dict[str, Any]:
     kept : dict
     ahead : str     What paths begin with there, such as ``unit.``; names of instruments hold a space and stay.
     """
-    placed = {n: {ahead + p: x for p, x in kept[n].items()} for n in ("conditions", "misfit", "surfaces")}
-    modes = [{**m, "path": ahead + m["path"]} for m in kept["modes"]]
+    placed = {n: {ahead + p: x for p, x in kept[n].items()} for n in ("conditions", "surfaces")}
     names = [n if " " in n else ahead + n for n in kept["names"]]
     assumed, said = ({ahead + p: own for p, own in kept.get(key, {}).items()} for key in ("assumed", "of_assumed"))
     separated = [ahead + p for p in kept["separated"]]
-    own = kept.get("accounted")
-    noise = {n if " " in n else ahead + n: x for n, x in own["noise"].items()} if own else {}
-    more = {"accounted": {**own, "noise": noise, "misfit": {ahead + p: x for p, x in own["misfit"].items()}}} if own else {}
-    return {**kept, **placed, "modes": modes, "names": names, "separated": separated, "assumed": assumed, "of_assumed": said, **more}
+    return {**kept, **placed, "names": names, "separated": separated, "assumed": assumed, "of_assumed": said}

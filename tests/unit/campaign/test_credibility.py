@@ -15,7 +15,7 @@ from thermid.app.cli.app import app
 from thermid.base.errors import DeckError, NameNotFoundError
 from thermid.campaign._judge.verdict import FILE, look, looks_at
 from thermid.campaign._stages import Campaign
-from thermid.inference.error_model import SIZES
+from thermid.fit.error_model import SIZES
 from unit.fit.bench import HTC, MASS, box, pair
 from unit.fit.project import CAMPAIGN, make_project
 

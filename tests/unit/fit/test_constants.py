@@ -14,16 +14,14 @@ from scipy import stats
 import thermid as td
 from thermid.fit._calibrate import _by_instruments, fit as fitted_by, strange_powers
 from thermid.fit._calibration import contradicted, far_from_sheet, sensor_shares
-from thermid.fit._discrepancy.regimes import KindsSeen
 from thermid.fit._problem.gather import build_problem
 from thermid.fit._problem.request import Request
 from thermid.fit._problem.residuals import SensorStatistics, loss_of
 from thermid.fit._uncertainty.groups import _few_terms, percent, practical_groups
 from thermid.fit._uncertainty.information import Information, elsewhere
 from thermid.fit._uncertainty.moved import Move, Test as Asked, normal_shifts, shifts
-from thermid.physics.constants import STEFAN_BOLTZMANN
 from thermid.values.fitted import FittedValue, FittedValues
-from unit.fit.bench import HTC, MASS, box, log, pair, room
+from unit.fit.bench import HTC, MASS, box, log, room
 
 TIMES = np.linspace(0.0, 18000.0, 301)
 
@@ -34,71 +32,6 @@ def plain() -> td.Calibration:
     data = log(box(), {}, {"T": "case"}, noise=0.02)
     still = replace(data["ROOM"], values=np.full(TIMES.size, 297.15)) if "ROOM" in data.channels else None
     return td.calibrate(box(), data if still is None else data.with_channels(still), [HTC, MASS])
-
-
-class TestConstantCoefficients:
-    """Exponent 1/5 to 1/3 and emissivity 0 to 0.95, each as likely as another: means and deviations of uniform distributions.
-
-    Both count with the probability of free air: 1 where the deck states it, 1/2 where it states nothing.
-    """
-
-    @pytest.mark.parametrize(("words", "probability"), [({"surfaces/skin/carried_by": "free air"}, 1.0), ({}, 0.5)])
-    def test_shares_and_exponents(self, words: dict[str, str], probability: float) -> None:
-        found = td.calibrate(box(words), log(box(), {}, {"T": "case"}, noise=0.02), [HTC, MASS])
-        of = td.inference.discrepancy(found)
-        black = 4.0 * STEFAN_BOLTZMANN * of.conditions["skin"].level ** 3 / found[HTC].value
-        most = min(1.0, 0.95 * black)
-        share, spread = most / 2.0, most / math.sqrt(12.0)
-        # of n (1 - s), n uniform from 1/5 to 1/3 and s as above, both independent: E n = 4/15, E n^2 = 49/675
-        # what the share takes from convection counts with the share
-        squares = {"level": share**2 + spread**2, "difference": 49.0 / 675.0 * (1.0 - share) ** 2}
-        for kind, mean in (("level", share), ("difference", 4.0 / 15.0 * (1.0 - share))):
-            # neither is there where something else carries the heat; if it is there its own doubt is whole (decision 248)
-            own = squares[kind] - mean**2
-            told = probability * mean, math.sqrt(probability * (1.0 - probability) * mean**2 + own)
-            assert (of.means["skin", kind], of.sizes["skin", kind]) == pytest.approx(told)
-
-    def test_a_stated_emissivity_is_good_to_fifteen_per_cent(self) -> None:
-        """Measured emissivities of one finish differ by so much; the share of radiation follows in proportion."""
-        model = box({"surfaces/skin/emissivity": 0.5})
-        of = td.inference.discrepancy(td.calibrate(model, log(model, {}, {"T": "case"}), [HTC]))
-        assert of.sizes["skin", "level"] / of.means["skin", "level"] == pytest.approx(0.15)
-
-    def test_at_its_own_level_radiation_asks_for_no_other_coefficient(self, plain: td.Calibration) -> None:
-        """The pattern is zero at the level of the fit, so a fit at one level answers to a unit of it by less than that varies there."""
-        of = td.inference.discrepancy(plain)
-        k, name = list(of.sizes).index(("skin", "level")), of.names.index(HTC)
-        assert abs(of.response[name, k]) < 0.03
-
-    @pytest.mark.parametrize("words", [{"surfaces/skin/carried_by": "free air"}, {}])
-    def test_two_surfaces_have_half_of_what_they_do_not_follow_in_common(self, words: dict[str, str]) -> None:
-        """Exponent and share of one surface are independent, but for what carries its heat where the deck does not say it."""
-        model = pair(first=box(words), second=box(words))
-        data = log(model, {}, {"A": "a.case", "B": "b.case"}, boundary="room")
-        of = td.inference.discrepancy(td.calibrate(model, data, ["a.skin.effective_htc", "b.skin.effective_htc"]))
-        sure = {key for key, size in of.sizes.items() if not size}
-        assert sure == {("a.skin", "expected"), ("b.skin", "expected")}
-        assert not (of.root @ of.root.T)[[list(of.sizes).index(key) for key in sure]].any()
-        keys = [key for key in of.sizes if key not in sure]
-        kept, sizes = [list(of.sizes).index(key) for key in keys], np.array([of.sizes[key] for key in keys])
-        correlation = (of.root @ of.root.T)[np.ix_(kept, kept)] / np.outer(sizes, sizes)
-        assert (set(of.unsaid) == set(keys)) == (not words)
-        for i, a in enumerate(keys):
-            for j, b in enumerate(keys):
-                # of a mixture with p = 1/2, sqrt(p (1 - p)) times the mean in free air is the mean of the mixture
-                common = 0.0 if words else math.prod(of.means[key] / of.sizes[key] for key in (a, b))
-                same = 1.0 if a[1] == b[1] else common
-                assert correlation[i, j] == pytest.approx((1.0 if a[0] == b[0] else 0.5) * same, abs=1e-9)
-
-    def test_no_heat_flows_below_a_thousandth_of_the_difference(self, plain: td.Calibration) -> None:
-        """The conditions weigh by heat, in the logarithm of the difference."""
-        run = td.simulate(plain.fitted_model, plain.experiments[0].bare, times=TIMES)
-        case, air = run["case"].kelvin, run["air"].kelvin
-        heat = np.abs(case - air)
-        mean = np.exp(heat @ np.log(np.maximum(heat, 1e-9)) / heat.sum())
-        at = td.inference.discrepancy(plain).conditions["skin"]
-        assert at.difference == pytest.approx(mean, rel=2e-3)
-        assert at.level == pytest.approx(heat @ (case + air) / 2.0 / heat.sum(), rel=1e-4)
 
 
 def test_what_was_fixed_counts_by_what_a_fit_at_another_value_finds() -> None:
@@ -340,13 +273,3 @@ def test_the_search_for_the_fewest_terms_ends_at_three_hundred_bases(unknowns: i
 
     _few_terms(np.random.default_rng(5).standard_normal((unknowns, 2)), variance)
     assert len(asked) == 2 * judged
-
-
-def test_the_evidence_that_a_file_of_values_keeps_is_of_twenty_sizes_from_a_thousandth_to_two_fifths() -> None:
-    """Files of values hold a number for each size that was tried; a file of today must say the same to a later version."""
-    for place, size in ((0, 0.001), (7, 0.001 * 400.0 ** (7 / 19)), (19, 0.4)):
-        evidence = [-1e4] * 20
-        evidence[place] = 0.0
-        kept = {"kinds": {"heater": ["a"], "sun": ["b"]}, "names": ["skin.htc"], "groups": ["coefficient"], "free": [], "responses": {}}
-        kept |= {"evidence": {"coefficient": evidence}, "own": [], "noise": {}, "checksums": ["1"]}
-        assert KindsSeen.of([{"regimes": kept}]).size("coefficient") == pytest.approx(size)

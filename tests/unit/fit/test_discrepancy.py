@@ -11,7 +11,7 @@ from thermid.base.errors import IdentificationError
 from thermid.base.expression import quantity
 from thermid.fit._calibrate import calibrate
 from thermid.fit._calibration import Calibration
-from thermid.fit._discrepancy.discrepancy import EXPONENTS, UNSAID, Discrepancy, discrepancy, operating_points
+from thermid.fit._discrepancy.discrepancy import Discrepancy, discrepancy, operating_points
 from thermid.measure.records import Channel, Record
 from thermid.model.tree import Model
 from thermid.prediction._known import values_at
@@ -19,7 +19,7 @@ from thermid.prediction.bands import predict
 from thermid.simulation.runs import simulate
 from thermid.simulation.scenarios import Scenario
 from thermid.values.fitted import load_values
-from unit.fit.bench import HTC, MASS, box, log, room
+from unit.fit.bench import HTC, MASS, box, room
 
 TIMES = np.linspace(0.0, 18000.0, 301)
 FAR = Scenario("double, hot", boundaries={"air": "61 [degC]"}, start="61 [degC]", duration="5 [h]", loads={"heat": "8 [W]"})
@@ -47,37 +47,6 @@ def fitted(model: Model, **more: float) -> Calibration:
 @pytest.fixture(scope="module")
 def constant() -> Calibration:
     return fitted(lawful(1e-9))
-
-
-def test_what_a_pattern_does_is_what_a_refit_does(constant: Calibration) -> None:
-    """Truths about the mean exponent of free air, fitted by constants: how their predictions differ, by the pattern and by brute force."""
-    middle, size = 4.0 / 15.0, 0.02
-    said = {"surfaces/skin/carried_by": "free air", "surfaces/skin/emissivity": 1e-6}
-    missed = []
-    for exponent in (middle, middle + size):
-        found = calibrate(box(said), bench(lawful(exponent)), [HTC, MASS])
-        missed.append(simulate(lawful(exponent), FAR)["case"].kelvin[-1] - simulate(found.fitted_model, FAR)["case"].kelvin[-1])
-        if exponent == middle:
-            of_fit = discrepancy(found)
-            by_pattern = [
-                _shift(found, replace(of_fit, means={**of_fit.means, ("skin", "difference"): n})) for n in (middle, middle + size)
-            ]
-    assert missed[1] - missed[0] == pytest.approx(by_pattern[1] - by_pattern[0], rel=0.03)
-    assert missed[0] == pytest.approx(by_pattern[0], rel=0.05)
-    assert missed[1] - missed[0] < -0.15
-    assert predict(constant, FAR)["case"].shift[0] == pytest.approx(0.0, abs=1e-9)
-
-
-def test_radiation_shows_at_other_levels() -> None:
-    found = fitted(lawful(1e-9, 0.5))
-    of_fit = discrepancy(found)
-    share = 0.5 * 5.670374e-8 * 4.0 * 302.15**3 / 6.0
-    only = replace(of_fit, means={k: share if k[1] == "level" else 0.0 for k in of_fit.means})
-    hot = FAR.with_(loads={"heat": "4 [W]"})
-    missed = simulate(lawful(1e-9, 0.5), hot)["case"].kelvin[-1] - simulate(found.fitted_model, hot)["case"].kelvin[-1]
-    assert missed < -1.0
-    # the radiation grows by a third over 40 K; the pattern is the straight line through that
-    assert _shift(found, only, hot) == pytest.approx(missed, rel=0.3)
 
 
 def _shift(fit: Calibration, of_fit: Discrepancy, scenario: Scenario = FAR) -> float:
@@ -108,63 +77,8 @@ def test_at_the_conditions_of_the_fit_little_is_added(constant: Calibration) -> 
     near = Scenario("again", boundaries={"air": "24 [degC]"}, start="24 [degC]", duration="5 [h]")
     far = predict(constant, FAR)["case"].final
     told = predict(constant, near)["case"].final
-    assert told.error < 0.25 * far.error
-    assert "used near the conditions of the fit" in str(predict(constant, near))
-    text = str(predict(constant, FAR))
-    assert "extrapolated: skin (found at " in text
-    assert "constant coefficients 9" in text
-
-
-def test_what_the_deck_knows_is_used() -> None:
-    """With an emissivity the radiative share is known; with a law of the difference there is nothing left to widen."""
-    emissive = calibrate(box({"surfaces/skin/emissivity": 0.5}), bench(lawful(0.25, 0.5)), [HTC, MASS])
-    of_fit = discrepancy(emissive)
-    share = of_fit.means["skin", "level"]
-    assert share == pytest.approx(0.5 * 5.670374e-8 * 4 * of_fit.conditions["skin"].level ** 3 / emissive[HTC].value)
-    assert of_fit.sizes["skin", "level"] == pytest.approx(0.15 * share)
-    assert of_fit.means["skin", "difference"] == pytest.approx(UNSAID * np.mean(EXPONENTS) * (1 - share))
-    known = lawful()
-    exact = calibrate(known, bench(known), ["skin.htc.coefficient", MASS])
-    assert discrepancy(exact).sizes == {}
-    assert set(predict(exact, FAR).causes) == {"fit"}
-
-
-def test_radiation_that_nobody_has_stated_is_said_to_shift_too_far() -> None:
-    """Bare metal in a hot room: the guess makes it worse than no shift would, and says so; with the finish it is right and silent."""
-    truth, hot = lawful(0.25, 0.05), FAR.with_(loads={"heat": "4 [W]"})
-    end = simulate(truth, hot)["case"].final
-    still = {"surfaces/skin/carried_by": "free air"}
-    bare = calibrate(box(still), bench(truth), [HTC, MASS])
-    known = calibrate(box(still | {"surfaces/skin/emissivity": "0.05"}), bench(truth), [HTC, MASS])
-    guessed, told = (predict(c, hot) for c in (bare, known))
-    plain = predict(fitted(truth), hot, discrepancy=False)["case"].final.celsius
-    assert abs(guessed["case"].final.celsius - end) > abs(plain - end)
-    assert abs(told["case"].final.celsius - end) < 0.5 * abs(plain - end)
-    (warning,) = guessed.warnings
-    assert "K, others by less, because no emissivity is stated: any value from 0 to 0.95 is taken as equally" in warning
-    assert warning.endswith("Give the finish or the emissivity of 'skin'.")
-    assert told.warnings == ()
-
-
-def test_errors_of_other_values_count_what_the_coefficient_left_out() -> None:
-    truth = lawful(0.25, 0.6)
-    found = fitted(truth, noise=0.05, seed=2)
-    wide = discrepancy(found).widened(found.values)
-    assert wide[MASS].error > 2 * found.values.covariance[list(found.values).index(MASS), list(found.values).index(MASS)] ** 0.5
-    assert wide[MASS].error >= found[MASS].error
-    assert abs(found[MASS].value - 1.5) < 1.96 * wide[MASS].error
-    assert wide.covariance[0, 0] > found.values.covariance[0, 0]
-
-
-def test_what_a_model_could_not_follow_stays_in_its_predictions() -> None:
-    data = log(box(), {}, {"T": "case"}, noise=0.02)
-    slow = 0.3 * np.sin(data.times / 1500.0)
-    found = calibrate(box(), data.with_channels(replace(data["T"], values=data["T"].values + slow)), [HTC])
-    told = predict(found, FAR)
-    assert discrepancy(found).misfit["case"] == pytest.approx(0.3 / np.sqrt(2), rel=0.5)
-    assert told["case"].parts["misfit"][-1] == pytest.approx(discrepancy(found).misfit["case"] ** 2)
-    assert told["air"].parts["misfit"][-1] == 0.0
-    assert "residuals of the records that the" in told.causes["misfit"]
+    assert told.error < 0.5 * far.error  # what differs from run to run is the floor
+    assert told.shares["structure at this distance"] < far.shares["structure at this distance"]
 
 
 def test_draws_hold_it_too(constant: Calibration) -> None:

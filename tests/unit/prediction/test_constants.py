@@ -201,43 +201,11 @@ def case() -> td.Calibration:
     return td.calibrate(model, data, ["skin.htc"], scenario=BENCH)
 
 
-def test_radiation_that_nobody_stated_is_spoken_of_from_a_quarter_kelvin_on() -> None:
-    """The shift grows with the level of the air; the remark begins where it passes 0.25 K."""
-    fit = case()
-    shifts = {}
-    for celsius in np.arange(26.0, 34.01, 0.4).tolist():
-        told = predict(fit, BENCH.with_(boundaries={"air": f"{celsius} [degC]"}, start=f"{celsius} [degC]"), without=("misfit",))
-        said = [float(w.split("shifted by ")[1].split(" K")[0]) for w in told.warnings if "no emissivity is stated" in w]
-        shifts[celsius] = abs(said[0]) if said else 0.0
-    said = [s for s in shifts.values() if s]
-    assert said, "nowhere"
-    assert min(said) == pytest.approx(0.25, abs=0.02)
-
-
 @pytest.mark.parametrize(("sd", "drawn"), [(0.02, False), (0.6, True)])
 def test_two_thousand_members_where_derivatives_miss_the_band(sd: float, drawn: bool) -> None:
     fit = case()
     told = predict(fit, BENCH, spread={"skin.area": {"log_sd": sd}})
     assert any("2000 members were drawn" in w for w in told.warnings) is drawn
-
-
-class TestUsedFarFromWhereItWasFound:
-    """The room and the power moved alone: level and difference of a surface with a constant coefficient move by exactly so much."""
-
-    def used_far(self, kelvin: float, ratio: float) -> bool:
-        air = f"{24.0 + kelvin!r} [degC]"
-        there = BENCH.with_(boundaries={"air": air}, start=air, loads={"heat": f"{2.5 * ratio!r} [W]"})
-        return "extrapolated: skin" in str(predict(case(), there))
-
-    @pytest.mark.parametrize(("kelvin", "far"), [(9.7, False), (10.3, True), (-9.7, False), (-10.3, True)])
-    def test_ten_kelvin_of_level(self, kelvin: float, far: bool) -> None:
-        """There radiation, which goes with the third power of the level, has changed by a tenth: 3 * 10 K / 300 K."""
-        assert self.used_far(kelvin, 1.0) is far
-
-    @pytest.mark.parametrize(("ratio", "far"), [(1.22, False), (1.28, True), (1 / 1.22, False), (1 / 1.28, True)])
-    def test_a_quarter_more_of_the_difference_or_the_inverse(self, ratio: float, far: bool) -> None:
-        """There an exponent of a third has changed a coefficient by 8 %, of a quarter by 6 %."""
-        assert self.used_far(0.0, ratio) is far
 
 
 class TestWhereDerivativesDo:

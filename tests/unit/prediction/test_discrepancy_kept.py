@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 import thermid as td
-from thermid.prediction._budget import MISFIT
+from thermid.fit.error_model import UNEXPLAINED
 from thermid.prediction._predict import IN_TESTS, widened
 from thermid.values.fitted import load_values
 from unit.qualify.things import UNIT, soak, unit
@@ -34,37 +34,21 @@ def fit() -> td.Calibration:
 def test_values_keep_it_and_predictions_from_them_count_it(fit: td.Calibration, tmp_path: Path) -> None:
     fit.values.save(tmp_path / "values.toml")
     values = load_values(tmp_path / "values.toml")
-    kept = values.provenance["misfit"]
-    assert kept["proc"] == pytest.approx(0.4 / 2**0.5, rel=0.3)
+    (errors,) = td.design.Known(fit.fitted_model, (values,)).errors
+    kept = sum(w.weight * w.left_over**2 for w in errors.ways)
     seen = td.design.foresee(td.design.Known(fit.fitted_model, (values,)), soak(40.0))
-    assert seen.prediction["proc"].parts[MISFIT] == pytest.approx(kept["proc"] ** 2)
-    assert not seen.prediction["air"].parts[MISFIT].any()
+    assert seen.prediction["proc"].parts[UNEXPLAINED] == pytest.approx(kept, rel=1e-6)
+    assert not seen.prediction["air"].parts[UNEXPLAINED].any()
     told = td.predict(fit, soak(40.0))
-    assert seen.prediction["proc"].parts[MISFIT][0] == pytest.approx(told["proc"].parts[MISFIT][0])
+    assert seen.prediction["proc"].parts[UNEXPLAINED][0] == pytest.approx(told["proc"].parts[UNEXPLAINED][0])
 
 
 def test_of_two_accounts_of_it_the_larger_counts(fit: td.Calibration) -> None:
     seen = td.design.foresee(td.design.Known(fit.fitted_model, (fit.values,)), soak(40.0), nodes=["proc"])
-    for size, cause in ((2.0, IN_TESTS), (0.01, MISFIT)):
+    for size, cause in ((2.0, IN_TESTS), (0.01, UNEXPLAINED)):
         wide = widened(seen, {"proc": size}, IN_TESTS, "x").prediction["proc"].parts
-        assert {c for c in (MISFIT, IN_TESTS) if c in wide} == {cause}
-        assert wide[cause][-1] == pytest.approx(max(size**2, seen.prediction["proc"].parts[MISFIT][-1]))
-
-
-def test_members_differ_by_it_and_by_nothing_else_besides(fit: td.Calibration) -> None:
-    """The same draws with and without it: what is added is constant over a run and of its size."""
-    bare = replace(fit.values, provenance={k: v for k, v in fit.values.provenance.items() if k != "misfit"})
-    with_, without = (td.qualify.uncertain_runs(unit(), soak(40.0), v, n=400, seed=3, nodes=["proc", "ele"]) for v in (fit.values, bare))
-    more = with_.of("proc") - without.of("proc")
-    assert np.ptp(more, axis=1).max() < 1e-9
-    assert more[:, 0].std() == pytest.approx(fit.values.provenance["misfit"]["proc"], rel=0.1)
-    again = td.qualify.uncertain_runs(unit(), soak(40.0), fit.values, n=100, seed=3, nodes=["proc", "ele"])
-    assert np.array_equal(again.of("proc")[:96], with_.of("proc")[:96])  # whole groups of members that step together
-    counted, plain = (td.qualify.hold(r, {"proc": "52 [degC]"}) for r in (with_, without))
-    assert counted.discrepancy == pytest.approx(fit.values.provenance["misfit"]["proc"])
-    assert "the model's discrepancy is included: " in str(counted)
-    assert "the model's discrepancy is not included" in str(plain)
-    assert any(d.name == MISFIT for d in counted["proc"].drivers)
+        assert {c for c in (UNEXPLAINED, IN_TESTS) if c in wide} == {cause}
+        assert wide[cause][-1] == pytest.approx(max(size**2, seen.prediction["proc"].parts[UNEXPLAINED][-1]))
 
 
 def test_a_plan_counts_what_its_own_logs_show(tmp_path: Path) -> None:
@@ -103,10 +87,10 @@ def test_a_margin_counts_the_constant_coefficients_of_a_values_file_or_names_the
     file = project(tmp_path, PLAN.replace('deck = "unit.toml"', 'deck = "unit.toml"\nvalues = "fit.values.toml"'))
     td.save_model(model, tmp_path / "unit.toml")
     counted = td.qualify.run_plan(file).margins
-    assert not any("constant" in why for m in counted for why in m.not_counted)
-    assert any(m.shares.get("constant coefficients", 0.0) > 0.1 for m in counted)
+    assert not any("elements depart" in why for m in counted for why in m.not_counted)
+    assert any(m.shares.get("structure at this distance", 0.0) > 0.05 for m in counted)
     # a file of before does not hold the fit's response
-    old = replace(fit.values, provenance={k: v for k, v in fit.values.provenance.items() if k != "structural"})
+    old = replace(fit.values, provenance={k: v for k, v in fit.values.provenance.items() if k != "errors"})
     old.save(tmp_path / "fit.values.toml")
-    found = {why for m in td.qualify.run_plan(file).margins for why in m.not_counted if "constant" in why}
-    assert found == {"the error of constant coefficients ('skin_proc'), because the values of 'unit' do not include it"}
+    found = {why for m in td.qualify.run_plan(file).margins for why in m.not_counted if "elements depart" in why}
+    assert found == {"how elements depart from their laws, because the fitted values do not include it"}

@@ -10,9 +10,9 @@ import pytest
 
 import thermid as td
 from thermid.fit.calibration import Calibration
+from thermid.fit.error_model import ROOM, RUN, UNEXPLAINED
 from thermid.measure.records import Channel, Record
-from thermid.prediction._budget import KINDS, MISFIT
-from thermid.prediction._records import LEVELS, READING, ROOM, RecordPrediction, as_run, predict_record
+from thermid.prediction._records import LEVELS, READING, RecordPrediction, predict_record
 
 SENSORS = {"T1": "part.case", "T2": "lid"}
 FREE = ("part.case.capacitance", "part.skin", "foot.conductance")
@@ -77,8 +77,10 @@ def found() -> Calibration:
 
 def test_a_right_model_holds_the_share_it_states(found: Calibration) -> None:
     told = [predict_record(found, log(f"c{k}", 10 + k, 7.0)) for k in range(4)]
-    for level in LEVELS:
-        assert np.mean([t.coverage[level] for t in told]) == pytest.approx(level, abs=0.04)
+    for level in LEVELS:  # of two runs nobody knows that no element departs: bands are wider than a right model needs
+        assert np.mean([t.coverage[level] for t in told]) > level - 0.04
+    # 2.7 % of a rise of 20 to 30 K from run to run, and more power than in either fit
+    assert all(b.half_width().mean() < 2.0 for t in told for b in t.bands.values())
     assert all(t.rmse == pytest.approx(0.1, rel=0.15) for t in told)
 
 
@@ -98,9 +100,7 @@ def test_a_verdict_keeps_the_room_that_was_fitted(found: Calibration) -> None:
     )
     shown = verdict.prediction
     assert shown is not None
-    assert shown.problem is not None
-    scenario = as_run(shown.problem, np.array(list(shown.fitted.values())), shown.experiments[0])
-    assert float(scenario.boundaries["air"].at(np.zeros(1))[0]) - 273.15 == pytest.approx(24.0, abs=0.2)
+    assert shown.local[0].value - 273.15 == pytest.approx(24.0, abs=0.2)
 
 
 def test_what_a_fitted_room_follows_is_not_counted_twice() -> None:
@@ -110,7 +110,7 @@ def test_what_a_fitted_room_follows_is_not_counted_twice() -> None:
     own = predict_record(fit, record, local={"air": {"start": "21 [degC]", "sd": "5 [K]"}}).bands["T1"]
     fixed = predict_record(fit, record, scenario=td.Scenario("s", boundaries={"air": "21 [degC]"})).bands["T1"]
     late = own.times > 7200.0
-    assert own.parts[KINDS][late].mean() < 0.3 * fixed.parts[KINDS][late].mean()
+    assert own.parts[RUN][late].mean() < 0.3 * fixed.parts[RUN][late].mean()
 
 
 def test_rooms_that_nobody_measured_widen_the_band_by_how_runs_differ() -> None:
@@ -132,7 +132,8 @@ def test_the_sensors_constant_error_is_carried() -> None:
     told = predict_record(fit, log("c", 3, 7.0, bias=0.8))
     assert told.bands["T2"].inside() == pytest.approx(0.95, abs=0.06)
     plain = log("c", 3, 7.0)
-    assert predict_record(fit, plain).bands["T2"].inside() < 0.3  # the fit says that it reads 0.8 K high
+    band = predict_record(fit, plain).bands["T2"]
+    assert np.mean(band.measured - band.predicted) == pytest.approx(-0.8, abs=0.15)  # the fit says that it reads 0.8 K high
 
 
 def test_the_worst_stretch_is_the_one_that_was_spoilt(found: Calibration) -> None:
@@ -148,10 +149,10 @@ def test_the_worst_stretch_is_the_one_that_was_spoilt(found: Calibration) -> Non
 
 def test_what_the_noise_of_a_reading_is_and_what_is_switched_off(found: Calibration) -> None:
     record = log("c", 33, 7.0)
-    told, bare = predict_record(found, record), predict_record(found, record, without=["misfit", "fit"])
+    told, bare = predict_record(found, record), predict_record(found, record, without=["misfit", "structural", "values"])
     assert told.bands["T1"].parts[READING][0] == pytest.approx(0.01, rel=0.3)
     assert set(bare.bands["T1"].parts) == {READING}
-    assert MISFIT not in bare.bands["T1"].parts
+    assert UNEXPLAINED not in bare.bands["T1"].parts
     assert any("switched off" in x.what for x in bare.left_out)
     assert str(bare).startswith("not counted: ")
 
@@ -217,14 +218,14 @@ def test_a_residual_that_grows_with_a_logged_power_is_named(found: Calibration) 
 
 
 def test_a_record_is_banded_by_the_accuracy_of_its_own_instruments(found: Calibration) -> None:
-    """Sensors of another test, of which the fit knows no error: bands were the same with 0.5 K and with 5 K."""
+    """Sensors of another test, of which the fit knows no error, once the start that they read is forgotten."""
     other = log("other", 11)
     halves = []
     for accuracy in (None, 0.5, 5.0):
         fresh = [replace(other.channels[s], name=f"{s}_B", accuracy=accuracy) for s in SENSORS]
         inputs = {n: c for n, c in other.channels.items() if n not in SENSORS}
         record = replace(other, channels=inputs).with_channels(*fresh)
-        halves.append(float(predict_record(found, record).bands["T1_B"].half_width().mean()))
+        halves.append(float(predict_record(found, record).bands["T1_B"].half_width()[-1]))
     exact, fine, coarse = halves
     assert fine == pytest.approx(np.hypot(exact, 1.96 * 0.5), rel=0.02)
     assert coarse == pytest.approx(np.hypot(exact, 1.96 * 5.0), rel=0.02)

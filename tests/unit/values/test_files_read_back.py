@@ -18,8 +18,10 @@ from thermid.base.extensions import grammar_of
 from thermid.bench.bench_files import MappedSensor, load_sensors, save_sensor
 from thermid.campaign._judge.verdict import look, looks_at
 from thermid.campaign.stages import recall, remember
-from thermid.fit._discrepancy.discrepancy import Accounted
-from thermid.fit._discrepancy.regimes import Beside, Regimes
+from thermid.fit._discrepancy.own_values import Beside
+from thermid.fit._error_model.elements import JointLaw, SurfaceLaw
+from thermid.fit._error_model.kept import ErrorModel, KeptWay, SeenValue
+from thermid.fit._error_model.runs import Departures, Smooth, UnknownColumn
 from thermid.fit.calibration import KeptFit, calibrate
 from thermid.fit.discrepancy import Discrepancy, OperatingPoint, OwnValue
 from thermid.measure.records import Channel, Record
@@ -44,14 +46,18 @@ STATE = State(
     (ValueOrigin("hand", "h"),), STANDING, 1.5, 0.1, (0.7, 0.2), False, True,
 )  # fmt: skip
 DISCREPANCY = Discrepancy(
-    {"a.skin": OperatingPoint(10.0, 300.0)}, {("a.skin", "level"): 0.1}, {("a.skin", "level"): 0.2}, ("a.x",), np.array([[0.3]]),
-    {"a.n": 0.4}, {"a.skin": (310.0, 300.0)}, ("a.joint",), {"a.share": np.array([0.5])}, {("a.skin", "level"): 0.25},
-    Accounted("k", {"a.x": 0.9}, {"a.n": 0.1}), {"a.share": (0.01, 0.02)},
+    {"a.skin": OperatingPoint(10.0, 300.0)}, ("a.x",), {"a.skin": (310.0, 300.0)}, ("a.joint",), {"a.share": np.array([0.5])},
+    {"a.share": (0.01, 0.02)},
 )  # fmt: skip
-REGIMES = Regimes(
-    {"hot": ("r",)}, ("a.x",), ("g",), ("a.x",), {"hot": np.array([[1.0]])}, {"left": np.array([0.1, 0.2])},
-    (OwnValue("air", "AIR", 0.1, 0.2, 3, (Beside("T", 0.3, 0.4, 0.5),)),), {"a.n": 0.05}, ("ab",),
+OWN = OwnValue("air", "AIR", 0.1, 0.2, 3, (Beside("T", 0.3, 0.4, 0.5),))
+AT = OperatingPoint(10.0, 300.0)
+WAY = KeptWay(
+    "free air", 1.0, {"a.skin": SurfaceLaw(AT, 0.25, 0.2, None), "a.joint": JointLaw(AT, 0.01, None)}, {"a.x": 0.1},
+    Departures({"a.skin": Smooth(AT, "surface", np.zeros((1, 2)), np.array([0.5]), True)}, (60.0,), ("a.n",), 1),
+    (UnknownColumn("exponent of a.skin", "", 0.1, "a.skin"),), np.array([0.1]), np.array([[0.2, 0.0], [0.1, 0.3]]), {"run": 0.02},
+    ((1.0, 0.1, 0.3),),
 )  # fmt: skip
+ERRORS = ErrorModel("s", {"a.x": SeenValue("parameter", True, (("air", 1.0),), 0.1, 0.2, -1.0, 1.0)}, (WAY,), 1.1, "why")
 
 
 def laws() -> Iterator[Distribution]:
@@ -68,7 +74,7 @@ def whole_store() -> Store:
     sources = tuple(Source(f"k:{n}", "data", law, "words") for n, law in enumerate(laws()))
     provenance = {
         "version": "1", "date": "d", "model": "m", "records": {"r": "ab"}, "synthetic": True, "conditions": {"a.skin": [1.0, 2.0]},
-        "misfit": {"a.n": 0.1}, "structural": DISCREPANCY.to_dict(), "regimes": REGIMES.to_dict(),
+        "misfit": {"a.n": 0.1}, "structural": DISCREPANCY.to_dict(), "own": [OWN.to_dict()], "errors": ERRORS.to_dict(),
     }  # fmt: skip
     return Store(
         {STATE.path: STATE}, sources, np.full((1, len(sources)), 0.1), {"ab": "s"}, {"s": provenance}, ("c",),
@@ -112,7 +118,7 @@ def models_in(value: Any) -> list[BaseModel]:
 def test_a_values_file_with_every_key_of_its_grammar_is_read_back(tmp_path: Path) -> None:
     """What the classes hold, each at something else than its default, is written under keys of the grammar; every key is one of them."""
     store = whole_store()
-    for thing in (store, STATE, STANDING, ORIGIN, *store.left_out, *store.dropped, DISCREPANCY, REGIMES, *REGIMES.own):
+    for thing in (store, STATE, STANDING, ORIGIN, *store.left_out, *store.dropped, DISCREPANCY, ERRORS, OWN):
         plain = [f.name for f in dataclasses.fields(thing) if f.default is not dataclasses.MISSING and f.name != "kind"]
         assert [n for n in plain if getattr(thing, n) == type(thing).__dataclass_fields__[n].default] == []
     save_store(store, tmp_path / "v.toml", "s")
@@ -120,7 +126,8 @@ def test_a_values_file_with_every_key_of_its_grammar_is_read_back(tmp_path: Path
     assert (back, stage) == (store, "s")
     kept = back.provenance["s"]
     assert Discrepancy.from_dict(kept["structural"]).to_dict() == DISCREPANCY.to_dict()
-    assert Regimes.from_dict(kept["regimes"]).to_dict() == REGIMES.to_dict()
+    assert OwnValue.from_dict(kept["own"][0]) == OWN
+    assert ErrorModel.from_dict(kept["errors"]).to_dict() == ERRORS.to_dict()
     content = grammar_of("values").model_validate(tomllib.loads((tmp_path / "v.toml").read_text()))
     unwritten = [(t.__name__, n) for t in keys_of(type(content)) for n in t.model_fields if not given(t, n, content)]
     assert unwritten == []

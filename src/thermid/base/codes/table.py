@@ -363,18 +363,8 @@ CODES: Final[Mapping[str, CodeMeaning]] = {
     ),
     "prediction.error-not-followed": CodeMeaning(
         "error",
-        "The model of error cannot follow a fit: it has too many nodes, joins levels, is somebody else's program, or comes from a file.",
-        "Ask a fit of this session of one level and fewer nodes, or take the bands of predict without error_model.",
-    ),
-    "prediction.gas-of-joint-unsaid": CodeMeaning(
-        "error",
-        "A scenario changes the gas in a joint that was fitted in air, and no log shows how much of it is gas.",
-        "Give the joint a gap in the deck, or fit a record at low pressure.",
-    ),
-    "prediction.readings-unexplained": CodeMeaning(
-        "error",
-        "No departure of a usual size explains the readings of a fit, so nothing is predicted from it.",
-        "Check columns, units, powers and noise of the logs; criticise looks for a missing element.",
+        "The elements of a fit cannot be followed: it joins levels, is somebody else's program, or does not hold what it was asked.",
+        "Ask the fit of one level; bands of this one count its values and what is left over.",
     ),
     "prediction.value-undetermined": CodeMeaning(
         "error",

@@ -213,7 +213,6 @@ def validate(
     readings: Mapping[str, Any] | None = None,
     window: float = 0.0,
     title: str = "",
-    error_model: bool = False,
 ) -> Verdict:
     """Return the verdict on a calibrated model from a record that no stage has used.
 
@@ -227,7 +226,6 @@ def validate(
     readings : dict             Boundary or ``initial.<node>`` -> channel whose first reading stands there, or ``{channel, offset}``.
     window : float              First readings are medians over this time. [s]
     title : str                 What the verdict is about, where several judge one record.
-    error_model : bool          Whether the bands beside the readings are those of the model of error, as in `predict_record`.
 
     Raises
     ------
@@ -255,7 +253,7 @@ def validate(
     )
     checks = tuple(judge_sensors(criteria, [_deviation(b) for b in prediction.blocks]))
     locally = tuple(dict.fromkeys(i.name for i in prediction.local))
-    bands = record_bands(calibration, prediction, error_model=error_model)
+    bands = record_bands(calibration, prediction)
     return Verdict(calibration.stage, record.name, checks, statistics, locally, prediction, title, (), calibration.standing, bands)
 
 

@@ -18,7 +18,7 @@ import numpy as np
 from thermid.base.errors import IdentificationError, ThermidError
 from thermid.base.linear_algebra import Indices
 from thermid.fit.calibration import Calibration, fit_problem
-from thermid.fit.discrepancy import discrepancy_kept
+from thermid.fit.discrepancy import FREE_AIR, constant_coefficients
 from thermid.fit.problem import MEASURED, Experiment, Request, Unknown, build_problem, starting_point
 from thermid.inference._explain.candidates import Fitted, MissingElement, hidden_defects
 from thermid.inference._explain.causes import SizedValue
@@ -44,6 +44,7 @@ from thermid.inference._explain.thresholds import (
 from thermid.inference._explain.weighing import CauseScore, noise_of, shares, weighed_at
 from thermid.measure.amounts import short
 from thermid.measure.records import Channel, Record
+from thermid.model.elements import CARRIED_BY
 from thermid.simulation.scenarios import Scenario
 
 
@@ -100,9 +101,9 @@ def asks(fit: Calibration) -> bool:
     problem, request = fit.problem, fit.request
     if problem is None or request is None or fit.stopped or fit.loss != "linear" or fit.model.runner is not None or problem.clocked:
         return False
-    kept = discrepancy_kept(fit.values)
-    if kept is None or kept.sizes:  # what wanders may be the law of a coefficient that is held constant: no proof of a defect
-        return False
+    surfaces = constant_coefficients(problem.experiments[0].network)
+    if any(c.words.get(CARRIED_BY, FREE_AIR) == FREE_AIR for c in surfaces.values()):
+        return False  # what wanders may be the law of a coefficient that is held constant: no proof of a defect
     small = len(problem.unknowns) <= MOST_UNKNOWNS and fit.freedom <= MOST_SAMPLES and len(request.records) <= MOST_RECORDS
     small = small and len(problem.experiments[0].network.nodes) <= MOST_NODES
     stated = all(o.noise is not None for o in problem.observations())

@@ -58,7 +58,7 @@ class Job:
     def key(self) -> str:
         """Return a hash of all of it."""
         b = self.budget
-        drawn = (b.sources, b.alike, b.targets, b.gain, b.modes, b.conditions)
+        drawn = (b.sources, b.alike, b.targets, b.gain, b.ways)
         own = (self.scenarios, drawn, self.nodes, self.times, self.seed, self.chunk, self.options, self.version)
         return digest((self.model.identity(), *own))
 
@@ -107,9 +107,11 @@ def run_members_of(job: Job, numbers: Array, threads: int = 1) -> Chunk:
     failed: dict[int, str] = {}
     turnings: dict[str, list[MemberTurnings]] = {n: [] for n in job.nodes}
     simd = ""
-    for v in np.unique(chosen).tolist():
-        members = np.flatnonzero(chosen == v)
-        setting = Setting.of(job.budget, scenario=job.scenarios[v], times=job.times, options=job.options)
+    way = job.budget.chosen(sources)
+    pairs = sorted(set(zip(chosen.tolist(), way.tolist(), strict=True)))
+    for v, w in pairs:
+        members = np.flatnonzero((chosen == v) & (way == w))
+        setting = Setting.of(job.budget.each[w][1], scenario=job.scenarios[v], times=job.times, options=job.options)
         drawn = setting.temperatures(sources[:, members], job.nodes, threads)
         if drawn.runs is not None:
             failed |= {int(members[m]): why for m, why in drawn.runs.failed.items()}
@@ -119,8 +121,7 @@ def run_members_of(job: Job, numbers: Array, threads: int = 1) -> Chunk:
             if node in drawn.turnings:
                 points = drawn.turnings[node]
                 turnings[node].append(replace(points, members=members[points.members]))
-    variants = len(np.unique(chosen))
-    followed = {n: MemberTurnings.joined([(0, p) for p in parts]).sorted() for n, parts in turnings.items() if len(parts) == variants}
+    followed = {n: MemberTurnings.joined([(0, p) for p in parts]).sorted() for n, parts in turnings.items() if len(parts) == len(pairs)}
     return Chunk(0, out, followed, failed, simd)
 
 

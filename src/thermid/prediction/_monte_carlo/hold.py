@@ -18,12 +18,13 @@ from thermid.base.linear_algebra import Array
 from thermid.base.results import PlottedTrace, Result
 from thermid.base.toml_files import Places, read_toml, resolve_inside
 from thermid.base.units import TEMPERATURE
+from thermid.fit.error_model import UNEXPLAINED
 from thermid.model.deck import load_model
 from thermid.model.laws import literal
 from thermid.model.parameters import UNJUDGED, Standing
 from thermid.model.tree import Model
 from thermid.physics.constants import ICE_POINT
-from thermid.prediction._budget import MISFIT, OFF, SILENT, UNFITTED
+from thermid.prediction._budget import OFF, SILENT, UNFITTED
 from thermid.prediction._hand import filed
 from thermid.prediction._monte_carlo.chunks import ChunkStore, RunCost
 from thermid.prediction._monte_carlo.drivers import Driver, drivers_of
@@ -223,7 +224,7 @@ class Hold(Result):
     @property
     def counted(self) -> str:
         """Whether the model's discrepancy is in the bands, in words."""
-        others = [c for c in self.causes if c != MISFIT and not c.startswith("fit of ")]
+        others = [c for c in self.causes if c != UNEXPLAINED and not c.startswith("fit of ")]
         also = f"counted besides: {', '.join(others)}; " if others else ""
         if self.discrepancy is None:
             why = next((x.what.partition(", because ")[2] for x in self.left_out if x.what in (UNFITTED, SILENT)), "")

@@ -20,14 +20,14 @@ from thermid.model.laws import literal
 from thermid.model.parameters import Standing
 from thermid.model.tree import Model
 from thermid.physics.constants import ICE_POINT
-from thermid.prediction._budget import Budget, Spread, assumed_left_out, budget_of, check_variants, first_line, in_order
+from thermid.prediction._budget import AVERAGED, Budget, Spread, assumed_left_out, budget_of, check_variants, first_line, in_order
 from thermid.prediction._known import known_of
 from thermid.prediction._monte_carlo.chunks import Chunk, ChunkStore, Job, chunks
-from thermid.prediction._predict import BENT, centre_words
+from thermid.prediction._predict import BENT, Answer, centre_words, mixed_answer
 from thermid.prediction._reduction.macro import assumed
 from thermid.prediction._setting import Setting
 from thermid.simulation.network import compile_network
-from thermid.simulation.runs import Workers, output_times
+from thermid.simulation.runs import Workers, output_times, simulate
 from thermid.simulation.scenarios import Scenario
 from thermid.simulation.solver import MemberTurnings, Options
 from thermid.values.fitted import FittedValues
@@ -176,8 +176,14 @@ class UncertainRuns(Result):
         """Name -> value of every member (members,), shifts for boundaries; ``scenario`` and ``start_time`` are counted. [SI]"""
         job = self.job
         sources = job.budget.drawn(job.budget.numbers(job.seed, 0, len(self)))
-        setting = Setting.of(job.budget, scenario=job.scenarios[0], times=job.times, options=job.options)
-        return setting.told(sources)
+        chosen = job.budget.chosen(sources)
+        out: dict[str, Array] = {}
+        for k, (_, own) in enumerate(job.budget.each):
+            here = np.flatnonzero(chosen == k)
+            setting = Setting.of(own, scenario=job.scenarios[0], times=job.times, options=job.options)
+            for name, values in setting.told(sources[:, here]).items():
+                out.setdefault(name, np.zeros(len(self)))[here] = values
+        return out | ({AVERAGED: chosen.astype(float)} if len(job.budget.ways) > 1 else {})
 
     @cached_property
     def left_out(self) -> tuple[LeftOut, ...]:
@@ -196,12 +202,18 @@ class UncertainRuns(Result):
         job = self.job
         if job.variant is not None or not self.reached.size:
             return ""
-        setting = Setting.of(job.budget, scenario=job.scenarios[0], times=job.times, options=job.options)
-        linear = setting.linear(self.nodes)
-        # beside the straight model at the same draws, so that their number does not count
-        straight = job.budget.drawn(job.budget.numbers(job.seed, 0, len(self)))[:, self.reached].mean(axis=1)
-        bent = {n: self.of(n).mean(axis=0) - linear.run[n].kelvin - c[:-1] @ straight for n, c in linear.columns.items()}
-        return centre_words({n: job.budget.shifts(c[:-1]) | {BENT: bent[n]} for n, c in linear.columns.items()}, job.times)
+        ways = [Answer.of(w, own, self.nodes, None, job.times, job.options, job.scenarios[0]) for w, own in job.budget.each]
+        best = simulate(job.model, job.scenarios[0], times=job.times, options=job.options)
+        sources = job.budget.drawn(job.budget.numbers(job.seed, 0, len(self)))[:, self.reached]
+        chosen = job.budget.chosen(sources)
+        moved = {}
+        for n in self.nodes:
+            _, shifts, _, _ = mixed_answer(ways, n, best[n].kelvin)
+            # beside the straight model at the same draws, so that their number does not count
+            lines = [w.linear.run[n].kelvin[:, None] + w.linear.columns[n][:-1] @ sources[:, chosen == k] for k, w in enumerate(ways)]
+            straight = np.concatenate(lines, axis=1).mean(axis=1)
+            moved[n] = {c: v[:-1] for c, v in shifts.items()} | {BENT: self.of(n).mean(axis=0) - straight}
+        return centre_words(moved, job.times)
 
     @cached_property
     def standing(self) -> Standing:

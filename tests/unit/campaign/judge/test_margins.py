@@ -60,11 +60,10 @@ def test_what_the_calibration_bought(fit: td.Calibration) -> None:
 
 
 def test_values_whose_records_are_gone_still_carry_their_covariance(fit: td.Calibration) -> None:
-    """Without the records the discrepancy cannot be counted; what is left open of the values can."""
     whole = foresee(Known.of(fit), soak(55.0))
     bare = foresee(Known(fit.fitted_model, (fit.values,)), soak(55.0))
-    own = whole.prediction["proc"].parts["fit"][-1]
-    assert bare.prediction["proc"].parts["fit of unit"][-1] == pytest.approx(own, rel=1e-6)
+    own = whole.prediction["proc"].parts["values"][-1]
+    assert bare.prediction["proc"].parts["values"][-1] == pytest.approx(own, rel=1e-6)
     assert bare.before["proc"] == pytest.approx(whole.before["proc"])
 
 

@@ -158,8 +158,8 @@ def test_it_says_why_the_discrepancy_is_not_included(folder: Path) -> None:
         return hold(td.qualify.uncertain_runs(deck, scenario, list(values), n=40, **more), {"body": "38 [degC]"}).counted
 
     assert "because no fit has measured it" in said(spread={"air": "2 [K]"})
-    assert "because the residuals of the fit are no larger than their noise" in said(fit)
-    assert "because the fitted values do not include the residuals" in said(replace(fit.values, provenance={}, store=None))
+    assert "the model's discrepancy is included: " in said(fit)
+    assert "because the fitted values do not include it" in said(replace(fit.values, provenance={}, store=None))
 
 
 def command(*words: object) -> int:

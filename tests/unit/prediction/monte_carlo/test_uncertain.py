@@ -116,8 +116,10 @@ def test_a_calibration_is_drawn_as_its_values_file(tmp_path: Path) -> None:
     fit = td.calibrate(plate(), td.Record.from_arrays("log", times, {"T": channel}), ["loss.conductance"], scenario=SCENARIO)
     fit.save(tmp_path / "fit.values.toml")
     own, filed = (runs(values=v, spread={}) for v in (fit, td.load_values(tmp_path / "fit.values.toml")))
-    assert own.draws["loss.conductance"].mean() == pytest.approx(fit["loss.conductance"].value, abs=fit["loss.conductance"].error)
-    assert own.draws["loss.conductance"].std() == pytest.approx(fit["loss.conductance"].error, rel=0.3)
+    drawn = own.draws["loss.conductance"]
+    # a log is one run, in which a conductance may be 2.7 % another
+    assert drawn.mean() == pytest.approx(fit["loss.conductance"].value, abs=2.0 * drawn.std())
+    assert fit["loss.conductance"].error < drawn.std() < 0.05 * fit["loss.conductance"].value
     assert np.allclose(own.draws["loss.conductance"], filed.draws["loss.conductance"], rtol=1e-9)
 
 

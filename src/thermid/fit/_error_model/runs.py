@@ -9,9 +9,8 @@ from typing import Any
 import numpy as np
 
 from thermid.base.linear_algebra import Array
-from thermid.fit.discrepancy import OperatingPoint
-from thermid.fit.problem import Influence, Problem, Unknown
-from thermid.inference._error_model.elements import (
+from thermid.fit._discrepancy.discrepancy import OperatingPoint
+from thermid.fit._error_model.elements import (
     DepartureHeat,
     ElementCourse,
     ElementLaw,
@@ -23,8 +22,21 @@ from thermid.inference._error_model.elements import (
     places,
     room_heats,
 )
-from thermid.inference._error_model.gaussian import Wander, WhiteRows, features, innovations, pivots
-from thermid.inference._error_model.sizes import ASIDE, COLUMNS, EVERY, HEATED, LEFT_OVER, LENGTHS, READINGS, ROOM_TIME
+from thermid.fit._error_model.gaussian import RunRows, Wander, features, innovations, pivots
+from thermid.fit._error_model.sizes import (
+    ALL_COLUMNS,
+    ASIDE,
+    COLUMNS,
+    CONDUCTORS,
+    EVERY,
+    HEATED,
+    LEFT_OVER,
+    LENGTHS,
+    NODES,
+    READINGS,
+    ROOM_TIME,
+)
+from thermid.fit._problem.residuals import Influence, Problem, Unknown
 from thermid.model.laws import TableSignal
 from thermid.model.tree import FlatConductor
 from thermid.simulation.network import Network
@@ -68,14 +80,16 @@ class Smooth:
     thinned: bool
 
     @classmethod
-    def of(cls, c: FlatConductor, at: OperatingPoint, kind: str, courses: Sequence[ElementCourse], thinned: bool) -> Smooth:
-        """Return the smooth departure of a conductor over the runs of a fit."""
+    def of(
+        cls, c: FlatConductor, at: OperatingPoint, kind: str, courses: Sequence[ElementCourse], thinned: bool, columns: int = COLUMNS
+    ) -> Smooth:
+        """Return the smooth departure of a conductor over the runs of a fit, in so many features at most."""
         runs = [r for r in courses if c.path in r.flows]
         most = max(float(np.abs(r.flows[c.path]).max()) for r in runs)
         every = np.concatenate([places(r, c, at)[np.abs(r.flows[c.path]) > HEATED * most][::EVERY] for r in runs])
         aside = np.array(ASIDE) * np.array(LENGTHS)
         wide = np.concatenate([every + aside * (i, j) for i in (-1, 0, 1) for j in (-1, 0, 1)])
-        found = pivots(wide, np.array(LENGTHS), LEFT_OVER, COLUMNS)
+        found = pivots(wide, np.array(LENGTHS), LEFT_OVER, columns)
         heat = np.concatenate([np.abs(r.flows[c.path]) for r in runs])
         where = np.concatenate([places(r, c, at) for r in runs])
         return cls(at, kind, found, heat @ features(where, found, np.array(LENGTHS)) / heat.sum(), thinned)
@@ -99,10 +113,14 @@ class Departures:
     ----------
     smooth : dict           Conductor -> its smooth departure.
     hidden : tuple          Time constants of hidden masses. [s]
+    nodes : tuple of str    Whose masses depart.
+    aside : int             Elements that carry or store too little heat to be followed.
     """
 
     smooth: Mapping[str, Smooth]
     hidden: tuple[float, ...]
+    nodes: tuple[str, ...] = ()
+    aside: int = 0
 
     def shared(
         self, network: Network, course: ElementCourse, way: Way, laws: Mapping[str, ElementLaw]
@@ -126,19 +144,19 @@ class Departures:
             phi, _ = own.along(c, course, thinned(network, c))
             for k, column in enumerate(phi.T):
                 add(f"departure {k}", own.kind, 1.0, heat * column)
-        for node in course.stores:
+        for node in (n for n in self.nodes if n in course.stores):
             for time in self.hidden:
-                name = f"mass behind {node} ({time:.3g} s)"
+                name = f"mass ({time:.3g} s) of {node}"
                 out.append((UnknownColumn(name, "hidden", 1.0, node), hidden_mass(name, course, node, time)))
         return out
 
     def own(self, network: Network, course: ElementCourse) -> list[tuple[UnknownColumn, DepartureHeat]]:
         """Return what each run has for itself, with its heats."""
         out: list[tuple[UnknownColumn, DepartureHeat]] = []
-        for path, c in conductors_of(network, course).items():
+        for path, c in ((p, c) for p, c in conductors_of(network, course).items() if p in self.smooth):
             name = f"{path} in this run"
             out.append((UnknownColumn(name, "run", 1.0, path), moved_heat(name, network, c.ends, course.times, course.flows[path])))
-        for node, (watts, _) in course.stores.items():
+        for node, (watts, _) in ((n, s) for n, s in course.stores.items() if n in self.nodes):
             name = f"{node} in this run"
             out.append((UnknownColumn(name, "run", 1.0, node), DepartureHeat(name, ((node, TableSignal(course.times, -watts, False)),))))
         for load, (node, power) in course.powers.items():
@@ -169,9 +187,14 @@ def departures_of(
     every: dict[str, FlatConductor] = {}
     for course in courses:
         every |= conductors_of(network, course)
-    return Departures(
-        {p: Smooth.of(c, points[p], class_of(c, network), courses, thinned(network, c)) for p, c in every.items() if p in points}, hidden
-    )
+    heat = {p: sum(float(np.abs(r.flows[p]).mean()) for r in courses if p in r.flows) for p in every if p in points}
+    several = {p: every[p] for p in sorted(heat, key=lambda p: -heat[p])[:CONDUCTORS]}
+    several = {p: c for p, c in every.items() if p in several}
+    stored = {n: sum(float(np.abs(r.stores[n][0]).mean()) for r in courses if n in r.stores) for r in courses for n in r.stores}
+    nodes = tuple(sorted(stored, key=lambda n: -stored[n])[:NODES])
+    columns = min(COLUMNS, ALL_COLUMNS // max(len(several), 1))
+    smooth = {p: Smooth.of(c, points[p], class_of(c, network), courses, thinned(network, c), columns) for p, c in several.items()}
+    return Departures(smooth, hidden, nodes, len(heat) - len(several) + len(stored) - len(nodes))
 
 
 def widened(problem: Problem, i: int, network: Network, scenario: Any, heats: Sequence[DepartureHeat]) -> Problem:
@@ -218,14 +241,12 @@ class SensorRows:
         """Return some of the unknowns, in an order."""
         return replace(self, rows=self.rows[:, list(columns)])
 
-    def white(self, wander: Wander) -> tuple[Array, Array, float]:
-        """Return white rows and residuals, and ln det of what they were divided by."""
-        out, log_det = innovations(self.times, np.column_stack([self.rows, self.residuals]), self.noise, wander)
-        return out[:, :-1], out[:, -1], log_det
+    def white(self, wander: Wander) -> tuple[Array, float]:
+        """Return white rows and residuals (m, unknowns + 1), and ln det of what they were divided by."""
+        return innovations(self.times, np.column_stack([self.rows, self.residuals]), self.noise, wander)
 
 
-def white_rows(traces: Sequence[SensorRows], wander: Wander) -> WhiteRows:
-    """Return the white rows of a run's sensors."""
+def run_rows(traces: Sequence[SensorRows], wander: Wander, shared: int) -> RunRows:
+    """Return what a run's sensors say of unknowns, the first of which other runs share."""
     parts = [t.white(wander) for t in traces]
-    rows, values = np.concatenate([p[0] for p in parts]), np.concatenate([p[1] for p in parts])
-    return WhiteRows.of(rows, values, sum(p[2] for p in parts))
+    return RunRows.of(np.concatenate([rows for rows, _ in parts]), shared, sum(log for _, log in parts))

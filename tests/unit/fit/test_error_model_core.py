@@ -8,11 +8,10 @@ from numpy.typing import NDArray
 from scipy.optimize import brentq
 from scipy.stats import multivariate_normal, norm
 
-from thermid.inference._error_model.gaussian import (
+from thermid.fit._error_model.gaussian import (
     NormalMixture,
     RunRows,
     Wander,
-    WhiteRows,
     features,
     innovations,
     members_of,
@@ -54,7 +53,7 @@ def test_posterior_and_evidence_are_those_of_dense_conditioning() -> None:
     for seed in (1, 2):
         times, rows, values, noise = _run(seed)
         white, log_det = innovations(times, np.column_stack([rows, values]), noise, wander)
-        runs.append(RunRows.of(WhiteRows.of(white[:, :-1], white[:, -1], log_det), SHARED))
+        runs.append(RunRows.of(white, SHARED, log_det))
         dense_rows.append(rows)
         covariances.append(_dense(wander, times, noise))
         every.append(values)
@@ -132,8 +131,8 @@ def test_widths_of_a_bent_case_are_those_of_sampling() -> None:
     z = np.zeros(3)
     for _ in range(8):
         rows = slopes(z, levels)
-        white = WhiteRows.of(rows / 0.1, (y - answer(z, levels)) / 0.1, 2.0 * levels.size * np.log(0.1))
-        found = members_of([RunRows.of(white, 3)], -z, prior[None, :], [np.zeros((1, 0))])
+        white = np.column_stack([rows, y - answer(z, levels)]) / 0.1
+        found = members_of([RunRows.of(white, 3, 2.0 * levels.size * np.log(0.1))], -z, prior[None, :], [np.zeros((1, 0))])
         z = z + found.mean[0]
     asked = np.array([0.7, 1.5])
     straight = np.linalg.norm(slopes(z, asked) @ found.root[0], axis=1)

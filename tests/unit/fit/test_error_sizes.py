@@ -11,8 +11,8 @@ from typing import Any
 import numpy as np
 import pytest
 
-from thermid.inference._error_model.sizes import SIZE_SETS
-from thermid.inference.error_model import SIZES
+from thermid.fit._error_model.sizes import SIZE_SETS
+from thermid.fit.error_model import SIZES
 
 SCRIPTS = Path(__file__).parents[3] / "scripts"
 KEPT = SCRIPTS / "sizing" / "likelihoods.json"

@@ -110,6 +110,8 @@ USUAL_LEFT: Final = (0.3, 1.0 / 10.0)
 """Size and time of the same while values are looked for."""
 FIRST_SETS, SETS = 16, 256
 """Sets of sizes at every size and time of what no element explains, and again at those that count."""
+FEWEST_SETS, SETS_COST = 8, 1e8
+"""Sets of a large model, and what all of them may cost: each the cube of the number of unknowns."""
 LIKELY: Final = 0.01
 """Probability from which a size and time of what no element explains counts. [-]"""
 READINGS: Final = 200
@@ -127,8 +129,11 @@ COUNTED: Final = 1e-3
 """Weight of a member beside the heaviest, below which it is left out. [-]"""
 LEAST_NOISE, USUAL_NOISE = 1e-3, 0.1
 """Scatter of neighbouring readings below which they show no noise, and what is then taken where nobody states any. [K]"""
-NODES_FOLLOWED: Final = 16
-"""Nodes up to which a fit has a model of error: the unknowns grow with the elements, and the cost with their cube."""
+CONDUCTORS, NODES = 24, 16
+"""Elements of a model that are followed at most, those through which most heat flows, and nodes, those that store most of it."""
+ALL_COLUMNS: Final = 72
+"""Features of all departures of a model together, at most: the cost grows with their cube. What lies outside of them is independent from
+run to run."""
 KEPT_OF_PRIOR, REACHED, VALUES_DRAWN = 0.5, 0.01, 64
 """Part of what was known before that a value keeps where no reading determines it; share of all possible values that lead beyond what a
 network is said to reach, each side, and how many are drawn. [-]"""

@@ -14,8 +14,8 @@ import numpy as np
 
 from thermid.base.dual import value_of
 from thermid.base.linear_algebra import Array
-from thermid.fit.discrepancy import FREE_AIR, STREAM, OperatingPoint, constant_coefficients
-from thermid.inference._error_model.sizes import (
+from thermid.fit._discrepancy.discrepancy import FREE_AIR, STREAM, OperatingPoint, constant_coefficients
+from thermid.fit._error_model.sizes import (
     FINISH,
     FLOWLESS,
     FREE_EXPONENT,
@@ -180,7 +180,7 @@ def ways_of(
     unsaid = [p for p, c in surfaces.items() if CARRIED_BY not in c.words]
     out = []
     for carrier in (FREE_AIR, STREAM) if unsaid else ("as the deck says",):
-        laws: dict[str, ElementLaw] = {p: JointLaw(at[p], 0.0, c.recipe or _linear(c)) for p, c in joints.items()}
+        laws: dict[str, ElementLaw] = {p: JointLaw(at[p], 0.0, linear_recipe(c)) for p, c in joints.items()}
         sizes: dict[tuple[str, str], tuple[str, float]] = {(p, TREND_OF): ("trend", 1.0) for p in joints}
         for path, c in surfaces.items():
             carried = c.words.get(CARRIED_BY, carrier)
@@ -188,15 +188,17 @@ def ways_of(
                 continue
             free = carried == FREE_AIR
             share, spread = (0.0, 0.0) if c.kind != "effective" else _radiation(coefficients[path], at[path], emissivities.get(path))
-            laws[path] = SurfaceLaw(at[path], FREE_EXPONENT if free else 0.0, share, c.recipe or _linear(c))
+            laws[path] = SurfaceLaw(at[path], FREE_EXPONENT if free else 0.0, share, linear_recipe(c))
             sizes |= {(path, EXPONENT_OF): ("", FREE_EXPONENT_SD)} if free else {}
             sizes |= {(path, SHARE_OF): ("", spread)} if spread else {}
         out.append(Way(carrier, laws, sizes))
     return tuple(out)
 
 
-def _linear(c: FlatConductor) -> Any:
-    """Return the recipe of a conductor's kind."""
+def linear_recipe(c: FlatConductor) -> Any:
+    """Return the recipe of a conductor, or of its kind."""
+    if c.recipe is not None:
+        return c.recipe
     plain = replace(c, recipe=None)
     return lambda fields: plain.laws(fields)[0]
 

@@ -10,17 +10,22 @@ import numpy as np
 
 from thermid.base.dual import value_of
 from thermid.base.linear_algebra import Array, Indices, quadratic_forms, symmetric_inverse
-from thermid.fit.calibration import Calibration
-from thermid.fit.problem import SCALE, Experiment, Influence, Prior, Problem, Request, Unknown, build_problem
-from thermid.inference._error_model.elements import DepartureHeat, with_laws
-from thermid.inference._error_model.gaussian import Wander
-from thermid.inference._error_model.model import FittedWay, course_in_fit, noise_of, prior_mean, reach, traces_of
-from thermid.inference._error_model.runs import SensorRows, UnknownColumn
+from thermid.fit._calibration import Calibration
+from thermid.fit._error_model.elements import DepartureHeat, with_laws
+from thermid.fit._error_model.gaussian import Wander
+from thermid.fit._error_model.kept import KeptWay, deviation
+from thermid.fit._error_model.model import course_in_fit, noise_of, prior_mean, reach, traces_of
+from thermid.fit._error_model.runs import SensorRows, UnknownColumn
+from thermid.fit._problem.experiment import SCALE, Experiment
+from thermid.fit._problem.gather import build_problem
+from thermid.fit._problem.request import Request
+from thermid.fit._problem.residuals import Influence, Prior, Problem, Unknown
 from thermid.model.laws import Constant
 from thermid.simulation.scenarios import Scenario
 from thermid.values.store import Store
 
 VALUES, START, INSTRUMENT, ROOM = "values", "start of the run", "instrument", "room"
+STRUCTURE, RUN, UNEXPLAINED = "structure at this distance", "this run", "what no element explains"
 """What of a run by itself a band comes from, beside its elements."""
 
 
@@ -53,7 +58,9 @@ def problem_of_record(
     assert fit.problem is not None
     named = tuple(u.name for u in fit.problem.unknowns if u.kind == "parameter")
     untie = fit.request.untie if fit.request is not None else False
-    bare = replace(request, free=named, priors={}, prior=(), store=Store(), held_bias={}, held_errors=None, untie=untie)
+    (record,) = request.records  # a sensor of no stated accuracy is off by what the fit says of it
+    held = {s: x for s, x in request.held_bias.items() if s not in record.channels or record.channels[s].accuracy is None}
+    bare = replace(request, free=named, priors={}, prior=(), store=Store(), held_bias=held, held_errors=None, untie=untie)
     made = build_problem(bare)
     e = made.experiments[0]
     starts: dict[str, list[str]] = {}
@@ -142,7 +149,7 @@ class RecordRun:
     span: float
 
     @classmethod
-    def of(cls, way: FittedWay, problem: Problem, known: Collection[str], local: Mapping[str, float]) -> RecordRun:
+    def of(cls, way: KeptWay, problem: Problem, known: Collection[str], local: Mapping[str, float]) -> RecordRun:
         """Return the run of a record where the heat is carried in one way.
 
         Parameters
@@ -154,9 +161,12 @@ class RecordRun:
         size = len(way.places)
         start = {u.name: way.values[u.name] if u.name in known else local.get(u.name, u.to_fitted(u.start)) for u in problem.unknowns}
         fitted = np.array(list(start.values()))
-        network = with_laws(problem.experiments[0].network, way.laws)
-        course = course_in_fit(problem, 0, network, fitted)
-        shared, alone = way.departures.shared(network, course, way.way, way.laws), way.departures.own(network, course)
+        plain = problem.experiments[0].network
+        laws = way.laws_in(plain)
+        network = with_laws(plain, laws)
+        course = course_in_fit(problem, 0, network, fitted) if way.departures.smooth else None
+        shared = way.departures.shared(network, course, way.way, laws) if course is not None else []
+        alone = way.departures.own(network, course) if course is not None else []
         seen = {c.name: h for c, h in shared}
         heats = [*(seen.get(c.name, DepartureHeat(c.name, ())) for c in way.columns), *(h for _, h in alone)]
         rows = traces_of(problem, 0, network, heats, fitted)
@@ -182,8 +192,8 @@ class RecordRun:
             far,
             inverse,
             size,
-            way.departures.beyond(network, course),
-            float(course.times[-1]),
+            way.departures.beyond(network, course) if course is not None else {},
+            problem.experiments[0].scenario.seconds,
         )
 
     @property
@@ -222,6 +232,18 @@ class RecordRun:
         first = self.shared + len(self.columns)
         left = self.left(np.concatenate([t.rows[:, :first] for t in self.means]))
         return left[:, : self.shared], left[:, self.shared :]
+
+    def parts(self, way: KeptWay) -> tuple[Array, dict[str, Array]]:
+        """Return the centre (rows,) of what is expected less what is read [K], and source -> variance (rows,). [K^2]"""
+        rows, own = self.responses()
+        size = len(way.values)
+        mean = np.concatenate([np.zeros(size), way.mean])
+        parts = {VALUES: np.sum((rows @ way.root[:, :size]) ** 2, axis=1), STRUCTURE: np.sum((rows @ way.root[:, size:]) ** 2, axis=1)}
+        for c, column in zip(self.columns, own.T, strict=True):
+            source = {"run": RUN, "room": ROOM, "unlogged": ROOM}.get(c.group, c.source)
+            parts[source] = parts.get(source, 0.0) + (deviation(c, way.sizes, self.beyond) * column) ** 2
+        parts[UNEXPLAINED] = sum((share * self.wandering(size, part) for share, size, part in way.left), np.zeros(rows.shape[0]))
+        return rows @ mean + self.reference, parts
 
     def wandering(self, size: float, part: float) -> Array:
         """Return the variance (rows,) of what no element explains, and the run's fitted values do not follow. [K^2]"""

@@ -71,34 +71,6 @@ def innovations(times: Array, columns: Array, noise: Array, wander: Wander) -> t
 
 
 @dataclass(frozen=True, eq=False)
-class WhiteRows:
-    """What white rows say of z, in as few rows as hold the same.
-
-    Parameters
-    ----------
-    triangle : array (r, q)     R of the rows of H.
-    rotated : array (r,)        Q'y.
-    rest : float                Square of what of y no z reaches. [-]
-    log_det : float             Of the covariance by which the rows were made white.
-    count : int                 Readings.
-    """
-
-    triangle: Array
-    rotated: Array
-    rest: float
-    log_det: float
-    count: int
-
-    @classmethod
-    def of(cls, rows: Array, values: Array, log_det: float) -> WhiteRows:
-        """Return white rows (m, q) and values (m,) in short."""
-        joined: Array = np.asarray(np.linalg.qr(np.column_stack([rows, values]), mode="r"))
-        size = rows.shape[1]
-        rest = float(joined[size, size] ** 2) if joined.shape[0] > size else 0.0
-        return cls(joined[:size, :size], joined[:size, size], rest, log_det, values.size)
-
-
-@dataclass(frozen=True, eq=False)
 class NormalMixture:
     """A mixture of normal answers (times,): what is averaged over sizes, and over what carries the heat.
 
@@ -200,12 +172,9 @@ class RunRows:
     count: int
 
     @classmethod
-    def of(cls, rows: WhiteRows, shared: int) -> RunRows:
-        """Return the products of white rows."""
-        upper = np.column_stack([rows.triangle, rows.rotated])
-        gram = upper.T @ upper
-        gram[-1, -1] += rows.rest
-        return cls(gram, shared, rows.log_det, rows.count)
+    def of(cls, rows: Array, shared: int, log_det: float) -> RunRows:
+        """Return the products of white rows (m, s + o + 1), the readings last."""
+        return cls(np.asarray(rows.T @ rows), shared, log_det, len(rows))
 
     def without_own(self, sizes: Array) -> tuple[Array, Array]:
         """Return the products of shared unknowns and readings with the run's own integrated out, and ln |M_o|, for members of sizes.

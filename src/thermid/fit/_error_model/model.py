@@ -9,9 +9,8 @@ from typing import Any
 import numpy as np
 
 from thermid.base.linear_algebra import Array
-from thermid.fit.discrepancy import OperatingPoint
-from thermid.fit.problem import Experiment, Observation, Problem, Unknown, prior_rows
-from thermid.inference._error_model.elements import (
+from thermid.fit._discrepancy.discrepancy import OperatingPoint
+from thermid.fit._error_model.elements import (
     DepartureHeat,
     ElementCourse,
     ElementLaw,
@@ -22,32 +21,32 @@ from thermid.inference._error_model.elements import (
     with_heats,
     with_laws,
 )
-from thermid.inference._error_model.gaussian import Members, RunRows, Wander, members_of, weights_of
-from thermid.inference._error_model.runs import Departures, SensorRows, UnknownColumn, departures_of, white_rows, widened
-from thermid.inference._error_model.sizes import (
+from thermid.fit._error_model.gaussian import Members, RunRows, Wander, members_of, weights_of
+from thermid.fit._error_model.runs import Departures, SensorRows, UnknownColumn, departures_of, run_rows, widened
+from thermid.fit._error_model.sizes import (
     ARRIVED,
+    FEWEST_SETS,
     FIRST_SETS,
-    KEPT_OF_PRIOR,
     LEAST_NOISE,
     LEFT_SIZES,
     LEFT_TIMES,
     LIKELY,
     NEWTON_STEPS,
-    REACHED,
     SETS,
+    SETS_COST,
     SHARES_OF_RUN,
     SIZES,
     UNBOUNDED,
     USUAL_LEFT,
     USUAL_NOISE,
-    VALUES_DRAWN,
 )
+from thermid.fit._problem.experiment import Experiment, Observation
+from thermid.fit._problem.residuals import Problem, Unknown, prior_rows
 from thermid.measure.records import noise_seen
-from thermid.model.tree import Model
 from thermid.simulation.network import Network
-from thermid.simulation.runs import prepare
-from thermid.simulation.scenarios import Scenario
 
+ROOT_STEPS = 60
+"""Steps in which the root of a recurrence is found to the last digit."""
 GROUPS = tuple(name for name in SIZES if name != "left")
 """Sizes that are drawn, in order."""
 
@@ -84,11 +83,17 @@ class FittedWay:
 
 
 def drawn_sizes(count: int) -> Array:
-    """Return sizes (count, groups) of departures, evenly over their half-normal priors: points of Sobol's sequence (a power of two)."""
-    from scipy.special import ndtri
-    from scipy.stats import qmc
+    """Return sizes (count, groups) of departures, evenly over their half-normal priors.
 
-    points = qmc.Sobol(len(GROUPS), scramble=True, seed=0).random(count)
+    Points of an additive recurrence whose steps are powers of the root of ``x^(d + 1) = x + 1`` (Niederreiter, Random Number Generation and
+    Quasi-Monte Carlo Methods, SIAM 1992, chapter 3): as even as those of Sobol, at the cost of a sum.
+    """
+    from scipy.special import ndtri
+
+    root = 1.0
+    for _ in range(ROOT_STEPS):
+        root = (1.0 + root) ** (1.0 / (len(GROUPS) + 1))
+    points = (0.5 + np.arange(1, count + 1)[:, None] * root ** -np.arange(1.0, len(GROUPS) + 1)) % 1.0
     return np.asarray(ndtri(0.5 + 0.5 * points) * [SIZES[g].value for g in GROUPS])
 
 
@@ -170,7 +175,7 @@ class RunsOfFit:
         values = len(self.values)
         shared = values + len(self.columns)
         size, part = SIZES["left"].value * left[0], left[1]
-        rows = [RunRows.of(white_rows(t, Wander(size, part * span)), shared) for t, span in zip(self.traces, self.spans, strict=True)]
+        rows = [run_rows(t, Wander(size, part * span), shared) for t, span in zip(self.traces, self.spans, strict=True)]
         wide = np.array([reach(self.problem.unknowns[k]) for k in self.values])
         every = np.column_stack([np.broadcast_to(wide, (len(sizes), values)), deviations(self.columns, sizes)])
         own = [deviations(c, sizes) for c in self.own]
@@ -255,14 +260,17 @@ def fitted_way(problem: Problem, fitted: Array, way: Way, points: Mapping[str, O
 
 def _averaged(runs: RunsOfFit, way: Way, laws: Mapping[str, ElementLaw], centre: Array) -> FittedWay:
     """Return the posterior at all sizes that count."""
-    prior, sizes = left_prior(), drawn_sizes(SETS)
-    first = {left: runs.posterior(centre, drawn_sizes(FIRST_SETS), left).log_evidence for left in prior}
+    most = SETS_COST / (len(runs.values) + len(runs.columns)) ** 3
+    sets = int(np.clip(most, FEWEST_SETS, SETS))
+    prior, sizes = left_prior(), drawn_sizes(sets)
+    few = drawn_sizes(max(sets * FIRST_SETS // SETS, 1))
+    first = {left: runs.posterior(centre, few, left).log_evidence for left in prior}
     logs = {left: log + first[left].max() + float(np.log(np.mean(np.exp(first[left] - first[left].max())))) for left, log in prior.items()}
     likely = [left for left, share in zip(logs, weights_of(list(logs.values())), strict=True) if share > LIKELY]
     parts = [runs.posterior(centre, sizes, left) for left in likely]
     parts = [replace(p, log_evidence=p.log_evidence + prior[left]) for p, left in zip(parts, likely, strict=True)]
     members = Members(*(np.concatenate([getattr(p, name) for p in parts]) for name in ("log_evidence", "mean", "root", "square")))
-    sizes_left = np.repeat([(SIZES["left"].value * size, time) for size, time in likely], SETS, axis=0)
+    sizes_left = np.repeat([(SIZES["left"].value * size, time) for size, time in likely], sets, axis=0)
     values = {runs.problem.unknowns[k].name: float(runs.fitted[k]) for k in runs.values}
     return FittedWay(way, laws, values, runs.departures, runs.columns, members, np.tile(sizes, (len(parts), 1)), sizes_left)
 
@@ -286,37 +294,9 @@ def points_of(problem: Problem, fitted: Array) -> dict[str, OperatingPoint]:
     return {p: at for p, c in every.items() if (at := point_of(courses, c)) is not None}
 
 
-def open_values(unknowns: Sequence[Unknown], deviations: Mapping[str, float]) -> list[str]:
-    """Return the values of a fit whose posterior is nearly as wide as what was known before, the widest first.
-
-    Parameters
-    ----------
-    deviations : dict   Value -> standard deviation that the readings leave it; fitted form.
-    """
-    left = {u.name: deviations[u.name] / _before(u)[1] for u in unknowns if u.kind == "parameter" and u.name in deviations}
-    return sorted((n for n, part in left.items() if part > KEPT_OF_PRIOR), key=lambda n: -left[n])
-
-
-def _before(u: Unknown) -> tuple[float, float]:
+def before(u: Unknown) -> tuple[float, float]:
     """Return mean and standard deviation of a value before any reading; fitted form."""
     if u.prior is not None:
         return u.prior.mean, u.prior.sd
     low, high = (float(x) for x in u.fitted_bounds())
     return (0.5 * (low + high) if np.isfinite(low + high) else u.to_fitted(u.start)), reach(u)
-
-
-def reachable(
-    model: Model, scenario: Scenario, unknowns: Sequence[Unknown], times: Array, nodes: Sequence[str]
-) -> dict[str, tuple[Array, Array]]:
-    """Return node -> temperatures (times,) below and above which 1 % of all values lead that some unknowns could have before. [K]"""
-    rng = np.random.default_rng(0)
-    draws: dict[str, Array] = {}
-    for u in unknowns:
-        mean, sd = _before(u)
-        low, high = u.fitted_bounds()
-        drawn = np.clip(mean + sd * rng.standard_normal(VALUES_DRAWN), low, high)
-        draws |= {n: np.array([u.to_value(float(x)) for x in drawn]) for n in (u.name, *u.also)}
-    ready = prepare(model, scenario, tuple(draws), times=times)
-    many = ready.ensemble(ready.with_units(draws), nodes=list(nodes))
-    ends = {n: np.nanquantile(many.temperatures(n), [REACHED, 1.0 - REACHED], axis=1) for n in nodes}
-    return {n: (low, high) for n, (low, high) in ends.items()}

@@ -1,0 +1,436 @@
+"""`ErrorModel`: what a fit leaves open, as a value that stands on its own: no logs and no problem behind it, plain numbers in a file.
+
+A way in which the heat of surfaces may be carried has its own posterior of values and departures; members of sizes are collapsed to
+their mean and covariance, which is all that a straight answer asks of them. Values come first in the triangular root of that
+covariance, so that what is left of departures once the values are known has unknowns of its own.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field, replace
+from functools import cached_property
+from typing import Any
+
+import numpy as np
+
+from thermid.base.dual import value_of
+from thermid.base.errors import IdentificationError, ThermidError
+from thermid.base.linear_algebra import Array
+from thermid.base.results import Result, Row
+from thermid.fit._calibration import Calibration
+from thermid.fit._discrepancy.discrepancy import FREE_AIR, OperatingPoint, coefficient_path, constant_coefficients
+from thermid.fit._error_model.elements import (
+    EXPONENT_OF,
+    SHARE_OF,
+    TREND_OF,
+    ElementLaw,
+    JointLaw,
+    SurfaceLaw,
+    Way,
+    linear_recipe,
+    ways_of,
+)
+from thermid.fit._error_model.gaussian import weights_of
+from thermid.fit._error_model.model import GROUPS, FittedWay, before, fitted_way, points_of
+from thermid.fit._error_model.runs import Departures, Smooth, UnknownColumn
+from thermid.fit._error_model.sizes import COUNTED, FAR_SIZE, KEPT_OF_PRIOR, OUTSIDE, SIZES
+from thermid.fit._problem.residuals import Problem, Unknown
+from thermid.model.elements import CARRIED_BY
+from thermid.model.identity import identity_of
+from thermid.simulation.network import Network
+
+KEY = "errors"
+"""Where the provenance of fitted values keeps it."""
+FOLLOWED = "prediction.error-not-followed"
+"""Code of what is said of a fit whose elements cannot be followed."""
+DIGITS = 7
+"""Significant digits of a file."""
+
+
+@dataclass(frozen=True)
+class SeenValue:
+    """A value of a fit that its runs share.
+
+    Parameters
+    ----------
+    kind : str          'parameter', 'sensor' or 'shared'.
+    log : bool          Whether it is fitted by its logarithm.
+    acts : tuple        (name, factor) of what it acts on, where it is the error of an instrument.
+    mean, sd : float    What was known of it before any reading; fitted form.
+    low, high : float   Its bounds; fitted form.
+    """
+
+    kind: str
+    log: bool
+    acts: tuple[tuple[str, float], ...]
+    mean: float
+    sd: float
+    low: float
+    high: float
+
+    @classmethod
+    def of(cls, u: Unknown) -> SeenValue:
+        """Return what an unknown of a fit is."""
+        acts = tuple(dict.fromkeys((t.name, float(t.factor)) for t in u.targets)) if u.kind == "shared" else ()
+        return cls(u.kind, u.log, acts, *map(float, before(u)), *map(float, u.fitted_bounds()))
+
+    def si(self, fitted: float) -> float:
+        """Return the value of a fitted form. [SI]"""
+        return float(np.exp(np.clip(fitted, -700.0, 700.0))) if self.log else fitted
+
+
+@dataclass(frozen=True, eq=False)
+class KeptWay:
+    """The posterior where the heat of surfaces is carried in one way.
+
+    Parameters
+    ----------
+    name : str              ``free air``, ``fan``, or ``as the deck says``.
+    weight : float          Its probability by the readings, as likely as any other before them. [-]
+    laws : dict             Conductor -> its law where the derivatives were taken.
+    values : dict           Value -> its mean, where the derivatives were taken; fitted form.
+    departures : Departures
+    columns : tuple of UnknownColumn    Unknowns beside the values.
+    mean : array (columns,)             Theirs.
+    root : array (values + columns, values + columns)   Lower triangular root of the covariance of all.
+    sizes : dict            Group -> root mean square of its size.
+    left : tuple            (probability, size [K], time constant in parts of a run) of what no element explains.
+    """
+
+    name: str
+    weight: float
+    laws: Mapping[str, ElementLaw]
+    values: Mapping[str, float]
+    departures: Departures
+    columns: tuple[UnknownColumn, ...]
+    mean: Array
+    root: Array
+    sizes: Mapping[str, float]
+    left: tuple[tuple[float, float, float], ...]
+
+    @property
+    def places(self) -> dict[str, int]:
+        """Value or column -> its place among the unknowns."""
+        return {name: k for k, name in enumerate((*self.values, *(c.name for c in self.columns)))}
+
+    @property
+    def way(self) -> Way:
+        """What of its laws is not known."""
+        kinds = (EXPONENT_OF, SHARE_OF, TREND_OF)
+        own = {(c.source, kind): (c.group, c.size) for c in self.columns for kind in kinds if c.name == f"{kind} of {c.source}"}
+        return Way(self.name, self.laws, own)
+
+    @property
+    def left_over(self) -> float:
+        """Root mean square of what no element explains, at a sensor. [K]"""
+        return float(np.sqrt(sum(p * size**2 for p, size, _ in self.left)))
+
+    def laws_in(self, network: Network) -> dict[str, ElementLaw]:
+        """Return conductor -> its law in a network, of those that it has."""
+        own = {c.path: c for c in network.flat.conductors}
+        return {p: replace(law, linear=linear_recipe(own[p])) for p, law in self.laws.items() if p in own}
+
+    def agrees(self, network: Network) -> bool:
+        """Return whether it is what the deck of a network says of its surfaces, as far as that says anything."""
+        said = {c.path: c.words[CARRIED_BY] == FREE_AIR for c in network.flat.conductors if CARRIED_BY in c.words}
+        return all(said[p] == (law.exponent > 0.0) for p, law in self.laws.items() if p in said and isinstance(law, SurfaceLaw))
+
+    @classmethod
+    def of(cls, way: FittedWay, shares: Array, bounds: Mapping[str, tuple[float, float]]) -> KeptWay:
+        """Return a way by its members and their probabilities."""
+        weight = float(shares.sum())
+        own, members, size = shares / weight, way.members, len(way.values)
+        mean = own @ members.mean
+        apart = members.mean - mean
+        covariance = np.einsum("m,mij,mkj->ik", own, members.root, members.root) + (own[:, None] * apart).T @ apart
+        at = np.array(list(way.values.values())) + mean[:size]
+        low, high = np.array([bounds[n] for n in way.values]).reshape(size, 2).T
+        values = dict(zip(way.values, np.clip(at, low, high).tolist(), strict=True))
+        sizes = dict(zip(GROUPS, np.sqrt(own @ way.sizes**2).tolist(), strict=True))
+        left = {pair: float(own[(way.left == pair).all(axis=1)].sum()) for pair in {(float(a), float(b)) for a, b in way.left}}
+        found = tuple((share, *pair) for pair, share in sorted(left.items()) if share > COUNTED)
+        return cls(way.way.name, weight, way.laws, values, way.departures, way.columns, mean[size:], _triangular(covariance), sizes, found)
+
+    def to_dict(self) -> dict[str, Any]:
+        """Return plain numbers and texts for a file."""
+        smooth = {
+            p: {
+                "at": [s.at.difference, s.at.level],
+                "kind": s.kind,
+                "pivots": _short(s.pivots),
+                "centre": _short(s.centre),
+                "thinned": s.thinned,
+            }
+            for p, s in self.departures.smooth.items()
+        }
+        return {
+            "name": self.name,
+            "weight": self.weight,
+            "laws": {
+                p: {"at": [w.at.difference, w.at.level], "surface": isinstance(w, SurfaceLaw), **_shape(w)} for p, w in self.laws.items()
+            },
+            "values": dict(self.values),
+            "smooth": smooth,
+            "hidden": list(self.departures.hidden),
+            "nodes": list(self.departures.nodes),
+            "aside": self.departures.aside,
+            "columns": [[c.name.removesuffix(f" of {c.source}"), c.group, c.size, c.source] for c in self.columns],
+            "mean": _short(self.mean),
+            "root": [_short(row[: k + 1]) for k, row in enumerate(self.root)],
+            "sizes": dict(self.sizes),
+            "left": [list(x) for x in self.left],
+        }
+
+    @classmethod
+    def from_dict(cls, data: Mapping[str, Any], at: str) -> KeptWay:
+        """Return what `to_dict` gave, its places by their paths in a model where they begin with some text."""
+        laws: dict[str, ElementLaw] = {}
+        for p, w in data["laws"].items():
+            point = OperatingPoint(*map(float, w["at"]))
+            laws[at + p] = SurfaceLaw(point, w["exponent"], w["share"], None) if w["surface"] else JointLaw(point, w["trend"], None)
+        smooth = {
+            at + p: Smooth(
+                OperatingPoint(*map(float, s["at"])),
+                s["kind"],
+                np.array(s["pivots"], dtype=float).reshape(-1, 2),
+                np.array(s["centre"], dtype=float),
+                bool(s["thinned"]),
+            )
+            for p, s in data["smooth"].items()
+        }
+        columns = tuple(UnknownColumn(f"{what} of {at}{p}", group, float(size), at + p) for what, group, size, p in data["columns"])
+        size = len(data["root"])
+        root = np.zeros((size, size))
+        for k, row in enumerate(data["root"]):
+            root[k, : k + 1] = row
+        return cls(
+            data["name"],
+            float(data["weight"]),
+            laws,
+            {placed(n, at): float(x) for n, x in data["values"].items()},
+            Departures(smooth, tuple(map(float, data["hidden"])), tuple(at + n for n in data["nodes"]), int(data["aside"])),
+            columns,
+            np.array(data["mean"], dtype=float),
+            root,
+            {n: float(x) for n, x in data["sizes"].items()},
+            tuple((float(p), float(s), float(t)) for p, s, t in data["left"]),
+        )
+
+
+@dataclass(frozen=True, eq=False)
+class ErrorModel(Result):
+    """What a fit leaves open of its values and of its elements; see docs/statistics.md.
+
+    Parameters
+    ----------
+    stage : str                 Of the fit.
+    seen : dict                 Value that runs share -> what it is.
+    ways : tuple of KeptWay     The posterior for each way in which heat of surfaces may be carried; none where elements are not followed.
+    misfit : float              Root mean square of the readings over what is allowed of them; one is expected. [-]
+    why : str                   Why elements are not followed; empty where they are.
+    """
+
+    stage: str
+    seen: Mapping[str, SeenValue] = field(default_factory=dict)
+    ways: tuple[KeptWay, ...] = ()
+    misfit: float = 1.0
+    why: str = ""
+
+    @classmethod
+    def of(cls, fit: Calibration) -> ErrorModel:
+        """Return the model of error of a fit.
+
+        Raises
+        ------
+        IdentificationError   When the calibration does not hold what its fit was asked, or its elements cannot be followed.
+        """
+        from threadpoolctl import threadpool_limits
+
+        problem = _problem_of(fit)
+        with threadpool_limits(limits=1):  # matrices of some hundred rows, as in a fit
+            return cls._of(fit, problem)
+
+    @classmethod
+    def _of(cls, fit: Calibration, problem: Problem) -> ErrorModel:
+        """Return the model of error of a fit that can be followed."""
+        fitted = np.array(list(fit.fitted.values()))
+        points = points_of(problem, fitted)
+        network = problem.experiments[0].network
+        values = network.numbers({p: v.value for p, v in fit.values.assignments.items()}).values
+        surfaces = constant_coefficients(network)
+        coefficients = {p: float(value_of(values[coefficient_path(c)])) for p, c in surfaces.items()}
+        emissivities = {p: float(value_of(values[c.emissivity])) for p, c in surfaces.items() if c.emissivity}
+        found = [fitted_way(problem, fitted, w, points) for w in ways_of(network, points, coefficients, emissivities)]
+        every = weights_of(np.concatenate([w.members.log_evidence for w in found]))
+        shares = np.split(every, np.cumsum([len(w.left) for w in found])[:-1])
+        misfit = float(np.sqrt(sum(share @ w.members.square for w, share in zip(found, shares, strict=True))))
+        named = {u.name: u for u in problem.unknowns}
+        ends = {n: u.fitted_bounds() for n, u in named.items()}
+        bounds = {n: (float(low), float(high)) for n, (low, high) in ends.items()}
+        ways = [KeptWay.of(w, share, bounds) for w, share in zip(found, shares, strict=True) if share.sum() > COUNTED]
+        total = sum(w.weight for w in ways)
+        seen = {n: SeenValue.of(named[n]) for n in ways[0].values}
+        return cls(fit.stage, seen, tuple(replace(w, weight=w.weight / total) for w in ways), misfit)
+
+    @property
+    def carriers(self) -> dict[str, float]:
+        """What may carry the heat of surfaces -> its probability by the readings, each as likely before them. [-]"""
+        return {w.name: w.weight for w in self.ways}
+
+    @property
+    def sizes(self) -> dict[str, float]:
+        """Size of a departure -> its root mean square by prior and readings."""
+        return {g: float(np.sqrt(sum(w.weight * w.sizes[g] ** 2 for w in self.ways))) for g in GROUPS} if self.ways else {}
+
+    @property
+    def contradiction(self) -> str:
+        """What of the readings no departure of a usual size explains, in words; empty where all is explained."""
+        if self.misfit > OUTSIDE:
+            return f"the readings lie {self.misfit:.2g} times further from the model than noise and all departures allow"
+        # of all departures that of a room alone extrapolates with no element: a wrong power hides in it
+        drift = self.sizes.get("room", 0.0) / SIZES["room"].value
+        if drift > FAR_SIZE:
+            return (
+                f"the readings ask for {drift:.2g} times the usual {SIZES['room'].effect} "
+                f"({self.sizes['room']:.2g} K beside {SIZES['room'].value:g} K)"
+            )
+        return ""
+
+    @property
+    def unknowns(self) -> tuple[str, ...]:
+        """Values of the fit that its runs share, in the order of `covariance`."""
+        return tuple(self.seen)
+
+    @cached_property
+    def covariance(self) -> Array:
+        """Covariance (values, values) of the values of the fit, in their fitted form."""
+        size = len(self.seen)
+        means = np.array([list(w.values.values()) for w in self.ways])
+        weights = np.array([w.weight for w in self.ways])
+        apart = means - weights @ means
+        within = sum(w.weight * w.root[:size, :size] @ w.root[:size, :size].T for w in self.ways)
+        return np.asarray(within + (weights[:, None] * apart).T @ apart)
+
+    def sample(self, count: int, seed: int = 0) -> Array:
+        """Return draws (values, count) of the values of the fit, in their fitted form."""
+        generator, size = np.random.default_rng(seed), len(self.seen)
+        which = generator.choice(len(self.ways), count, p=[w.weight for w in self.ways])
+        numbers = generator.standard_normal((size, count))
+        out = np.empty((size, count))
+        for k, way in enumerate(self.ways):
+            own = which == k
+            out[:, own] = np.array(list(way.values.values()))[:, None] + way.root[:size, :size] @ numbers[:, own]
+        return out
+
+    @property
+    def open_values(self) -> list[str]:
+        """Values whose posterior is nearly as wide as what was known before, the widest first."""
+        left = np.sqrt(np.diag(self.covariance)).tolist() if self.ways else []
+        parts = {n: sd / v.sd for (n, v), sd in zip(self.seen.items(), left, strict=False) if v.kind == "parameter"}
+        return sorted((n for n, part in parts.items() if part > KEPT_OF_PRIOR), key=lambda n: -parts[n])
+
+    def _as_rows(self) -> list[Row]:
+        """Return the sizes of departures."""
+        return [{"departure": g, "size": size, "unit": SIZES[g].unit} for g, size in self.sizes.items()]
+
+    def _summary(self) -> str:
+        """Return how much of what is usual the readings ask for."""
+        told = ", ".join(f"{name} {100 * p:.0f} %" for name, p in self.carriers.items())
+        return f"{self.stage}: {self.why or told}; readings at {self.misfit:.2g} times what is allowed of them"
+
+    def to_dict(self) -> dict[str, Any]:
+        """Return plain numbers and texts for a file."""
+        seen = {n: [v.kind, v.log, [list(a) for a in v.acts], v.mean, v.sd, v.low, v.high] for n, v in self.seen.items()}
+        ways = [w.to_dict() for w in self.ways]
+        return {"at": "", "stage": self.stage, "seen": seen, "ways": ways, "misfit": self.misfit, "why": self.why}
+
+    @classmethod
+    def from_dict(cls, data: Mapping[str, Any]) -> ErrorModel:
+        """Return what `to_dict` gave."""
+        at = data["at"]
+        seen = {
+            placed(n, at): SeenValue(kind, log, tuple((placed(a, at), float(f)) for a, f in acts), *map(float, rest))
+            for n, (kind, log, acts, *rest) in data["seen"].items()
+        }
+        ways = tuple(KeptWay.from_dict(w, at) for w in data["ways"])
+        return cls(data["stage"], seen, ways, float(data["misfit"]), data["why"])
+
+
+def deviation(c: UnknownColumn, sizes: Mapping[str, float], beyond: Mapping[str, tuple[str, float]]) -> float:
+    """Return the standard deviation of what a run has for itself; of an element also what lies further off than its features reach.
+
+    Parameters
+    ----------
+    c : UnknownColumn
+    sizes : dict    Group -> size.
+    beyond : dict   Conductor -> its class, and what of its variance lies further off. [-]
+    """
+    size = c.size * (sizes[c.group] if c.group else 1.0)
+    kind, rest = beyond.get(c.source, ("", 0.0)) if c.group == "run" else ("", 0.0)
+    return float(np.sqrt(size**2 + rest * sizes[kind] ** 2)) if kind else size
+
+
+def error_table(fit: Calibration) -> dict[str, Any]:
+    """Return the model of error of a fit as plain numbers: of values and what is left over alone where elements cannot be followed."""
+    try:
+        return ErrorModel.of(fit).to_dict()
+    except (ThermidError, np.linalg.LinAlgError) as error:
+        return errors_of_values(fit, getattr(error, "message", "its runs leave the sizes of departures open")).to_dict()
+
+
+def errors_of_values(fit: Calibration, why: str = "") -> ErrorModel:
+    """Return what is known where no element is followed: the errors of the fit's values, and what wanders in its residuals."""
+    assert fit.problem is not None
+    named = {u.name: u for u in fit.problem.unknowns if u.kind != "local" and u.name in fit.values}
+    seen = {n: SeenValue.of(u) for n, u in named.items()}
+    own = [list(fit.values).index(n) for n in named]
+    covariance = np.nan_to_num(fit.values.covariance[np.ix_(own, own)], nan=0.0, posinf=0.0, neginf=0.0)
+    sizes = [size for size in fit.values.provenance.get("misfit", {}).values() if size]
+    left = float(np.sqrt(np.mean(np.square(sizes)))) if sizes else 0.0
+    at = {n: fit.fitted[n] for n in named}
+    way = KeptWay(
+        "", 1.0, {}, at, Departures({}, ()), (), np.zeros(0), _triangular(covariance), dict.fromkeys(GROUPS, 0.0), ((1.0, left, 1.0 / 3.0),)
+    )
+    return ErrorModel(fit.stage, seen, (way,), 1.0, why)
+
+
+def placed(name: str, at: str) -> str:
+    """Return a name of a part as it is in a model where its paths begin with some text; names of instruments hold a space and stay."""
+    head = next((h for h in ("scale.", "initial.") if name.startswith(h)), "")
+    return name if " " in name else f"{head}{at}{name.removeprefix(head)}"
+
+
+def _shape(law: ElementLaw) -> dict[str, float]:
+    """Return what of a law is not known, where it is."""
+    return {"exponent": law.exponent, "share": law.share} if isinstance(law, SurfaceLaw) else {"trend": law.trend}
+
+
+def _triangular(covariance: Array) -> Array:
+    """Return a lower triangular root of a covariance."""
+    sizes = np.sqrt(np.maximum(np.diag(covariance), 1e-300))
+    alike = covariance / np.outer(sizes, sizes)
+    return np.asarray(sizes[:, None] * np.linalg.cholesky(0.5 * (alike + alike.T) + 1e-10 * np.eye(sizes.size)))
+
+
+def _short(values: Array) -> Any:
+    """Return numbers with as many digits as a file needs."""
+    return [_short(row) for row in values] if values.ndim > 1 else [float(f"{x:.{DIGITS}g}") for x in values]
+
+
+def _problem_of(fit: Calibration) -> Problem:
+    """Return what a fit compared.
+
+    Raises
+    ------
+    IdentificationError   When it is not there, or its elements cannot be followed.
+    """
+    problem = fit.problem
+    if problem is None or not any(u.kind == "parameter" for u in problem.unknowns):
+        raise IdentificationError("this calibration does not hold what its fit was asked. Run the fit again.", fit.stage, code=FOLLOWED)
+    if any(identity_of(e.model) != identity_of(fit.model) for e in problem.experiments):
+        text = "several levels were fitted together, and elements are followed in one."
+        raise IdentificationError(text, fit.stage, code=FOLLOWED)
+    if fit.model.runner is not None:
+        raise IdentificationError("the elements of an FMU are not known, so nothing is known of how they depart.", fit.stage, code=FOLLOWED)
+    return problem

@@ -1,0 +1,33 @@
+"""The model of error of a fit: what it leaves open of its values and of its elements, and how a run follows that."""
+
+from thermid.fit._error_model.elements import (
+    DepartureHeat as DepartureHeat,
+    course_of as course_of,
+    with_heats as with_heats,
+    with_laws as with_laws,
+)
+from thermid.fit._error_model.gaussian import NormalMixture as NormalMixture
+from thermid.fit._error_model.kept import (
+    FOLLOWED as FOLLOWED,
+    KEY as KEY,
+    ErrorModel as ErrorModel,
+    KeptWay as KeptWay,
+    SeenValue as SeenValue,
+    deviation as deviation,
+    errors_of_values as errors_of_values,
+)
+from thermid.fit._error_model.records import (
+    INSTRUMENT as INSTRUMENT,
+    ROOM as ROOM,
+    RUN as RUN,
+    START as START,
+    STRUCTURE as STRUCTURE,
+    UNEXPLAINED as UNEXPLAINED,
+    VALUES as VALUES,
+    BesideRow as BesideRow,
+    RecordRun as RecordRun,
+    problem_of_record as problem_of_record,
+    shared_with as shared_with,
+    split as split,
+)
+from thermid.fit._error_model.sizes import REACHED as REACHED, SIZES as SIZES, VALUES_DRAWN as VALUES_DRAWN
