@@ -405,7 +405,7 @@ class Budget:
         if own is None:
             return np.zeros(sources.shape[1], dtype=np.int64)
         ends = np.cumsum([w.weight for w in self.ways])
-        return np.minimum(np.searchsorted(ends, sources[own]), len(self.ways) - 1).astype(np.int64)
+        return np.asarray(np.minimum(np.searchsorted(ends, sources[own]), len(self.ways) - 1))
 
     @property
     def means(self) -> Array:
