@@ -160,7 +160,7 @@ class KeptWay:
                 "kind": s.kind,
                 "pivots": _short(s.pivots),
                 "centre": _short(s.centre),
-                "thinned": s.thinned,
+                "thinned": list(s.thinned),
             }
             for p, s in self.departures.smooth.items()
         }
@@ -195,7 +195,7 @@ class KeptWay:
                 s["kind"],
                 np.array(s["pivots"], dtype=float).reshape(-1, 2),
                 np.array(s["centre"], dtype=float),
-                bool(s["thinned"]),
+                tuple(map(bool, s["thinned"])),
             )
             for p, s in data["smooth"].items()
         }
