@@ -336,8 +336,8 @@ class ErrorModel(Result):
 
     def _summary(self) -> str:
         """Return how much of what is usual the readings ask for."""
-        told = ", ".join(f"{name} {100 * p:.0f} %" for name, p in self.carriers.items())
-        return f"{self.stage}: {self.why or told}; readings at {self.misfit:.2g} times what is allowed of them"
+        carriers = ", ".join(f"{name} {100 * p:.0f} %" for name, p in self.carriers.items())
+        return f"{self.stage}: {self.why or carriers}; readings at {self.misfit:.2g} times what is allowed of them"
 
     def to_dict(self) -> dict[str, Any]:
         """Return plain numbers and texts for a file."""
