@@ -28,4 +28,4 @@ from thermid.fit._error_model.records import (
     shared_with as shared_with,
     split as split,
 )
-from thermid.fit._error_model.sizes import REACHED as REACHED, SIZES as SIZES, VALUES_DRAWN as VALUES_DRAWN
+from thermid.fit._error_model.sizes import SIZES as SIZES

@@ -20,7 +20,7 @@ from thermid.base.files import TABLE, replacing
 from thermid.base.linear_algebra import Array
 from thermid.base.results import PlottedTrace, Result, Row
 from thermid.fit.calibration import Calibration
-from thermid.fit.error_model import REACHED, ROOM, RUN, STRUCTURE, UNEXPLAINED, VALUES, VALUES_DRAWN, NormalMixture
+from thermid.fit.error_model import ROOM, RUN, STRUCTURE, UNEXPLAINED, VALUES, NormalMixture
 from thermid.inference.criticism import ExplainedFit, explained, summary
 from thermid.measure.amounts import duration_text, short
 from thermid.model.parameters import UNJUDGED, Standing, worst
@@ -35,10 +35,11 @@ from thermid.prediction._budget import (
     budget_of,
     first_line,
     in_order,
+    listed,
 )
 from thermid.prediction._known import Known, Rows
 from thermid.prediction._setting import Drawn, Linear, Setting
-from thermid.simulation.runs import Solution, prepare, simulate
+from thermid.simulation.runs import Solution, simulate
 from thermid.simulation.scenarios import Scenario
 from thermid.simulation.solver import Options
 from thermid.values.store import LeftOut, Normal, Source, State
@@ -47,10 +48,8 @@ EXACT = 1e-9
 """Scatter of members below which they are one temperature, and rounding. [K]"""
 CAUSE_SHARE = 0.005
 """Share of a variance from which a table names its cause. [-]"""
-TELLING = 0.1
-"""Probability from which the other answer to what carries the heat is told. [-]"""
-MOSTLY = 0.5
-"""Share of a variance from which its cause is what a band mostly comes from. [-]"""
+TELLING, MOSTLY = 0.1, 0.5
+"""Probability from which the other answer to what carries the heat is told, and share of a variance that is most of it. [-]"""
 MEANING = {
     VALUES: "noise, instruments and priors leave the fitted values this uncertain",
     STRUCTURE: "elements depart from their laws, the more the further the run is from those that were fitted",
@@ -549,12 +548,12 @@ def predicted(
             last = {c: v[-1:] for c, v in parts.items()}
             drawn = end[None, :] if end is not None else None
             rest[n] = Band(n, times[-1:], centre[-1:], np.zeros(1), last, drawn, mixture=taken(mixture, slice(-1, None))).final
-    _refuse_unreachable(budget, bands, times)
     warnings = (
         *best.warnings,
         *budget.remarks,
         *([f"{why.words}, so {count} members were drawn"] if why.words else []),
         *([lost] if lost else []),
+        *undetermined_words(first, bands),
         *carrier_words(budget, bands),
     )
     left, least = _left_out(budget, bands)
@@ -563,37 +562,27 @@ def predicted(
     return Prediction(budget.model.title, budget.scenario.title, times, bands, rest, words, warnings, find, budget.standing, left, least)
 
 
-def _refuse_unreachable(budget: Budget, bands: Mapping[str, Band], times: Array) -> None:
-    """Refuse bands that are wider than what the network can reach at all, because a value is determined by no reading.
+def undetermined_words(answer: Answer, bands: Mapping[str, Band]) -> list[str]:
+    """Return which values no reading determines, of those that explain most of the end of a band; empty where there is none.
 
-    Raises
-    ------
-    IdentificationError   Names the value.
+    What a value v explains of a temperature T, both straight in the sources, is ``cov(T, v) / sd(v)``: one that others make up for explains
+    nothing.
     """
-    shares = {n: _shares({c: float(v.mean()) for c, v in b.parts.items()}) for n, b in bands.items()}
-    wide = [n for n, s in shares.items() if s.get(VALUES, 0.0) > MOSTLY] if budget.loose else []
-    if not wide:
-        return
-    also = {t.name: (t.name, *t.also) for t in budget.targets}
-    generator, draws = np.random.default_rng(0), dict[str, Array]()
-    for name, v in budget.loose.items():
-        drawn = np.clip(v.mean + v.sd * generator.standard_normal(VALUES_DRAWN), v.low, v.high)
-        draws |= dict.fromkeys(also[name], np.array([v.si(float(x)) for x in drawn]))
-    ready = prepare(budget.model, budget.scenario, tuple(draws), times=times)
-    many = ready.ensemble(ready.with_units(draws), nodes=wide)
-    for n in wide:
-        low, high = np.nanquantile(many.temperatures(n), [REACHED, 1.0 - REACHED], axis=1)
-        half, room = bands[n].half_width, 0.5 * (high - low)
-        if (half > room).any() and ((bands[n].kelvin + half > high) | (bands[n].kelvin - half < low)).any():
-            k = int((half - room).argmax())
-            raise IdentificationError(
-                f"no reading determines '{next(iter(budget.loose))}', and the band of '{n}', +- {half[k]:.3g} K at {times[k]:.3g} s, "
-                f"would be wider than what the network can reach with any value of it, {low[k] - ICE_POINT:.1f} "
-                f"to {high[k] - ICE_POINT:.1f} degC. "
-                "State a prior of it, or fit a run that determines it: next_test names one.",
-                budget.model.title,
-                code="prediction.value-undetermined",
+    budget, out = answer.setting.budget, list[str]()
+    for k, t in enumerate(budget.targets):
+        shared = budget.sizes * (budget.alike @ (budget.gain[k] * budget.sizes))
+        spread = float(budget.gain[k] @ shared)
+        if t.name not in budget.loose or not spread > 0.0:
+            continue
+        explained = {n: abs(float(answer.linear.columns[n][-2] @ shared)) / spread**0.5 for n in bands}
+        whole = {n: sum(float(v[-1]) for v in b.parts.values()) for n, b in bands.items()}
+        most = [n for n, kelvin in explained.items() if kelvin**2 > MOSTLY * whole[n] and kelvin > SMALL]
+        if most:
+            out.append(
+                f"no reading determines '{t.name}': what was known of it before is most of the band of {listed(most)}. State a narrower "
+                "prior of it, or fit a run that determines it: next_test names one"
             )
+    return out
 
 
 @dataclass(frozen=True, eq=False)

@@ -366,11 +366,6 @@ CODES: Final[Mapping[str, CodeMeaning]] = {
         "The elements of a fit cannot be followed: it joins levels, is somebody else's program, or does not hold what it was asked.",
         "Ask the fit of one level; bands of this one count its values and what is left over.",
     ),
-    "prediction.value-undetermined": CodeMeaning(
-        "error",
-        "No reading determines a value, and a band that counts it would be wider than what the network can reach at all.",
-        "State a prior of the value, or fit a run that determines it; next_test names one.",
-    ),
     "record.damaged": CodeMeaning(
         "error",
         "The file of a log is cut short, or is not of the format that its name says.",

@@ -134,6 +134,5 @@ CONDUCTORS, NODES = 24, 16
 ALL_COLUMNS: Final = 72
 """Features of all departures of a model together, at most: the cost grows with their cube. What lies outside of them is independent from
 run to run."""
-KEPT_OF_PRIOR, REACHED, VALUES_DRAWN = 0.5, 0.01, 64
-"""Part of what was known before that a value keeps where no reading determines it; share of all possible values that lead beyond what a
-network is said to reach, each side, and how many are drawn. [-]"""
+KEPT_OF_PRIOR = 0.5
+"""Part of what was known before that a value keeps where no reading determines it. [-]"""
