@@ -562,7 +562,7 @@ def predicted(
     return Prediction(budget.model.title, budget.scenario.title, times, bands, rest, words, warnings, find, budget.standing, left, least)
 
 
-def undetermined_words(answer: Answer, bands: Mapping[str, Band]) -> list[str]:
+def undetermined_words(answer: WayAnswer, bands: Mapping[str, Band]) -> list[str]:
     """Return which values no reading determines, of those that explain most of the end of a band; empty where there is none.
 
     What a value v explains of a temperature T, both straight in the sources, is ``cov(T, v) / sd(v)``: one that others make up for explains
