@@ -241,7 +241,7 @@ def _within(slopes: Array, rows: Array, reach: float) -> Array:
     return np.asarray(-(part * min(1.0, reach / length) if length > 0.0 else part) @ right)
 
 
-class _Runs:
+class _CountedRuns:
     """A problem as `descend` asks for it; residuals and derivatives come from one run, all runs on the steps of one among them."""
 
     def __init__(self, problem: LeastSquares, loss: str, loss_scale: float, progress: Callable[[int, float], None] | None) -> None:
@@ -329,7 +329,7 @@ def minimise(
         return ended(problem, at, loss, loss_scale, message="no parameter was free")
     low, high = (np.array(b) for b in zip(*(u.fitted_bounds() for u in unknowns), strict=True))
     bounds = np.nextafter(low, np.inf), np.nextafter(high, -np.inf)
-    runs = _Runs(problem, loss, loss_scale, progress)
+    runs = _CountedRuns(problem, loss, loss_scale, progress)
     at = np.clip(at, *bounds)
     try:
         runs.settle(at)  # a model that cannot be run at the start says why, in the integrator's words

@@ -6,7 +6,6 @@ from thermid.fit._discrepancy.discrepancy import (
     MOST as MOST,
     Discrepancy as Discrepancy,
     OperatingPoint as OperatingPoint,
-    coefficient_path as coefficient_path,
     constant_coefficients as constant_coefficients,
     discrepancy as discrepancy,
     discrepancy_kept as discrepancy_kept,

@@ -8,7 +8,6 @@ from thermid.fit._error_model.elements import (
 )
 from thermid.fit._error_model.gaussian import NormalMixture as NormalMixture
 from thermid.fit._error_model.kept import (
-    FOLLOWED as FOLLOWED,
     KEY as KEY,
     ErrorModel as ErrorModel,
     KeptWay as KeptWay,
@@ -17,7 +16,6 @@ from thermid.fit._error_model.kept import (
     errors_of_values as errors_of_values,
 )
 from thermid.fit._error_model.records import (
-    INSTRUMENT as INSTRUMENT,
     ROOM as ROOM,
     RUN as RUN,
     START as START,

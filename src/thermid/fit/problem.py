@@ -11,7 +11,6 @@ from thermid.fit._problem.experiment import (
     attached as attached,
     bind as bind,
     first_reading as first_reading,
-    of_a_sensor as of_a_sensor,
     power_while_on as power_while_on,
     role_and_target as role_and_target,
 )
@@ -40,7 +39,6 @@ from thermid.fit._problem.residuals import (
     SensorTrace as SensorTrace,
     Sums as Sums,
     Unknown as Unknown,
-    loss_of as loss_of,
     parameter_unknown as parameter_unknown,
     prior_rows as prior_rows,
     starting_point as starting_point,

@@ -86,7 +86,7 @@ DEFECTS = "hidden defects"
 """Cause: which of several defects that explain a fit its unit has; also what `without` calls them."""
 FORM, FORM_SHARE = "form of the defect", 0.05
 """Cause: a defect of the catalogue stands for one that may have another form; so much of what it changes over a run (RMS) is not known, as
-a standard deviation. A choice, half of the prior that deviations between kinds of run have. [-]"""
+a standard deviation. A choice. [-]"""
 Given = Mapping[str, Any] | Spread
 
 
@@ -528,7 +528,7 @@ def predicted(
     options: Options | None = None,
 ) -> Prediction:
     """Return what a budget says of its scenario; arguments as in `predict`."""
-    ways = [Answer.of(weight, own, nodes, every, times, options) for weight, own in budget.each]
+    ways = [WayAnswer.of(weight, own, nodes, every, times, options) for weight, own in budget.each]
     first = max(ways, key=lambda w: w.weight)
     times = first.setting.ready.times
     best = simulate(budget.model, budget.scenario, times=times, options=options) if budget.ways else first.linear.run
@@ -562,7 +562,7 @@ def predicted(
     return Prediction(budget.model.title, budget.scenario.title, times, bands, rest, words, warnings, find, budget.standing, left, least)
 
 
-def undetermined_words(answer: Answer, bands: Mapping[str, Band]) -> list[str]:
+def undetermined_words(answer: WayAnswer, bands: Mapping[str, Band]) -> list[str]:
     """Return which values no reading determines, of those that explain most of the end of a band; empty where there is none.
 
     What a value v explains of a temperature T, both straight in the sources, is ``cov(T, v) / sd(v)``: one that others make up for explains
@@ -586,7 +586,7 @@ def undetermined_words(answer: Answer, bands: Mapping[str, Band]) -> list[str]:
 
 
 @dataclass(frozen=True, eq=False)
-class Answer:
+class WayAnswer:
     """A budget's answer where the heat is carried in one way, and the probability of that."""
 
     weight: float
@@ -603,7 +603,7 @@ class Answer:
         times: Any,
         options: Options | None,
         scenario: Scenario | None = None,
-    ) -> Answer:
+    ) -> WayAnswer:
         """Return the answer of one way in the scenario of its budget, or in a variant of it."""
         setting = Setting.of(budget, scenario=scenario, every=every, times=times, options=options)
         return cls(weight, setting, setting.linear(nodes))
@@ -618,7 +618,9 @@ def taken(mixture: NormalMixture | None, times: slice) -> NormalMixture | None:
     return replace(mixture, means=mixture.means[:, times], variances=mixture.variances[:, times]) if mixture is not None else None
 
 
-def mixed_answer(ways: Sequence[Answer], node: str, best: Array) -> tuple[dict[str, Array], dict[str, Array], Array, NormalMixture | None]:
+def mixed_answer(
+    ways: Sequence[WayAnswer], node: str, best: Array
+) -> tuple[dict[str, Array], dict[str, Array], Array, NormalMixture | None]:
     """Return cause -> variance, cause -> what moves the centre from the run with the best values, the centre, and the mixture if it is one.
 
     Each at the times and where the run settles. [K]
@@ -666,7 +668,7 @@ Members = tuple[Array, Array]
 """Temperatures of members (times, members), and where these settle (members,). [K]"""
 
 
-def drawn_members(ways: Sequence[Answer], chosen: NDArray[np.int64], sources: Array, straight: bool) -> tuple[dict[str, Members], str]:
+def drawn_members(ways: Sequence[WayAnswer], chosen: NDArray[np.int64], sources: Array, straight: bool) -> tuple[dict[str, Members], str]:
     """Return node -> members that reached the end, and a remark on those that failed.
 
     Parameters

@@ -53,8 +53,6 @@ from thermid.values.store import LeftOut, error_table_of
 
 POINTS = 300
 """Times of a record at which its band is computed; straight lines between."""
-COARSE = 60
-"""Times at which it is computed how much of what wanders the run's own values follow."""
 SLICES = 120
 """Stretches of time between which residuals are looked at for what grows with a command."""
 SURE, STRONG = 3.0, 0.3

@@ -40,7 +40,7 @@ from thermid.model.tree import Model
 from thermid.physics.finishes import finish
 from thermid.prediction._budget import AVERAGED, Budget, budget_of
 from thermid.prediction._known import Known, Rows, instruments_of, rows_of
-from thermid.prediction._predict import Answer, mixed_answer
+from thermid.prediction._predict import WayAnswer, mixed_answer
 from thermid.simulation.network import compile_network
 from thermid.simulation.runs import Workers, in_tasks, network_for
 from thermid.simulation.scenarios import Scenario
@@ -319,7 +319,7 @@ class Before:
 
     def temperature(self, node: str, at: float) -> tuple[Array, float, dict[str, float]]:
         """Return how a temperature responds (sources,), its value, and cause -> error that no test takes away. [K]"""
-        ways = [Answer.of(w, own, [node], None, [at], None) for w, own in self.budget.each]
+        ways = [WayAnswer.of(w, own, [node], None, [at], None) for w, own in self.budget.each]
         (columns,) = max(ways, key=lambda w: w.weight).linear.columns.values()
         parts, _, centre, _ = mixed_answer(ways, next(iter(ways[0].linear.columns)), np.zeros(1))
         beside = {cause: float(np.sqrt(v[0])) for cause, v in parts.items() if cause in (*BESIDE, AVERAGED)}

@@ -5,7 +5,6 @@ from thermid.simulation._draws import draw as draw
 from thermid.simulation._ensemble import Ensemble as Ensemble, run_members as run_members
 from thermid.simulation._heat_map import margin_lines as margin_lines, margins as margins
 from thermid.simulation._many.kept import JobFolder as JobFolder, digest as digest
-from thermid.simulation._many.tally import CountGrid as CountGrid, Tally as Tally
 from thermid.simulation._many.tasks import Workers as Workers, in_tasks as in_tasks
 from thermid.simulation._simulator import (
     Simulator as Simulator,

@@ -1,1 +1,1 @@
-"""How far coefficients may depart from their values: within the structure, and from one kind of run to another."""
+"""Where coefficients, joints and assumed values were found, and what a further run may have for itself."""

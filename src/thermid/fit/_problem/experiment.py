@@ -195,17 +195,9 @@ def at_their_seats(record: Record) -> Record:
     return record.with_channels(*made) if made else record
 
 
-OF_A_SENSOR = "sensor_"
-"""How the name of a submodel begins that stands for a sensor and its leads."""
-
-
 def _named(channel: Channel) -> str:
-    return f"{OF_A_SENSOR}{re.sub(r'[^0-9A-Za-z_]', '_', channel.name)}"
-
-
-def of_a_sensor(path: str) -> bool:
-    """Whether a path lies in the submodel of a sensor, which belongs to its record and not to the model."""
-    return any(p.startswith(OF_A_SENSOR) for p in path.split("."))
+    """Return the name of the submodel that stands for a sensor and its leads."""
+    return f"sensor_{re.sub(r'[^0-9A-Za-z_]', '_', channel.name)}"
 
 
 def _seat(channel: Channel, node: str) -> Seat:

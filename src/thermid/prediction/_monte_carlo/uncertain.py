@@ -23,7 +23,7 @@ from thermid.physics.constants import ICE_POINT
 from thermid.prediction._budget import AVERAGED, Budget, Spread, assumed_left_out, budget_of, check_variants, first_line, in_order
 from thermid.prediction._known import known_of
 from thermid.prediction._monte_carlo.chunks import Chunk, ChunkStore, Job, chunks
-from thermid.prediction._predict import BENT, Answer, centre_words, mixed_answer
+from thermid.prediction._predict import BENT, WayAnswer, centre_words, mixed_answer
 from thermid.prediction._reduction.macro import assumed
 from thermid.prediction._setting import Setting
 from thermid.simulation.network import compile_network
@@ -202,7 +202,7 @@ class UncertainRuns(Result):
         job = self.job
         if job.variant is not None or not self.reached.size:
             return ""
-        ways = [Answer.of(w, own, self.nodes, None, job.times, job.options, job.scenarios[0]) for w, own in job.budget.each]
+        ways = [WayAnswer.of(w, own, self.nodes, None, job.times, job.options, job.scenarios[0]) for w, own in job.budget.each]
         best = simulate(job.model, job.scenarios[0], times=job.times, options=job.options)
         sources = job.budget.drawn(job.budget.numbers(job.seed, 0, len(self)))[:, self.reached]
         chosen = job.budget.chosen(sources)
