@@ -6,7 +6,7 @@
 from __future__ import annotations
 
 import os
-from collections.abc import Mapping, Sequence
+from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from statistics import NormalDist
 from typing import Any
@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 from thermid.base.arguments import takes_objects
 from thermid.base.errors import IdentificationError, NameNotFoundError, nearest
 from thermid.base.files import TABLE, replacing
-from thermid.base.linear_algebra import Array
+from thermid.base.linear_algebra import HALF_WIDTH_95, Array
 from thermid.base.results import PlottedTrace, Result, Row
 from thermid.fit.calibration import Calibration
 from thermid.fit.error_model import REACHED, ROOM, RUN, STRUCTURE, UNEXPLAINED, VALUES, VALUES_DRAWN, NormalMixture
@@ -38,6 +38,7 @@ from thermid.prediction._budget import (
 )
 from thermid.prediction._known import Known, Rows
 from thermid.prediction._setting import Drawn, Linear, Setting
+from thermid.simulation.network import compile_network
 from thermid.simulation.runs import Solution, prepare, simulate
 from thermid.simulation.scenarios import Scenario
 from thermid.simulation.solver import Options
@@ -49,8 +50,6 @@ CAUSE_SHARE = 0.005
 """Share of a variance from which a table names its cause. [-]"""
 TELLING = 0.1
 """Probability from which the other answer to what carries the heat is told. [-]"""
-MOSTLY = 0.5
-"""Share of a variance from which its cause is what a band mostly comes from. [-]"""
 MEANING = {
     VALUES: "noise, instruments and priors leave the fitted values this uncertain",
     STRUCTURE: "elements depart from their laws, the more the further the run is from those that were fitted",
@@ -549,7 +548,7 @@ def predicted(
             last = {c: v[-1:] for c, v in parts.items()}
             drawn = end[None, :] if end is not None else None
             rest[n] = Band(n, times[-1:], centre[-1:], np.zeros(1), last, drawn, mixture=taken(mixture, slice(-1, None))).final
-    _refuse_unreachable(budget, bands, times)
+    _refuse_unreachable(first, bands, times)
     warnings = (
         *best.warnings,
         *budget.remarks,
@@ -563,18 +562,25 @@ def predicted(
     return Prediction(budget.model.title, budget.scenario.title, times, bands, rest, words, warnings, find, budget.standing, left, least)
 
 
-def _refuse_unreachable(budget: Budget, bands: Mapping[str, Band], times: Array) -> None:
-    """Refuse bands that are wider than what the network can reach at all, because a value is determined by no reading.
+def _refuse_unreachable(first: Answer, bands: Mapping[str, Band], times: Array) -> None:
+    """Refuse bands that elements whose value no reading determines make wider than what the network can reach at all.
+
+    What such a value and the departures of its element do along a straight line is compared with runs at the values themselves.
 
     Raises
     ------
     IdentificationError   Names the value.
     """
-    shares = {n: _shares({c: float(v.mean()) for c, v in b.parts.items()}) for n, b in bands.items()}
-    wide = [n for n, s in shares.items() if s.get(VALUES, 0.0) > MOSTLY] if budget.loose else []
-    if not wide:
+    budget = first.setting.budget
+    if not budget.loose:
         return
     also = {t.name: (t.name, *t.also) for t in budget.targets}
+    own = _of_elements(budget, {n for name in budget.loose for n in also[name]})
+    columns = replace(first.setting, budget=own).linear(list(bands)).columns
+    halves = {n: HALF_WIDTH_95 * np.linalg.norm(c[:-1] * own.sizes, axis=1) for n, c in columns.items()}
+    wide = [n for n, half in halves.items() if half.max(initial=0.0) > SMALL]
+    if not wide:
+        return
     generator, draws = np.random.default_rng(0), dict[str, Array]()
     for name, v in budget.loose.items():
         drawn = np.clip(v.mean + v.sd * generator.standard_normal(VALUES_DRAWN), v.low, v.high)
@@ -583,9 +589,10 @@ def _refuse_unreachable(budget: Budget, bands: Mapping[str, Band], times: Array)
     many = ready.ensemble(ready.with_units(draws), nodes=wide)
     for n in wide:
         low, high = np.nanquantile(many.temperatures(n), [REACHED, 1.0 - REACHED], axis=1)
-        half, room = bands[n].half_width, 0.5 * (high - low)
-        if (half > room).any() and ((bands[n].kelvin + half > high) | (bands[n].kelvin - half < low)).any():
-            k = int((half - room).argmax())
+        half, room = halves[n], 0.5 * (high - low)
+        beyond = (half > room + SMALL) & ((bands[n].kelvin + half > high) | (bands[n].kelvin - half < low))
+        if beyond.any():
+            k = int(np.where(beyond, half - room, -np.inf).argmax())
             raise IdentificationError(
                 f"no reading determines '{next(iter(budget.loose))}', and the band of '{n}', +- {half[k]:.3g} K at {times[k]:.3g} s, "
                 f"would be wider than what the network can reach with any value of it, {low[k] - ICE_POINT:.1f} "
@@ -594,6 +601,18 @@ def _refuse_unreachable(budget: Budget, bands: Mapping[str, Band], times: Array)
                 budget.model.title,
                 code="prediction.value-undetermined",
             )
+
+
+def _of_elements(budget: Budget, values: Collection[str]) -> Budget:
+    """Return a budget of one way in which some values alone, and the elements that have them, are not known."""
+    flat = compile_network(budget.model).flat
+    roots = flat.parameters.literal_behind
+    named = {c.path for c in flat.conductors if {roots(f) for f in c.fields.values()} & {*values}}
+    departing = {c.name for way in budget.ways for kept in way.kept for c in kept.columns if c.source in named}
+    moved = {*values, *departing, *(f"{path} in this run" for path in named)}
+    return replace(
+        budget, gain=np.array([row if t.name in moved else 0.0 * row for t, row in zip(budget.targets, budget.gain, strict=True)])
+    )
 
 
 @dataclass(frozen=True, eq=False)
