@@ -597,7 +597,7 @@ def _refuse_unreachable(first: Answer, bands: Mapping[str, Band], times: Array) 
                 f"no reading determines '{next(iter(budget.loose))}', and the band of '{n}', +- {half[k]:.3g} K at {times[k]:.3g} s, "
                 f"would be wider than what the network can reach with any value of it, {low[k] - ICE_POINT:.1f} "
                 f"to {high[k] - ICE_POINT:.1f} degC. "
-                "State a prior of it, or fit a run that determines it: next_test names one.",
+                "State a narrower prior of it, or fit a run that determines it: next_test names one.",
                 budget.model.title,
                 code="prediction.value-undetermined",
             )
