@@ -325,9 +325,12 @@ class ErrorModel(Result):
 
     @property
     def open_values(self) -> list[str]:
-        """Values whose posterior is nearly as wide as what was known before, the widest first."""
+        """Values whose posterior is nearly as wide as what was known before, and wider than elements depart by; the widest first."""
         left = np.sqrt(np.diag(self.covariance)).tolist() if self.ways else []
-        parts = {n: sd / v.sd for (n, v), sd in zip(self.seen.items(), left, strict=False) if v.kind == "parameter"}
+        # a value that is stated better than a joint of known value departs from it is determined, by whoever stated it
+        least = {n: SIZES["joint"].value if v.log else 0.0 for n, v in self.seen.items()}
+        wide = ((n, v, sd) for (n, v), sd in zip(self.seen.items(), left, strict=False) if v.kind == "parameter" and sd > least[n])
+        parts = {n: sd / v.sd for n, v, sd in wide}
         return sorted((n for n, part in parts.items() if part > KEPT_OF_PRIOR), key=lambda n: -parts[n])
 
     def _as_rows(self) -> list[Row]:
