@@ -125,7 +125,7 @@ def scenario(study: Mismatch, which: str) -> Scenario:
 class Hits:
     """Of one node in one scenario, draw by draw: truth less prediction, and its standard error, with and without the discrepancy. [K]
 
-    `refused` counts draws whose fit was refused, since its log could not tell a value; nothing is predicted from them.
+    `refused` counts draws whose fit or prediction was refused, since the log could not tell a value.
     """
 
     missed: np.ndarray
@@ -156,15 +156,16 @@ def campaign(case: str, draws: int, seed: int) -> dict[tuple[str, str], Hits]:
     refused = 0
     for _ in range(draws):
         study, hidden = CASES[case](rng)
+        runs = {which: scenario(study, which) for which in SCENARIOS}
         try:
             found = calibrate(study.model, bench(study, hidden, rng), list(study.free))
+            told = {w: [predict(found, given, times=[9000.0, 18000.0], discrepancy=d) for d in (True, False)] for w, given in runs.items()}
         except IdentificationError:
             refused += 1
             continue
-        for which in SCENARIOS:
-            given = scenario(study, which)
+        for which, (wide, narrow) in told.items():
+            given = runs[which]
             truth = simulate(hidden, given)
-            wide, narrow = (predict(found, given, times=[9000.0, 18000.0], discrepancy=d) for d in (True, False))
             for node in study.sensors.values():
                 a, b = wide[node].final, narrow[node].final
                 rise = truth[node].final - given.boundaries[study.boundary].value + ICE

@@ -215,14 +215,16 @@ def _step(rows: Array, slopes: Array, x: Array, bounds: tuple[Array, Array], sca
     while free.any():
         way = np.zeros(x.size)
         way[free] = _within(slopes[:, free], rows + slopes[:, ~free] @ step[~free], reach) - step[free]
-        ends = np.where(way > 0.0, high - x, low - x) / scale
-        beyond = np.where(way > 0.0, step + way > ends, step + way < ends)
+        ends, move = np.where(way > 0.0, high - x, low - x), way * scale
+        room = ends - step * scale
+        beyond = np.where(way > 0.0, move > room, move < room)
         if not beyond.any():
             step = step + way
             break
-        part = np.divide(ends - step, way, out=np.full(x.size, np.inf), where=beyond)
+        part = np.divide(room, move, out=np.full(x.size, np.inf), where=beyond)
         met = part <= part.min()
-        step = np.where(met, ends, step + part.min() * way)
+        step = step + part.min() * way
+        step[met] = ends[met] / scale[met]
         free &= ~met
     return step * scale
 

@@ -79,4 +79,3 @@ def test_what_is_kept_back_leaves_nothing_in_what_is_told_of_a_fit(tmp_path: Pat
     unit = two_stages(tmp_path, 'as = "fixed", without = ["g.conductance"]', course="")["unit"]
     told = unit.store.provenance["gyro"]["structural"]
     assert told["names"] == []
-    assert all(m["response"] == [] for m in told["modes"])
