@@ -10,6 +10,7 @@ from typing import Any, Literal
 import numpy as np
 
 from thermid.base.arguments import takes_objects
+from thermid.base.codes import CodedText
 from thermid.base.dual import value_of
 from thermid.base.errors import IdentificationError, NameNotFoundError, ScenarioError, SolverError
 from thermid.base.linear_algebra import Array, Indices, quadratic_forms, symmetric_inverse
@@ -285,6 +286,11 @@ def check_variants(stated: Mapping[str, Any], model: Model, scenarios: Sequence[
 
 
 Stated = Mapping[str, Any] | Spread
+WRONG = (
+    "a column, a unit, a power or a noise of the logs is wrong, or an element is missing, and the bands do not hold that. "
+    "criticise looks for it"
+)
+"""What is said where no departure of a usual size explains the readings of a fit."""
 
 
 @dataclass(frozen=True)
@@ -665,7 +671,8 @@ def budget_of(
     make = replace(make, followed=followed_by(source.kept), said=said_of_assumed(source.kept)).with_stated(plain)
     unseen = UNSEEN if own.runner is not None else ""
     unsought = UNSOUGHT if source.fit is not None and asks(source.fit) else ""
-    whole = replace(make, remarks=tuple(r for r in (unseen, unsought, remark) if r))
+    against = (CodedText(f"{e.contradiction}: {WRONG}", "prediction.readings-contradict") for e in errors if e.contradiction)
+    whole = replace(make, remarks=tuple(r for r in (*against, unseen, unsought, remark) if r))
     told = left_out_of(source, whole, errors, without)
     return replace(whole.without(without), omitted=told, standing=source.standing)
 

@@ -28,6 +28,7 @@ from thermid.model.tree import Model
 from thermid.physics.constants import ICE_POINT
 from thermid.prediction._budget import (
     AVERAGED,
+    GAS_IN_JOINTS,
     UNSOUGHT,
     Budget,
     Spread,
@@ -57,6 +58,7 @@ MEANING = {
     ROOM: "a room drifts about what is logged of it",
     UNEXPLAINED: "residuals that no departure of an element follows",
     AVERAGED: "whether free air or a fan carries the heat of surfaces",
+    GAS_IN_JOINTS: "no log shows how much of a joint is conduction through the gas between its faces",
 }
 """Cause -> what it stands for."""
 NARROWS = {
@@ -66,6 +68,7 @@ NARROWS = {
     ROOM: "a room that is logged better, or held",
     UNEXPLAINED: "an element that explains what the residuals show: criticise looks for it",
     AVERAGED: "a deck that states what carries the heat (carried_by), or a run at another difference",
+    GAS_IN_JOINTS: "a record at low pressure, or a gap in the deck",
 }
 """Cause -> what would narrow a band that comes from it."""
 PROBES = 32

@@ -232,7 +232,8 @@ class Advice(Result):
         felt = {cause: error for cause, error in self.beside.items() if error >= FELT * self.now}
         if felt:
             named = ", ".join(f"{cause} +- {short(error)} K" for cause, error in felt.items())
-            lines.append(f"  Not included in these figures: {named}.")
+            nearer = f" No test is credited with what it tells of '{STRUCTURE}': one in the gas and near the state asked narrows it."
+            lines.append(f"  Not included in these figures: {named}.{nearer if STRUCTURE in felt else ''}")
         lines += [f"  {remark}" for remark in self.remarks]
         return "\n".join(lines)
 

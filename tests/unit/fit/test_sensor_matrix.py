@@ -193,7 +193,7 @@ def identified(c: Cell) -> None:
 
 def bounded(c: Cell) -> None:
     found = td.inference.discrepancy(c.fit)
-    finite(list(found.misfit.values()))
+    finite(td.inference.ErrorModel.of(c.fit).covariance)
     assert set(found.conditions) == {"skin"}  # whatever its sensors add to the model
     assert "case" in str(td.inference.plausibility(c.fit))
 

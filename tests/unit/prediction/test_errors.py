@@ -10,7 +10,9 @@ import numpy as np
 import pytest
 
 import thermid as td
+from thermid.base.codes import code_of
 from thermid.base.errors import IdentificationError
+from thermid.fit.error_model import ErrorModel
 from thermid.model.laws import TableSignal
 from thermid.prediction.bands import predict_record
 from unit.fit.bench import BOX, HTC, MASS, box, deck, log, metered
@@ -128,7 +130,23 @@ def test_logs_that_no_departure_explains_are_said_first() -> None:
     """The deck's power of 4 W throughout, in logs that switch it off and halve it."""
     unmetered = [_log(p, k).select("T", "ROOM") for k, p in enumerate((4.0, 2.0))]
     wrong = td.calibrate(box(), unmetered, [HTC, MASS], search="local")
-    assert "what is wrong where the readings ask for" in td.predict(wrong, _asked(6.0)).not_counted
+    told = td.predict(wrong, _asked(6.0))
+    assert "what is wrong where the readings ask for" in told.not_counted
+    assert told.not_counted in str(told).splitlines()[:2]  # behind the standing of the fit
+    (coded,) = (w for w in told.warnings if code_of(w) == "prediction.readings-contradict")
+    assert "a power or a noise of the logs is wrong" in coded
+    assert coded in predict_record(wrong, unmetered[0]).warnings
+
+
+def test_readings_that_a_model_follows_are_not_said_to_contradict_it(fit: td.Calibration) -> None:
+    told = td.predict(fit, _asked(6.0))
+    assert "what is wrong" not in told.not_counted
+    assert not any(code_of(w) == "prediction.readings-contradict" for w in told.warnings)
+
+
+@pytest.mark.parametrize(("misfit", "said"), [(1.9, False), (2.1, True)])
+def test_readings_outside_of_what_noise_and_departures_allow_contradict(misfit: float, said: bool) -> None:
+    assert bool(ErrorModel("box", misfit=misfit).contradiction) is said
 
 
 def _with_core(prior: str) -> td.Calibration:

@@ -10,6 +10,8 @@ import pytest
 
 import thermid as td
 from thermid.base.errors import DeckError
+from thermid.fit._error_model.sizes import LENGTHS
+from thermid.fit.error_model import SIZES
 from thermid.measure.records import Channel, Record
 from thermid.model.deck import save_model
 from thermid.physics.constants import ICE_POINT
@@ -89,11 +91,12 @@ def predicted(seed: int, natural: bool, carried_by: str, lit: bool = False, aske
 
 @dataclass(frozen=True)
 class Misses:
-    """Truth less prediction at the end, standard error, and half-width of the band (draws, nodes). [K]"""
+    """Truth less prediction at the end, standard error, half-width of the band, and that of `usual` elements (draws, nodes). [K]"""
 
     off: np.ndarray
     error: np.ndarray
     half: np.ndarray
+    most: np.ndarray
 
     @property
     def inside(self) -> float:
@@ -111,9 +114,24 @@ def misses(draws: int, natural: bool, carried_by: str, lit: bool = False, seed: 
     for k in range(draws):
         truth, told = predicted(seed + k, natural, carried_by, lit, asked)
         run = td.simulate(truth, asked, times=TIMES)
-        rows.append([(run[n].kelvin[-1] - told[n].kelvin[-1], told[n].error[-1], told[n].half_width[-1]) for n in ("board", "case")])
-    table = np.array(rows)
-    return Misses(table[:, :, 0], table[:, :, 1], table[:, :, 2])
+        kelvin = {n: told[n].kelvin for n in ("board", "case")}
+        most = 1.96 * usual(asked, not carried_by)
+        rows.append(
+            [(run[n].kelvin[-1] - k[-1], told[n].error[-1], told[n].half_width[-1], most * (k[-1] - k[0])) for n, k in kelvin.items()]
+        )
+    return Misses(*np.moveaxis(np.array(rows), 2, 0))
+
+
+def usual(asked: td.Scenario, silent: bool) -> float:
+    """Standard deviation of a rise, in parts of it, by what elements usually depart by from where one run has shown them at 8 W.
+
+    Both elements together depart by no more than one of them that has all of the rise: smoothly with difference and level, and from run
+    to run twice. Free air and a fan differ by what a difference to the power of 0.27 does, half of it either way.
+    """
+    ratio, colder = float(asked.loads["heat"].at(np.zeros(1))[0]) / 8.0, float(asked.boundaries["air"].at(np.zeros(1))[0]) - ICE_POINT - AIR
+    apart = (np.log(ratio) / LENGTHS[0]) ** 2 + (colder / LENGTHS[1]) ** 2
+    carried = 0.5 * abs(1.0 - ratio ** (1.0 / 1.27 - 1.0)) if silent else 0.0
+    return float(np.sqrt(SIZES["surface"].value ** 2 * (1.0 - np.exp(-apart)) + 2.0 * SIZES["run"].value ** 2 + carried**2))
 
 
 def check_silent(draws: int, seed: int) -> None:
@@ -124,7 +142,8 @@ def check_silent(draws: int, seed: int) -> None:
     print(f"seed {seed}: inside {constant.inside:.3f} and {natural.inside:.3f}, mean z {constant.scores.mean(axis=0).round(2)} and "
           f"{natural.scores.mean(axis=0).round(2)}, half-width over pooled RMS error {ratio.round(2)}")  # fmt: skip
     assert min(constant.inside, natural.inside) >= 0.9
-    assert ratio.max() <= 4.5  # of one run nobody can tell that the next is not 2.7 % another, as none here is
+    # none of these benches departs from its law, which one run cannot tell: bands are wider than their errors, but not than usual ones
+    assert all((m.half <= m.most).all() for m in (constant, natural))
     # neither truth lies at the edge of the band: hotter than predicted in 200 of 200 draws, by 1.4 to 1.9 errors, it did
     assert np.abs(constant.scores.mean(axis=0)).max() <= 1.1
     assert np.abs(natural.scores.mean(axis=0)).max() <= 1.1
@@ -134,10 +153,10 @@ def check_stated(found: Misses, draws: int) -> None:
     mean, sd = found.scores.mean(axis=0), found.scores.std(axis=0, ddof=1)
     print(f"inside {found.inside:.3f}, mean z {mean.round(2)}, sd of z {sd.round(2)}")
     chance = 3.0 / np.sqrt(draws) if draws < 200 else 0.0
-    # no bench of these differs from run to run, which nobody can tell from one: bands are wider than their errors
+    # none of these benches departs from its law, which one run cannot tell: bands are wider than their errors, but not than usual ones
     assert found.inside >= 0.93
+    assert (found.half <= found.most).all()
     assert np.abs(mean).max() <= 0.6 + chance
-    assert sd.min() >= 0.2
 
 
 def test_a_deck_that_says_nothing_holds_both_truths() -> None:

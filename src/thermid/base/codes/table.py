@@ -366,6 +366,11 @@ CODES: Final[Mapping[str, CodeMeaning]] = {
         "The elements of a fit cannot be followed: it joins levels, is somebody else's program, or does not hold what it was asked.",
         "Ask the fit of one level; bands of this one count its values and what is left over.",
     ),
+    "prediction.readings-contradict": CodeMeaning(
+        "remark",
+        "No departure of a usual size explains the readings of a fit, so its bands do not hold what is wrong.",
+        "Look for a wrong column, unit, power or noise of the logs, or for a missing element: criticise does.",
+    ),
     "record.damaged": CodeMeaning(
         "error",
         "The file of a log is cut short, or is not of the format that its name says.",

@@ -109,7 +109,8 @@ def test_every_route_lays_what_applies_and_leaves_out_what_does_not(folder: Path
 def test_every_route_tells_that_the_deck_is_another(folder: Path, route: Callable[[Path], tuple[float, str]]) -> None:
     (folder / "plate.toml").write_text(DECK.replace("0.5 [W/K]", "0.8 [W/K]"))
     bare, said = route(folder)
-    assert bare == pytest.approx(20.0 + 10.0 / 0.8, abs=0.1)
+    # members differ by 0.53 K, since parts differ from run to run by some per cent: the median of 64 has an error of 0.08 K
+    assert bare == pytest.approx(20.0 + 10.0 / 0.8, abs=0.3 if route is by_hold else 0.1)
     assert f"{G} = " in said
     assert "the deck has 0.8 [W/K], but had 0.5 [W/K] when this value was fitted." in said
 
