@@ -761,6 +761,7 @@ def assumed_left_out(budget: Budget, nodes: Sequence[str] | None = None) -> tupl
     spread = budget.spread
     spread |= {f"{n.removeprefix('scale.')}.power" for n in spread if n.startswith("scale.")}
     spread |= {f"{budget.model.canonical(load)}.power" for load in budget.scenario.loads}
+    spread |= _emissivities_of_laws(budget)
     loose = assumed_values(budget.model, budget.scenario, spread)
     if not loose:
         return ()
@@ -785,6 +786,14 @@ def assumed_left_out(budget: Budget, nodes: Sequence[str] | None = None) -> tupl
     if worst and effect[worst] > 0.0 and len(loose) > 1:
         words += f"; {_costliest([a.path for a in loose], each[worst])}"
     return ((LeftOut(words, max(effect.values(), default=0.0)), effect),)
+
+
+def _emissivities_of_laws(budget: Budget) -> set[str]:
+    """Return the emissivities that laws of elements count, as the share of radiation in a coefficient."""
+    lawful = {p for way in budget.ways for kept in way.kept for p in kept.laws}
+    flat = compile_network(budget.model).flat
+    stated = [c.emissivity for c in flat.conductors if c.path in lawful and c.emissivity]
+    return {name for e in stated for name in (e, flat.parameters.literal_behind(e))}
 
 
 def _solved_again(budget: Budget, paths: Sequence[str]) -> dict[str, dict[str, float]]:
