@@ -151,7 +151,9 @@ def test_a_proved_defect_carries_the_prediction(defect: str, named: str) -> None
     assert told.standing.fair
     assert told.standing.exit_code == 0
     assert abs(kelvin[at] - told["board"].kelvin[at]) <= told["board"].half_width[at]
-    assert told["board"].half_width[at] < 0.2 * plain["board"].half_width[at]
+    # what surfaces and a run may differ by at another power is open with the defect too: of the width only what it explains goes
+    assert told["board"].half_width[at] < plain["board"].half_width[at]
+    assert abs(kelvin[at] - told["board"].kelvin[at]) < 0.2 * abs(kelvin[at] - plain["board"].kelvin[at])
     assert plain.standing.state == "not adequate"
     assert plain.explanation == ""
     drawn = predict(fit, asked, times=TIMES[::30], draws=20)

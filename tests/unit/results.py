@@ -67,6 +67,9 @@ def of_a_fit(folder: Path) -> dict[str, Any]:
         "difference": td.inference.difference(model, box(), HOT),
         "changes": td.inference.compare_models(model, box(), [HOT]),
         "sizing": td.design.size(model, HTC, [td.qualify.Limits("case", "case", (-np.inf, "90 [degC]"))], [HOT], between=(2.0, 19.0)),
+        "worst cases": td.design.worst_case(
+            box(), [td.qualify.Limits("case", "case", (-np.inf, "90 [degC]"))], HOT, {"air": ("20 [degC]", "40 [degC]")}
+        ),
         "uncertain runs": runs,
         "hold": td.qualify.hold(runs, {"case": "60 [degC]"}),
         "criteria": td.Criteria(rmse="1 [K]"),

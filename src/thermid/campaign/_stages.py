@@ -93,7 +93,7 @@ def request_of(source: CampaignSource, stage: StageTable, k: int, done: Mapping[
             *hidden,
             *moving_together(store, prior, shared),
             *counted_twice(store, prior, records),
-            *not_inherited(source, model, stage, {*free, *(p for s in store.parameters.values() for p in s.paths)}, done, shared),
+            *not_inherited(source, model, k, {*free, *(p for s in store.parameters.values() for p in s.paths)}, done, shared),
         ),
         seen=store.seen,
         readings=readings_of(stage.readings),
@@ -224,20 +224,22 @@ def moving_together(store: Store, prior: Sequence[str], shared: Mapping[str, tup
 def not_inherited(
     source: CampaignSource,
     model: Model,
-    stage: StageTable,
+    k: int,
     paths: Iterable[str],
     done: Mapping[str, Calibration],
     shared: Mapping[str, Sequence[str]],
 ) -> Iterator[str]:
-    """Yield a remark for every stage whose deck is a part of this model that keeps the deck's values, because nothing inherits them.
+    """Yield a remark for every earlier stage whose deck is a part of this model that keeps the deck's values, as nothing inherits them.
 
     Parameters
     ----------
+    k : int             Which stage of the campaign this is; in the studio, later ones may be done too.
     paths : iterable    What the stage frees or inherits.
     shared : dict       As in `moving_together`.
     """
     reached = {q for p in paths for q in shared.get(p, (p,))}
-    for earlier in (e for e in source.content.stages if e.name in done and e.model != stage.model):
+    stages = source.content.stages
+    for earlier in (e for e in stages[:k] if e.name in done and e.model != stages[k].model):
         deck = definition_of(source.model(earlier.model, earlier.name))
         fitted = {p for p, s in done[earlier.name].store.parameters.items() if s.origin.stage == earlier.name}
         parts = [f"'{at[:-1]}'" for at, definition in instances(model) if definition == deck and not {at + p for p in fitted} <= reached]

@@ -137,7 +137,7 @@ def descend(
 
     Steps s stay within a region of trust, |s / scale| <= reach, and promise most in there (Levenberg and Marquardt's: More, Lecture Notes
     in Mathematics 630 (1978) 105). It shrinks where a step gains less than a quarter of what it promises, and grows where it gains three
-    quarters. What would cross a bound stops there, and the others follow. A SolverError turns back, but of the start.
+    quarters. What meets a bound stops there, and the others go on. A SolverError turns back, but of the start.
 
     Parameters
     ----------
@@ -197,7 +197,9 @@ def _promised(rows: Array, slopes: Array, step: Array) -> float:
 
 
 def _step(rows: Array, slopes: Array, x: Array, bounds: tuple[Array, Array], scale: Array, reach: float) -> Array:
-    """Return the step (unknowns,) within a region of trust that promises most, unknowns held at bounds that it meets.
+    """Return the step (unknowns,) within a region of trust that promises most, as far as the first bound, and on from there along it.
+
+    Every part of the way promises something: unknowns that were all set on the bounds beyond which they are best together need not.
 
     Raises
     ------
@@ -211,13 +213,19 @@ def _step(rows: Array, slopes: Array, x: Array, bounds: tuple[Array, Array], sca
     free = ~(((x <= low) & (gradient > 0.0)) | ((x >= high) & (gradient < 0.0)))
     step = np.zeros(x.size)
     while free.any():
-        step[free] = _within(slopes[:, free], rows + slopes[:, ~free] @ step[~free], reach)
-        end = x + step * scale
-        beyond = free & ((end < low) | (end > high))
+        way = np.zeros(x.size)
+        way[free] = _within(slopes[:, free], rows + slopes[:, ~free] @ step[~free], reach) - step[free]
+        ends, move = np.where(way > 0.0, high - x, low - x), way * scale
+        room = ends - step * scale
+        beyond = np.where(way > 0.0, move > room, move < room)
         if not beyond.any():
+            step = step + way
             break
-        step[beyond] = (np.clip(end, low, high) - x)[beyond] / scale[beyond]
-        free &= ~beyond
+        part = np.divide(room, move, out=np.full(x.size, np.inf), where=beyond)
+        met = part <= part.min()
+        step = step + part.min() * way
+        step[met] = ends[met] / scale[met]
+        free &= ~met
     return step * scale
 
 

@@ -13,6 +13,7 @@ from thermid.inference._explain.structures import (
     StructureSearch as StructureSearch,
     adopted as adopted,
     fitted_structure as fitted_structure,
+    promises as promises,
     search_structure as search_structure,
 )
-from thermid.inference._explain.thresholds import EVALUATIONS as EVALUATIONS
+from thermid.inference._explain.thresholds import CHALLENGES as CHALLENGES, EVALUATIONS as EVALUATIONS

@@ -558,7 +558,7 @@ def predicted(
     )
     left, least = _left_out(budget, bands)
     widest = max((b.final for b in bands.values()), key=lambda e: e.error, default=None)
-    words = meaning(widest.shares if widest is not None else {})
+    words = meaning(widest.shares if widest is not None else {}, budget)
     return Prediction(budget.model.title, budget.scenario.title, times, bands, rest, words, warnings, find, budget.standing, left, least)
 
 
@@ -647,16 +647,21 @@ def mixed_answer(
     return parts, shifts, centre, mixture
 
 
-def meaning(shares: Mapping[str, float]) -> dict[str, str]:
+def meaning(shares: Mapping[str, float], budget: Budget) -> dict[str, str]:
     """Return cause -> what it stands for; of the largest also what would narrow a band that comes from it.
 
     Parameters
     ----------
     shares : dict   Cause -> its share of the variance of the widest band. [-]
     """
-    largest = max(shares, key=shares.__getitem__, default="")
-    told = {c: MEANING[c] for c, share in shares.items() if c in MEANING and share >= CAUSE_SHARE}
-    return {c: f"{text}; narrower by {NARROWS[c]}" if c == largest and c in NARROWS else text for c, text in told.items()}
+    largest, out = max(shares, key=shares.__getitem__, default=""), {}
+    for cause in (c for c, share in shares.items() if share >= CAUSE_SHARE):
+        own = [k for k, c in enumerate(budget.causes) if c == cause]
+        names = [t.name for t, row in zip(budget.targets, budget.gain, strict=True) if row[own].any()]
+        out[cause] = MEANING.get(cause) or f"what is not known of {listed(names)}"
+        if cause == largest and cause in NARROWS:
+            out[cause] += f"; narrower by {NARROWS[cause]}"
+    return out
 
 
 Members = tuple[Array, Array]

@@ -153,7 +153,7 @@ class SmoothTable(StrictTable):
     kind: str
     pivots: list[Pair]
     centre: list[Real]
-    thinned: Flag
+    thinned: list[Flag]
 
 
 class WayTable(StrictTable):

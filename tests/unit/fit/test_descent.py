@@ -6,7 +6,7 @@ from collections.abc import Callable
 
 import numpy as np
 import pytest
-from scipy.optimize import brentq, least_squares
+from scipy.optimize import brentq, least_squares, lsq_linear
 
 from thermid.base.errors import SolverError
 from thermid.fit._minimisation import _within, descend
@@ -155,3 +155,16 @@ def test_an_end_is_as_good_as_readings_that_exceed_their_noise_can_tell() -> Non
 def test_it_gives_up_after_so_many_evaluations() -> None:
     end = descend(rosenbrock(), np.array([-1.2, 1.0]), FREE, np.ones(2), rounds=5)
     assert not end.converged
+
+
+@pytest.mark.parametrize("seed", range(20))
+def test_a_linear_problem_ends_at_its_least_within_bounds(seed: int) -> None:
+    """Unknowns that depend on one another: the least over all may lie beyond bounds at which none of them is best."""
+    rng = np.random.default_rng(seed)
+    slopes = rng.standard_normal((8, 5)) @ np.diag(10.0 ** rng.uniform(-1.0, 2.0, 5)) @ rng.standard_normal((5, 5))
+    rows, low = 100.0 * rng.standard_normal(8), -rng.uniform(0.1, 1.0, 5)
+
+    local = of(lambda x: rows + slopes @ x, lambda _: slopes)
+    end = descend(local, np.zeros(5), (low, low + 1.2), np.ones(5), done=1e-6)
+    least = lsq_linear(slopes, -rows, (low, low + 1.2), method="bvls").cost
+    assert local(end.x)[0] == pytest.approx(least, rel=1e-6)

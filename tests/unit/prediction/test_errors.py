@@ -131,20 +131,33 @@ def test_logs_that_no_departure_explains_are_said_first() -> None:
     assert "what is wrong where the readings ask for" in td.predict(wrong, _asked(6.0)).not_counted
 
 
-def test_a_value_that_no_reading_determines_is_named_and_its_band_is_what_the_network_can_reach() -> None:
-    """No power goes into the core, so nothing says how it is joined; its prior is all that is said of it."""
+def _with_core(prior: str) -> td.Calibration:
+    """A fit with a core that no power goes into, so that nothing but a prior says how it is joined."""
     made: dict[str, Any] = deck(base=BOX)
     made["nodes"]["core"] = {"capacitance": "0.1 [J/K]"}
     joint = {"value": "0.5 [W/K]", "min": 0.1, "max": 2.5}
     made["conductors"] = {"joint": {"kind": "conduction", "between": ["core", "case"], "conductance": joint}}
     made["loads"]["inside"] = {"into": "core", "power": "0 [W]"}
-    model = td.model_from_dict(made)
-    record = _log(4.0, 0)
-    fit = td.calibrate(model, record, [HTC, "joint.conductance"], priors={"joint.conductance": ("0.5 [W/K]", "150 [%]")}, search="local")
-    told = td.predict(fit, _asked(6.0).with_(loads={"heat": "2 [W]", "inside": "1 [W]"}))
+    priors = {"joint.conductance": ("0.5 [W/K]", prior)}
+    return td.calibrate(td.model_from_dict(made), _log(4.0, 0), [HTC, "joint.conductance"], priors=priors, search="local")
+
+
+def _into_core(watts: float) -> td.Scenario:
+    return _asked(6.0).with_(loads={"heat": "2 [W]", "inside": f"{watts} [W]"})
+
+
+def test_a_value_that_no_reading_determines_is_named_and_its_band_is_what_the_network_can_reach() -> None:
+    told = td.predict(_with_core("150 [%]"), _into_core(1.0))
     assert any("no reading determines 'joint.conductance'" in w and "'core'" in w for w in told.warnings)
     assert not any("'case'" in w and "no reading determines" in w for w in told.warnings)
     core, case = told["core"].final, told["case"].final
     # 1 W through 0.1 to 2.5 W/K
     assert case.low < core.low
     assert core.high < case.high + 10.0
+
+
+def test_a_value_that_is_stated_better_than_joints_depart_is_predicted() -> None:
+    """No reading is needed of what was measured elsewhere; the band holds what the prior does."""
+    band = td.predict(_with_core("10 [%]"), _into_core(1.0))["core"].final
+    case = td.predict(_with_core("10 [%]"), _into_core(1.0))["case"].final
+    assert band.low < case.celsius + 1.0 / (0.5 * 1.2) < case.celsius + 1.0 / (0.5 / 1.2) < band.high

@@ -15,7 +15,7 @@ from scipy.linalg import block_diag
 from thermid.base.errors import ThermidError
 from thermid.base.linear_algebra import Indices
 from thermid.fit.problem import build_problem
-from thermid.inference.criticism import Fitted, FittedStructure, MissingElement, fitted_structure
+from thermid.inference.criticism import CHALLENGES, Fitted, FittedStructure, MissingElement, fitted_structure, promises
 from thermid.measure.records import FloatArray, Record
 
 MOST_INSTANTS = 12
@@ -95,11 +95,11 @@ class Instants:
         return replace(self, shifts=np.clip(moved, -FARTHEST_SHIFT * self.step, FARTHEST_SHIFT * self.step))
 
 
-def found_instants(begun: FittedStructure, changes: Callable[[Fitted], Sequence[MissingElement]]) -> dict[str, Instants]:
+def found_instants(begun: FittedStructure, changes: Callable[[Fitted], Sequence[MissingElement]]) -> Mapping[str, Instants]:
     """Return record -> when its powers changed, for records whose readings prove it.
 
-    Each instant is an unknown beside those of the structure at the beginning with a mass that takes the heat, which would answer a delay
-    too.
+    Each instant is an unknown beside those of the structure. A mass would answer a delay too, so instants have to fit the readings better
+    than one mass more does, whichever fits them best.
 
     Parameters
     ----------
@@ -110,8 +110,21 @@ def found_instants(begun: FittedStructure, changes: Callable[[Fitted], Sequence[
     asked = {r.name: _unmoved(r, edges) for r in records if (edges := _edges(r, _driven(r))).size}
     if not asked:
         return {}
-    one = _with_a_mass(begun, changes)
-    ends, at, found = [], one, asked
+    rival = _with_a_mass(begun, changes)
+    (cost, found, at), other = (_settled(one, asked) for one in (begun, rival))
+    reduced = max(min(e.end.chi_square / max(e.problem.freedom, 1.0) for e in (at, other[2])), 1e-12)
+    if other[0] < cost - PROVES_INSTANT * reduced:  # a mass beside the instants has to prove itself too: one for nothing would move them
+        cost, found, at = other
+    if any(float(np.ptp(f.shifts)) > 1.1 * f.step for f in found.values()):
+        return {}  # each is in the interval before its sample, on one clock: what differs by more is no instant, but a mass
+    if all(float(np.max(np.abs(f.shifts))) < 0.2 * f.step for f in found.values()):
+        return {}  # they were logged when they changed
+    return found if rival.end.cost - cost > PROVES_INSTANT * reduced * sum(f.shifts.size for f in found.values()) else {}
+
+
+def _settled(one: FittedStructure, asked: Mapping[str, Instants]) -> tuple[float, Mapping[str, Instants], FittedStructure]:
+    """Return the least cost of a structure with instants of its own, these, and the structure fitted with them."""
+    ends, at, found, records = [], one, asked, one.request.records
     for _ in range(ROUNDS):
         try:
             found = _stepped(at, records, found)
@@ -119,13 +132,7 @@ def found_instants(begun: FittedStructure, changes: Callable[[Fitted], Sequence[
         except (ThermidError, np.linalg.LinAlgError):
             break
         ends.append((at.end.cost + sum(f.penalty for f in found.values()), found, at))
-    cost, found, at = min(ends, key=lambda end: end[0], default=(np.inf, {}, one))
-    if any(float(np.ptp(f.shifts)) > 1.1 * f.step for f in found.values()):
-        return {}  # each is in the interval before its sample, on one clock: what differs by more is no instant, but a mass
-    if all(float(np.max(np.abs(f.shifts))) < 0.2 * f.step for f in found.values()):
-        return {}  # they were logged when they changed
-    reduced = max(at.end.chi_square / max(at.problem.freedom, 1.0), 1e-12)
-    return found if one.end.cost - cost > PROVES_INSTANT * reduced * sum(f.shifts.size for f in found.values()) else {}
+    return min(ends, key=lambda end: end[0], default=(np.inf, {}, one))
 
 
 def with_instants(records: Sequence[Record], found: Mapping[str, Instants]) -> list[Record]:
@@ -174,14 +181,14 @@ def _unmoved(record: Record, edges: Indices) -> Instants:
 
 
 def _with_a_mass(one: FittedStructure, changes: Callable[[Fitted], Sequence[MissingElement]]) -> FittedStructure:
-    """Return a structure with a mass that takes its power, fitted; as it is where that does not end."""
+    """Return a structure with one mass more, that which fits the readings best; as it is where none does."""
     made = [one]
-    for change in changes(Fitted.of_problem(one.request, one.problem, one.end.fitted)):
-        for start in (change.starts or ({},)) if change.name.startswith("an inner mass") else ():
-            try:
-                made.append(fitted_structure((change,), change.request, one.fitted, start))
-            except (ThermidError, np.linalg.LinAlgError):
-                continue
+    every = changes(Fitted.of_problem(one.request, one.problem, one.end.fitted))
+    for promised in promises(one, [c for c in every if c.nodes == 1], [])[:CHALLENGES]:
+        try:
+            made.append(fitted_structure((promised.change,), promised.change.request, one.fitted, promised.start))
+        except (ThermidError, np.linalg.LinAlgError):
+            continue
     return min(made, key=lambda m: m.end.cost)
 
 

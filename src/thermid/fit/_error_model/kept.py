@@ -160,7 +160,7 @@ class KeptWay:
                 "kind": s.kind,
                 "pivots": _short(s.pivots),
                 "centre": _short(s.centre),
-                "thinned": s.thinned,
+                "thinned": list(s.thinned),
             }
             for p, s in self.departures.smooth.items()
         }
@@ -195,7 +195,7 @@ class KeptWay:
                 s["kind"],
                 np.array(s["pivots"], dtype=float).reshape(-1, 2),
                 np.array(s["centre"], dtype=float),
-                bool(s["thinned"]),
+                tuple(map(bool, s["thinned"])),
             )
             for p, s in data["smooth"].items()
         }
@@ -325,9 +325,12 @@ class ErrorModel(Result):
 
     @property
     def open_values(self) -> list[str]:
-        """Values whose posterior is nearly as wide as what was known before, the widest first."""
+        """Values whose posterior is nearly as wide as what was known before, and wider than elements depart by; the widest first."""
         left = np.sqrt(np.diag(self.covariance)).tolist() if self.ways else []
-        parts = {n: sd / v.sd for (n, v), sd in zip(self.seen.items(), left, strict=False) if v.kind == "parameter"}
+        # a value that is stated better than a joint of known value departs from it is determined, by whoever stated it
+        least = {n: SIZES["joint"].value if v.log else 0.0 for n, v in self.seen.items()}
+        wide = ((n, v, sd) for (n, v), sd in zip(self.seen.items(), left, strict=False) if v.kind == "parameter" and sd > least[n])
+        parts = {n: sd / v.sd for n, v, sd in wide}
         return sorted((n for n, part in parts.items() if part > KEPT_OF_PRIOR), key=lambda n: -parts[n])
 
     def _as_rows(self) -> list[Row]:
@@ -336,8 +339,8 @@ class ErrorModel(Result):
 
     def _summary(self) -> str:
         """Return how much of what is usual the readings ask for."""
-        told = ", ".join(f"{name} {100 * p:.0f} %" for name, p in self.carriers.items())
-        return f"{self.stage}: {self.why or told}; readings at {self.misfit:.2g} times what is allowed of them"
+        carriers = ", ".join(f"{name} {100 * p:.0f} %" for name, p in self.carriers.items())
+        return f"{self.stage}: {self.why or carriers}; readings at {self.misfit:.2g} times what is allowed of them"
 
     def to_dict(self) -> dict[str, Any]:
         """Return plain numbers and texts for a file."""

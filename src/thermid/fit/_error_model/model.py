@@ -153,7 +153,7 @@ class RunsOfFit:
         networks = [with_laws(e.network, laws) for e in problem.experiments]
         courses = [course_in_fit(problem, i, n, fitted) for i, n in enumerate(networks)]
         spans = tuple(float(c.times[-1]) for c in courses)
-        known = departures or departures_of(networks[0], courses, points, tuple(part * max(spans) for part in SHARES_OF_RUN))
+        known = departures or departures_of(networks, courses, points, tuple(part * max(spans) for part in SHARES_OF_RUN))
         parts = [(known.shared(n, c, way, laws), known.own(n, c)) for n, c in zip(networks, courses, strict=True)]
         columns = {c.name: c for shared, _ in parts for c, _ in shared}
         alone = [alone_in(problem, i) for i in range(len(courses))]

@@ -70,36 +70,53 @@ class Smooth:
     kind : str              Its class.
     pivots : array (r, 2)   Of ln(difference) and level, from where it was found.
     centre : array (r,)     Mean of the features over the runs of the fit, weighted by heat.
-    thinned : bool          Whether its gas was another there than air on the ground.
+    thinned : tuple (r,)    Whether its gas was another there than air on the ground.
     """
 
     at: OperatingPoint
     kind: str
     pivots: Array
     centre: Array
-    thinned: bool
+    thinned: tuple[bool, ...]
 
     @classmethod
     def of(
-        cls, c: FlatConductor, at: OperatingPoint, kind: str, courses: Sequence[ElementCourse], thinned: bool, columns: int = COLUMNS
+        cls, c: FlatConductor, at: OperatingPoint, kind: str, several: Sequence[tuple[ElementCourse, bool]], columns: int = COLUMNS
     ) -> Smooth:
-        """Return the smooth departure of a conductor over the runs of a fit, in so many features at most."""
-        runs = [r for r in courses if c.path in r.flows]
-        most = max(float(np.abs(r.flows[c.path]).max()) for r in runs)
-        every = np.concatenate([places(r, c, at)[np.abs(r.flows[c.path]) > HEATED * most][::EVERY] for r in runs])
+        """Return the smooth departure of a conductor over the runs of a fit, each with whether its gas is thinned.
+
+        In either gas there are so many features at most.
+        """
+        runs = [(r, thin) for r, thin in several if c.path in r.flows]
+        most = max(float(np.abs(r.flows[c.path]).max()) for r, _ in runs)
         aside = np.array(ASIDE) * np.array(LENGTHS)
-        wide = np.concatenate([every + aside * (i, j) for i in (-1, 0, 1) for j in (-1, 0, 1)])
-        found = pivots(wide, np.array(LENGTHS), LEFT_OVER, columns)
-        heat = np.concatenate([np.abs(r.flows[c.path]) for r in runs])
-        where = np.concatenate([places(r, c, at) for r in runs])
-        return cls(at, kind, found, heat @ features(where, found, np.array(LENGTHS)) / heat.sum(), thinned)
+        found: list[Array] = []
+        gases: list[bool] = []
+        for gas in dict.fromkeys(thin for _, thin in runs):
+            own = [places(r, c, at)[np.abs(r.flows[c.path]) > HEATED * most][::EVERY] for r, thin in runs if thin == gas]
+            every = np.concatenate(own)
+            if every.size:
+                wide = np.concatenate([every + aside * (i, j) for i in (-1, 0, 1) for j in (-1, 0, 1)])
+                found.append(pivots(wide, np.array(LENGTHS), LEFT_OVER, columns))
+                gases += [gas] * len(found[-1])
+        bare = cls(at, kind, np.concatenate(found), np.zeros(len(gases)), tuple(gases))
+        heat = np.concatenate([np.abs(r.flows[c.path]) for r, _ in runs])
+        return replace(bare, centre=heat @ np.concatenate([bare._features(c, r, thin) for r, thin in runs]) / heat.sum())
+
+    def _features(self, c: FlatConductor, course: ElementCourse, thinned: bool) -> Array:
+        """Return the features along a run (times, r); those of another gas are zero."""
+        own = np.array(self.thinned) == thinned
+        out = np.zeros((course.flows[c.path].size, own.size))
+        if own.any():
+            out[:, own] = features(places(course, c, self.at), self.pivots[own], np.array(LENGTHS))
+        return out
 
     def along(self, c: FlatConductor, course: ElementCourse, thinned: bool) -> tuple[Array, float]:
         """Return the centred features along a run (times, r), and what of the variance lies outside of them, weighted by heat. [-]
 
-        In another gas an element departs anew: nothing of what was found in the first says how.
+        In a gas of which no run is, an element departs anew: nothing of what was found in the other says how.
         """
-        phi = features(places(course, c, self.at), self.pivots, np.array(LENGTHS)) * float(thinned == self.thinned)
+        phi = self._features(c, course, thinned)
         heat = np.abs(course.flows[c.path])
         rest = np.clip(1.0 - np.sum(phi**2, axis=1), 0.0, 1.0)
         return phi - self.centre, float(heat @ rest / max(heat.sum(), 1e-300))
@@ -181,9 +198,10 @@ def thinned(network: Network, c: FlatConductor) -> bool:
 
 
 def departures_of(
-    network: Network, courses: Sequence[ElementCourse], points: Mapping[str, OperatingPoint], hidden: tuple[float, ...]
+    networks: Sequence[Network], courses: Sequence[ElementCourse], points: Mapping[str, OperatingPoint], hidden: tuple[float, ...]
 ) -> Departures:
-    """Return what may depart of a network, by the runs of a fit."""
+    """Return what may depart of a model, by the runs of a fit and the networks that they run in."""
+    network = networks[0]
     every: dict[str, FlatConductor] = {}
     for course in courses:
         every |= conductors_of(network, course)
@@ -193,7 +211,10 @@ def departures_of(
     stored = {n: sum(float(np.abs(r.stores[n][0]).mean()) for r in courses if n in r.stores) for r in courses for n in r.stores}
     nodes = tuple(sorted(stored, key=lambda n: -stored[n])[:NODES])
     columns = min(COLUMNS, ALL_COLUMNS // max(len(several), 1))
-    smooth = {p: Smooth.of(c, points[p], class_of(c, network), courses, thinned(network, c), columns) for p, c in several.items()}
+    smooth = {}
+    for p, c in several.items():
+        runs = [(course, thinned(n, c)) for n, course in zip(networks, courses, strict=True)]
+        smooth[p] = Smooth.of(c, points[p], class_of(c, network), runs, columns)
     return Departures(smooth, hidden, nodes, len(heat) - len(several) + len(stored) - len(nodes))
 
 

@@ -101,7 +101,7 @@ class Units:
                 self.length = _LENGTH[word]
             else:
                 known = ", ".join(("W", *_ENERGY, *_TIME, *_LENGTH, *_ZERO))
-                raise DeckError(f"'{word}' is no unit of a SINDA deck. There are {known}.", "units", code="value.wrong-kind")
+                raise DeckError(f"'{word}' is not a unit of a SINDA deck. There are {known}.", "units", code="value.wrong-kind")
 
     def exchange_area(self) -> float:
         """Return the area that a radiation conductor of 1 exchanges over. [m^2]"""

@@ -187,11 +187,11 @@ def test_the_command_prints_one_object_and_progress_beside_it(folder: Path, caps
     found = json.loads(said.out)
     assert found["sentence"].startswith("warm-up: ")
     assert found["points"]["body"]["limit_C"] == 38.0
-    assert said.err.splitlines()[-1] == "400 of 400 members"
+    assert said.err.splitlines()[-1] == "400 of 400 runs"
     assert (folder / "hold.png").stat().st_size > 10_000
     assert command("hold", folder / "hold.toml") == 0
     again = capsys.readouterr()
-    assert again.err.splitlines() == ["400 of 400 members"]  # all of them were kept
+    assert again.err.splitlines() == ["400 of 400 runs"]  # all of them were kept
     assert found["sentence"] in again.out
 
 
