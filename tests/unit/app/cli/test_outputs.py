@@ -96,7 +96,7 @@ OUTPUTS = {
     "import --scenario": ["import", "net.cc", "--scenario"],
     "write-back": ["write-back", "knobs.cc", "knobs.toml", "--param", "mcp=90", "--to"],
     "swap": ["swap", "campaign.toml", "a", "cool.toml", "--results", "r", "--new-data", "logs", "--to"],
-    "hold": ["hold", "hold.toml", "--to"],
+    "hold": ["hold", "hold.toml", "--job"],
     "watch --capture": ["watch", "/dev/null", "--every", "1 [s]", "--capture"],
     "report --results": ["report", "campaign.toml", "--to", "new.html", "--results"],
 }
