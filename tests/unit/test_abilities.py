@@ -39,6 +39,7 @@ ABLE = (
     "difference",
     "changes",
     "sizing",
+    "worst cases",
     "uncertain runs",
     "hold",
     "forecast",

@@ -568,7 +568,7 @@ def predicted(
 def undetermined_words(answer: WayAnswer, bands: Mapping[str, Band]) -> list[str]:
     """Return which values no reading determines, of those that explain most of the end of a band; empty where there is none.
 
-    What a value v explains of a temperature T, both straight in the sources, is ``cov(T, v) / sd(v)``: one that others make up for explains
+    What a value v explains of a temperature T, both straight in the sources, is ``cov(T, v) / sd(v)``: one that others compensate explains
     nothing.
     """
     budget, out = answer.setting.budget, list[str]()
