@@ -77,7 +77,7 @@ def test_the_readme_is_right_about_the_refusal(tmp_path: Path) -> None:
     shop.python(next(b for b in blocks(text) if b.words == ("python",)), "README.md")
     asked = re.search(r"`free=(\[.*?\])`, it refuses", text)
     assert asked
-    record = td.read_record(tmp_path / "bench.csv", {"case": "T_CASE", "air": "T_AIR"}, **shop.names["errors"])
+    record = td.read_record(tmp_path / "bench.csv", {"case": "CASE", "air": "AIR"}, **shop.names["errors"])
     with pytest.raises(td.ThermidError, match=r"only as a product \(known: .*area.* = 0\.02"):
         td.calibrate(shop.names["part"], record, free=ast.literal_eval(asked[1]))
 
