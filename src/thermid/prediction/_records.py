@@ -449,7 +449,7 @@ def own_values(shown: Calibration, e: Experiment, seen: Sequence[OwnValue]) -> t
             continue
         if rule is not None and rule.offset:  # how far the first reading stands from the room is known already
             found = OwnValue(name, start, 0.0, found.sd, found.runs)
-        out[name] = (*found.given(first), found.runs)
+        out[name] = (*found.expected_from(first), found.runs)
     return out, open_
 
 

@@ -104,8 +104,8 @@ def test_first_readings_of_two_sensors_say_more_of_a_room_than_one() -> None:
     assert found.sd < 0.5
     for record in records[12:]:
         first = {s: float(record.channels[s].values[0]) for s in ("T1", "T2")}
-        mean, error = found.given(first)
-        alone, _ = found.given({"T1": first["T1"]})
+        mean, error = found.expected_from(first)
+        alone, _ = found.expected_from({"T1": first["T1"]})
         room = first["T2"]
         assert abs(first["T1"] + mean - room) < 3.0 * error
         assert abs(first["T1"] + mean - room) <= abs(first["T1"] + alone - room) + 0.2
@@ -119,10 +119,10 @@ def test_what_is_known_of_rooms_reads_back_with_the_other_sensors() -> None:
     assert OwnValue.from_dict(one.to_dict()) == one
     old = {"name": "air", "start": "T1", "mean": 0.3, "sd": 0.5, "runs": 9}
     assert OwnValue.from_dict(old).to_dict() == old
-    mean, error = one.given({"T1": 20.0, "T2": 20.0})
+    mean, error = one.expected_from({"T1": 20.0, "T2": 20.0})
     assert mean == pytest.approx(0.3 + 0.4)
     assert error == pytest.approx(np.hypot(0.5 * np.sqrt(1 + 1 / 9), 0.2))
-    assert one.given({"T1": 20.0})[0] == pytest.approx(0.3)
+    assert one.expected_from({"T1": 20.0})[0] == pytest.approx(0.3)
 
 
 def hot_runs(count: int) -> list[Record]:

@@ -207,7 +207,7 @@ class Desk:
         last = {name: {k: float(v[-1]) for k, v in table.items()} for name, table in _tables(solution).items()}
         return Moment(model, last["temperatures"], last["flows"], last["powers"])
 
-    def given(self, run: int) -> tuple[ThinnedCurve, ...]:
+    def inputs_of(self, run: int) -> tuple[ThinnedCurve, ...]:
         """Return what a run is given from outside, over time: temperatures of boundaries [degC], and powers as ``W NAME`` [W]."""
         model, scenario = self.run_of(run, {})
         solution = prepare(model, scenario, every=scenario.seconds / (TRACK_POINTS // 2)).run()

@@ -71,7 +71,7 @@ def orders(project: Project, work: Work) -> dict[str, Callable[[Body], Any]]:
 
     return {
         "curves": curves,
-        "given": lambda b: {"curves": [_curve(c, True) for c in desk_of(b).given(_run_of(desk_of(b), b))]},
+        "given": lambda b: {"curves": [_curve(c, True) for c in desk_of(b).inputs_of(_run_of(desk_of(b), b))]},
         "moves": moves,
         "kept": lambda b: project.kept_values(text_of(b, "stage"), text_of(b, "file")),
         "picture": lambda b: picture(desk_of(b), _values(b), b),

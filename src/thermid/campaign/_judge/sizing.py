@@ -14,7 +14,7 @@ from thermid.base.errors import ScenarioError, refuse_unknown
 from thermid.base.results import Result
 from thermid.base.units import si_unit
 from thermid.campaign._judge.limits import STATES, Limits, text_of
-from thermid.model.laws import literal
+from thermid.measure.amounts import amount
 from thermid.model.tree import Model, ParameterSet
 from thermid.prediction.bands import Known, predict
 from thermid.simulation.runs import simulate, steady
@@ -172,10 +172,10 @@ class _Task:
     def searched(self, between: tuple[Any, Any] | None) -> tuple[float, float]:
         """Return the range. [SI]"""
         ends = between if between is not None else (self.parameter.minimum, self.parameter.maximum)
-        low, high = (literal(end, self.unit, f"between, {self.path}") if isinstance(end, str) else end for end in ends)
-        if low is None or high is None or not low < high:
+        low, high = (np.nan if end is None else amount(end, self.unit, f"between, {self.path}") for end in ends)
+        if not low < high:
             raise ScenarioError("the range is missing or empty. Give between=(low, high), or min and max in the deck.", self.path)
-        return float(low), float(high)
+        return low, high
 
     def at(self, x: float) -> Model:
         """Return the model at a value."""

@@ -20,10 +20,10 @@ from thermid.base.errors import ScenarioError
 from thermid.base.expression import Kelvin
 from thermid.base.linear_algebra import Array
 from thermid.base.results import Result
-from thermid.base.units import si_unit
+from thermid.base.units import TEMPERATURE, si_unit
 from thermid.campaign._judge.limits import Limits, text_of
 from thermid.campaign._judge.sizing import extremes
-from thermid.model.laws import literal
+from thermid.measure.amounts import amount
 from thermid.model.tree import Model
 from thermid.simulation.network import Network, compile_network
 from thermid.simulation.scenarios import Scenario
@@ -135,13 +135,15 @@ def worst_case(
     model : Model           What the hardware is.
     limits : sequence       As from `load_limits`; those of the state operating.
     scenario : Scenario     What is done to it; or a function of the values that the model does not have.
-    ranges : dict           Name -> (low, high), as numbers in SI or texts with unit.
+    ranges : dict           Name -> (low, high), as texts with unit, values with theirs, or numbers in SI; of a temperature with its unit.
     runs : int              Runs for both cases together, at least twice the 299 draws.
     seed : int              Of the draws.
 
     Raises
     ------
     ScenarioError   Without a limit, for an empty or unknown range, and for more than four values to search.
+    RecordError     When an end of a range is no amount.
+    UnitError       When its unit has another dimension, or a temperature has none.
     SolverError     When a run does not come out.
     """
     if runs < 2 * DRAWS:
@@ -195,8 +197,8 @@ class _Ranges:
 
     def _ends(self, name: str, pair: tuple[Any, Any]) -> tuple[float, float]:
         """Return a range. [SI]"""
-        slot = "temperature" if name in self.boundaries else self.units[name]
-        low, high = (literal(end, slot, f"ranges, {name}") if isinstance(end, str) else float(end) for end in pair)
+        slot = TEMPERATURE if name in self.boundaries else self.units[name]
+        low, high = (amount(end, slot, f"ranges, {name}") for end in pair)
         if not low < high:
             raise ScenarioError(
                 "the range is empty: its lower end is not below its upper one.", f"ranges, {name}", code="value.outside-range"

@@ -10,7 +10,6 @@ from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
-from scipy.linalg import block_diag
 
 from thermid.base.errors import ThermidError
 from thermid.base.linear_algebra import Indices
@@ -128,7 +127,7 @@ def _settled(one: FittedStructure, asked: Mapping[str, Instants]) -> tuple[float
     for _ in range(ROUNDS):
         try:
             found = _stepped(at, records, found)
-            at = fitted_structure(one.changes, replace(one.request, records=_laid(records, found)), at.fitted)
+            at = fitted_structure(one.changes, replace(one.request, records=_records_at(records, found)), at.fitted)
         except (ThermidError, np.linalg.LinAlgError):
             break
         ends.append((at.end.cost + sum(f.penalty for f in found.values()), found, at))
@@ -158,11 +157,13 @@ def instants_text(found: Mapping[str, Instants]) -> str:
     )
 
 
-def _laid(records: Sequence[Record], found: Mapping[str, Instants]) -> tuple[Record, ...]:
+def _records_at(records: Sequence[Record], found: Mapping[str, Instants]) -> tuple[Record, ...]:
+    """Return records, those with instants of their own at these."""
     return tuple(found[r.name].laid_over(r) if r.name in found else r for r in records)
 
 
 def _driven(record: Record) -> list[str]:
+    """Return the powers and commands of a record that hold from a sample to the next, and are not logged as they change."""
     return [n for n, c in record.channels.items() if c.role in ("load", "command") and c.held and not c.prompt and c.valid.any()]
 
 
@@ -194,6 +195,8 @@ def _with_a_mass(one: FittedStructure, changes: Callable[[Fitted], Sequence[Miss
 
 def _stepped(one: FittedStructure, records: Sequence[Record], found: Mapping[str, Instants]) -> dict[str, Instants]:
     """Return the instants after one step of Gauss and Newton of all unknowns; `records` are as they were logged."""
+    from scipy.linalg import block_diag
+
     at = one.end.fitted
     priors, slopes = one.problem.prior_rows(at)
     rows = _weighted(one, records, found)
@@ -220,5 +223,5 @@ def _stepped(one: FittedStructure, records: Sequence[Record], found: Mapping[str
 
 def _weighted(one: FittedStructure, records: Sequence[Record], found: Mapping[str, Instants]) -> FloatArray:
     """Return the weighted residuals with powers that change at other instants, at the values of a fit."""
-    problem = build_problem(replace(one.request, records=_laid(records, found)))
+    problem = build_problem(replace(one.request, records=_records_at(records, found)))
     return np.concatenate([b.weighted for b in problem.blocks(one.end.fitted)])

@@ -18,7 +18,7 @@ from thermid.base.errors import IdentificationError
 from thermid.base.linear_algebra import Array, covariance, finite, pseudo_inverse, sandwich
 from thermid.base.results import Result
 from thermid.fit._calibration import Calibration
-from thermid.fit._discrepancy.own_values import OWN, own_values_of
+from thermid.fit._discrepancy.own_values import OWN_VALUES, own_values_of
 from thermid.fit._minimisation import covariances, ended
 from thermid.fit._problem.residuals import Influence, Problem, Unknown
 from thermid.fit._uncertainty.noise import Autocorrelation, Binned, binned, score_excess
@@ -258,7 +258,7 @@ def with_discrepancy(fit: Calibration) -> Calibration:
     alone = [o.to_dict() for o in own_values_of(fit)]
     known = {p: [c.difference, c.level] for p, c in conditions.items() if p in decided}
     provenance = {**fit.values.provenance, **({"conditions": known} if known else {}), "misfit": misfit, KEY: kept.to_dict()}
-    provenance |= {OWN: alone} if alone else {}
+    provenance |= {OWN_VALUES: alone} if alone else {}
     store = replace(fit.store, provenance={**fit.store.provenance, fit.values.stage: provenance})
     return replace(fit, values=replace(fit.values, provenance=provenance), store=store)
 

@@ -14,7 +14,7 @@ from thermid.fit._problem.experiment import Experiment, first_reading
 from thermid.fit._problem.gather import wired
 from thermid.fit._problem.request import Request
 
-OWN: Final = "own"
+OWN_VALUES: Final = "own"
 """Where the provenance of fitted values keeps it."""
 ROOM: Final = 2.0
 """Scale of the half-normal prior of the standard deviation of a room or start from run to run. [K]"""
@@ -64,7 +64,7 @@ class OwnValue:
     runs: int
     beside: tuple[Beside, ...] = ()
 
-    def given(self, first: Mapping[str, float]) -> tuple[float, float]:
+    def expected_from(self, first: Mapping[str, float]) -> tuple[float, float]:
         """Return mean and standard deviation of a further run's value about its start, by that run's first readings. [K]
 
         A sensor that the further run does not have stands where it stood beside the other on the fitted runs.
@@ -109,7 +109,7 @@ def own_values_of(fit: Calibration) -> tuple[OwnValue, ...]:
 
 def own_values_kept(provenances: Sequence[Mapping[str, Any]]) -> tuple[OwnValue, ...]:
     """Return what stages keep of it, the first one first."""
-    return tuple(OwnValue.from_dict(o) for known in provenances for o in known.get(OWN, ()))
+    return tuple(OwnValue.from_dict(o) for known in provenances for o in known.get(OWN_VALUES, ()))
 
 
 def own_value(kept: Sequence[OwnValue], name: str, start: str = "") -> OwnValue | None:

@@ -69,7 +69,7 @@ def test_what_a_value_moves_is_its_slope(project: Project) -> None:
 
 def test_a_record_is_shown_with_what_it_was_given(project: Project) -> None:
     desk = project.desk("whole")
-    given = {c.node: c for c in desk.given(0)}
+    given = {c.node: c for c in desk.inputs_of(0)}
     scenario = desk.problem.experiments[0].scenario  # type: ignore[union-attr]
     assert {f"W {n}" for n in scenario.loads} <= set(given)
     for name, signal in scenario.loads.items():

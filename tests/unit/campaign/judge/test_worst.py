@@ -14,7 +14,7 @@ from typer.testing import CliRunner
 
 import thermid as td
 from thermid.app.cli.app import app
-from thermid.base.errors import ScenarioError
+from thermid.base.errors import ScenarioError, UnitError
 from thermid.base.expression import Kelvin
 from thermid.campaign._judge.worst import DRAWS, searched_worst
 from thermid.model.tree import Model
@@ -39,7 +39,7 @@ def unit(**more: Any) -> Model:
 
 
 WARM = td.Scenario("warm", boundaries={"base": "20 [degC]", "space": "-150 [degC]"})
-RANGES = {"chips": ("2 [W]", "9 [W]"), "sun": (0.0, 3.0), "base": ("-10 [degC]", "30 [degC]"), "space": (4.0, 200.0)}
+RANGES = {"chips": ("2 [W]", "9 [W]"), "sun": (0.0, 3.0), "base": ("-10 [degC]", "30 [degC]"), "space": ("4 [K]", "200 [K]")}
 
 
 def settled(values: Mapping[str, float], model: Model) -> float:
@@ -102,6 +102,15 @@ def test_ranges_that_make_no_sense_are_refused(ranges: dict[str, Any], words: st
         td.design.worst_case(unit(), LIMITS, WARM, ranges)
     with pytest.raises(ScenarioError, match="fewer than the"):
         td.design.worst_case(unit(), LIMITS, WARM, RANGES, runs=10)
+
+
+def test_a_range_of_temperatures_states_its_unit() -> None:
+    """A room of (20, 40) would be 253 degC too cold without a word."""
+    with pytest.raises(UnitError, match="ranges, base"):
+        td.design.worst_case(unit(), LIMITS, WARM, RANGES | {"base": (20.0, 40.0)})
+    stated = (td.celsius(-10), td.celsius(30))
+    found = td.design.worst_case(unit(), LIMITS, WARM, RANGES | {"base": stated})
+    assert found.hot == td.design.worst_case(unit(), LIMITS, WARM, RANGES).hot
 
 
 def test_the_command_prints_both_cases(tmp_path: Path) -> None:
