@@ -219,7 +219,7 @@ def drawn(c: Cell) -> None:
         desk = c.studio.desk(name)
         for time in (0.0, 3600.0):
             assert "<svg" in picture(desk, {}, {"run": 0, "time": time})["svg"]
-        as_json([*(q.simulated for q in desk.given(0)), *(desk.moves(s.path, {}, 0) for s in desk.sliders[:2])])
+        as_json([*(q.simulated for q in desk.inputs_of(0)), *(desk.moves(s.path, {}, 0) for s in desk.sliders[:2])])
 
 
 def swapped(c: Cell) -> None:
