@@ -58,25 +58,24 @@ class Evidence:
         return [g for g in GROUPS if g in told]
 
 
-def evidences(found: td.Calibration) -> list[Evidence]:
-    """Return the evidence for each way in which the heat of a fit may be carried, as its model of error has it."""
-    seen: list[Evidence] = []
+def evidence_of(found: td.Calibration) -> Evidence:
+    """Return the evidence where the heat of a fit is carried in the likeliest way, as its model of error has it."""
+    seen: dict[str, Evidence] = {}
     plain = _model._averaged
 
     def watched(runs: RunsOfFit, way: Any, laws: Any, centre: Array) -> Any:
-        seen.append(Evidence(runs, centre))
+        seen[way.name] = Evidence(runs, centre)
         return plain(runs, way, laws, centre)
 
     first = {g: replace(size, value=FIRST[g]) for g, size in SIZES.items()}  # whatever ships: runs are straight lines where these put them
     with patch.object(_model, "_averaged", watched), patch.dict(SIZES, first):
         weights = td.inference.ErrorModel.of(found).carriers
-    likely = max(weights.values())
-    return [e for e, w in zip(seen, weights.values(), strict=True) if w == likely][:1]
+    return seen[max(weights, key=lambda name: weights[name])]
 
 
 def likelihoods(found: TestSet) -> dict[str, list[float]]:
     """Return size -> ln of its likelihood over `GRID` times its first prior, the greatest zero."""
-    evidence = evidences(found.fitted())[0]
+    evidence = evidence_of(found.fitted())
     concerned = evidence.concerned
     rng = np.random.default_rng(SEED)
     start = np.array([FIRST[g] for g in GROUPS])

@@ -17,6 +17,7 @@ from thermid.fit._error_model.gaussian import (
     members_of,
     pivots,
     squared_exponential,
+    step_to_mode,
     weights_of,
 )
 
@@ -103,6 +104,26 @@ def test_interval_of_a_mixture_is_where_its_distribution_says() -> None:
     for end, p in ((low[0], 0.025), (high[0], 0.975)):
         exact = brentq(lambda x, p=p: float(weights @ norm.cdf((x - means[:, 0]) / sds[:, 0])) - p, -9.0, 9.0)
         assert end == pytest.approx(exact, abs=1e-4)
+
+
+def test_cost_of_a_point_is_the_density_of_the_mixture_and_steps_end_at_its_mode() -> None:
+    rng = np.random.default_rng(5)
+    weights, means = np.array([0.2, 0.5, 0.3]), rng.normal(size=(3, 2))
+    roots = [np.tril(rng.normal(size=(2, 2))) + 2.0 * np.eye(2) for _ in weights]
+
+    def density(x: Array) -> float:
+        return float(sum(w * multivariate_normal(m, r @ r.T).pdf(x) for w, m, r in zip(weights, means, roots, strict=True)))
+
+    def seen_from(x: Array) -> tuple[float, Array, Array]:
+        return step_to_mode(list(np.log(weights) - 1e4), list(means - x), roots)
+
+    at = np.array([3.0, -2.0])
+    assert seen_from(at)[0] - seen_from(means[0])[0] == pytest.approx(np.log(density(means[0]) / density(at)), rel=1e-8)
+    for _ in range(60):
+        cost, step, spread = seen_from(at)
+        assert seen_from(at + step)[0] <= cost + 1e-10
+        at = at + step
+    assert all(density(at) >= density(at + 0.01 * side * spread) for side in (*np.eye(2), *-np.eye(2)))
 
 
 def test_weights_survive_large_logarithms() -> None:

@@ -123,6 +123,29 @@ def weights_of(log_evidence: Sequence[float] | Array) -> Array:
     return np.asarray(weights / weights.sum())
 
 
+def step_to_mode(log_evidence: Sequence[float], means: Sequence[Array], roots: Sequence[Array]) -> tuple[float, Array, Array]:
+    """Return the cost of a point under a mixture of normal posteriors, the step towards its mode, and standard errors there.
+
+    Legend: member l of evidence Z_l and posterior N(m_l, S_l), as seen from the point. The cost is ``-ln sum_l Z_l N(0; m_l, S_l)``, but
+    for a constant; the step is that of expectation and maximisation, ``H^-1 sum_l r_l S_l^-1 m_l`` with shares r_l of that sum and
+    ``H = sum_l r_l S_l^-1`` (Dempster, Laird and Rubin, J. R. Stat. Soc. B 39 (1977) 1).
+
+    Parameters
+    ----------
+    log_evidence : sequence of float    ln Z_l.
+    means : sequence of array (s,)      m_l.
+    roots : sequence of array (s, q)    ``R R' = S``.
+    """
+    inverses = [np.linalg.inv(root @ root.T) for root in roots]
+    pulls = [inverse @ mean for inverse, mean in zip(inverses, means, strict=True)]
+    pairs = zip(log_evidence, means, inverses, pulls, strict=True)
+    logs = np.array([log - 0.5 * float(mean @ pull - np.linalg.slogdet(inverse)[1]) for log, mean, inverse, pull in pairs])
+    shares = weights_of(logs)
+    spread = np.linalg.inv(np.tensordot(shares, np.array(inverses), axes=1))
+    cost = -float(logs.max() + np.log(np.exp(logs - logs.max()).sum()))
+    return cost, np.asarray(spread @ (shares @ np.array(pulls))), np.sqrt(np.diag(spread))
+
+
 def squared_exponential(first: Array, second: Array, lengths: Array) -> Array:
     """Return k(x, x') (n, m) of points (n, d) and (m, d): ``exp(-|(x - x') / l|^2 / 2)``."""
     apart = (first[:, None, :] - second[None, :, :]) / lengths
@@ -231,8 +254,9 @@ def members_of(runs: Sequence[RunRows], centre: Array, sizes: Array, own: Sequen
         log_det += grown + run.log_det
         readings += run.count
     inner, cross, square = total[:, :s, :s], total[:, :s, s], total[:, s, s]
-    cross = cross - inner @ centre
-    square = square - 2.0 * total[:, :s, s] @ centre + np.einsum("i,mij,j->m", centre, inner, centre)
+    moved = inner @ centre
+    square = square - (2.0 * cross - moved) @ centre
+    cross = cross - moved
     lower = np.linalg.cholesky(np.eye(s) + sizes[:, :, None] * inner * sizes[:, None, :])
     half = np.linalg.solve(lower, (sizes * cross)[:, :, None])[:, :, 0]
     inverse = np.linalg.inv(lower)

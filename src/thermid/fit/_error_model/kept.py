@@ -143,7 +143,8 @@ class KeptWay:
         own, members, size = shares / weight, way.members, len(way.values)
         mean = own @ members.mean
         apart = members.mean - mean
-        covariance = np.einsum("m,mij,mkj->ik", own, members.root, members.root) + (own[:, None] * apart).T @ apart
+        beside = np.hstack(np.sqrt(own)[:, None, None] * members.root)  # of all members side by side, so that one product sums them
+        covariance = beside @ beside.T + (own[:, None] * apart).T @ apart
         at = np.array(list(way.values.values())) + mean[:size]
         low, high = np.array([bounds[n] for n in way.values]).reshape(size, 2).T
         values = dict(zip(way.values, np.clip(at, low, high).tolist(), strict=True))

@@ -21,7 +21,7 @@ from thermid.fit._error_model.elements import (
     with_heats,
     with_laws,
 )
-from thermid.fit._error_model.gaussian import Members, RunRows, Wander, members_of, weights_of
+from thermid.fit._error_model.gaussian import Members, RunRows, Wander, members_of, step_to_mode, weights_of
 from thermid.fit._error_model.runs import Departures, SensorRows, UnknownColumn, departures_of, run_rows, widened
 from thermid.fit._error_model.sizes import (
     ARRIVED,
@@ -31,7 +31,7 @@ from thermid.fit._error_model.sizes import (
     LEFT_SIZES,
     LEFT_TIMES,
     LIKELY,
-    NEWTON_STEPS,
+    NEWTON_POINTS,
     SETS,
     SETS_COST,
     SHARES_OF_RUN,
@@ -181,6 +181,17 @@ class RunsOfFit:
         own = [deviations(c, sizes) for c in self.own]
         return members_of([self._priors(), *rows], centre, every, [np.zeros((len(sizes), 0)), *own])
 
+    def likeliest(self, bent: Sequence[int], centre: Array) -> tuple[float, Array, Array]:
+        """Return what the readings say against some unknowns here, the step to where they say least, and standard errors.
+
+        All else is integrated out at usual sizes, and at every size and time of what no element explains.
+        """
+        usual = np.array([[SIZES[g].value for g in GROUPS]])
+        prior = left_prior()
+        found = [self.posterior(centre, usual, left) for left in prior]
+        logs = [log + float(f.log_evidence[0]) for log, f in zip(prior.values(), found, strict=True)]
+        return step_to_mode(logs, [f.mean[0][bent] for f in found], [f.root[0][bent] for f in found])
+
     def _priors(self) -> RunRows:
         """Return the priors of the fit as rows about its values."""
         left, rows = prior_rows(self.problem.unknowns, self.problem.coupled, self.fitted)
@@ -231,30 +242,36 @@ def noise_of(e: Experiment, o: Observation) -> float:
 
 
 def fitted_way(problem: Problem, fitted: Array, way: Way, points: Mapping[str, OperatingPoint]) -> FittedWay:
-    """Return the posterior where the heat is carried in one way: Newton steps in values and laws at usual sizes, then at all sizes."""
-    usual = np.array([[SIZES[g].value for g in GROUPS]])
+    """Return the posterior where the heat is carried in one way: about the likeliest values and laws at usual sizes, then at all sizes.
+
+    What no element explains has every size and time while they are looked for: fixed, a small one would bend values until they follow what
+    they do not explain, and a large one would leave them where they began.
+    """
     bounds = np.array([u.fitted_bounds() for u in problem.unknowns]).reshape(fitted.size, 2)
-    at, laws, departures = fitted.copy(), dict(way.laws), None
-    for step in range(NEWTON_STEPS + 1):
+    at, laws, departures, share, best, least = fitted.copy(), dict(way.laws), None, 1.0, None, np.inf
+    for _ in range(NEWTON_POINTS):
         runs = RunsOfFit.of(problem, at, way, laws, points, departures)
         departures, values = runs.departures, runs.values
         place = {c.name: len(values) + k for k, c in enumerate(runs.columns)}
+        shapes = {(p, w): place[n] for p, law in way.laws.items() for w in law.shape if (n := f"{w} of {p}") in place}
         # the prior's means, as seen from where the derivatives were taken
         centre = np.concatenate([(fitted - at)[values], np.zeros(len(runs.columns))])
-        for path, law in way.laws.items():
-            for what, mean in law.shape.items():
-                if (name := f"{what} of {path}") in place:
-                    centre[place[name]] = mean - laws[path].shape[what]
-        posterior = runs.posterior(centre, usual, USUAL_LEFT)
-        found = posterior.mean[0]
-        bent = [*range(len(values)), *(place[n] for p, law in way.laws.items() for w in law.shape if (n := f"{w} of {p}") in place)]
-        if step == NEWTON_STEPS or (np.abs(found[bent]) < ARRIVED * np.linalg.norm(posterior.root[0][bent], axis=1)).all():
-            break
-        at[values] += found[: len(values)]
+        for (path, what), k in shapes.items():
+            centre[k] = way.laws[path].shape[what] - laws[path].shape[what]
+        cost, step, spread = runs.likeliest([*range(len(values)), *shapes.values()], centre)
+        if cost < least:
+            least, best, share = cost, (runs, laws, centre, step), min(2.0 * share, 1.0)
+            if (np.abs(step) < ARRIVED * spread).all():
+                break
+        else:
+            share *= 0.25
+        runs, laws, _, step = best
+        at = runs.fitted.copy()
+        at[values] += share * step[: len(values)]
         at = np.clip(at, bounds[:, 0], bounds[:, 1])
-        for path, law in laws.items():
-            steps = {what: float(found[place[n]]) for what in law.shape if (n := f"{what} of {path}") in place}
-            laws = laws | {path: law.moved(steps)}
+        moved = dict(zip(shapes, share * step[len(values) :], strict=True))
+        laws = {p: law.moved({w: float(x) for (q, w), x in moved.items() if q == p}) for p, law in laws.items()}
+    runs, laws, centre, _ = best
     return _averaged(runs, way, laws, centre)
 
 

@@ -116,8 +116,9 @@ LIKELY: Final = 0.01
 """Probability from which a size and time of what no element explains counts. [-]"""
 READINGS: Final = 200
 """Readings of a sensor in a run; more are averaged over equal stretches."""
-NEWTON_STEPS, ARRIVED = 3, 0.2
-"""Newton steps in values, exponents and shares at most; they end where the next is below so many standard errors."""
+NEWTON_POINTS, ARRIVED = 8, 0.2
+"""Points at most at which Newton's steps in values, exponents and shares are taken; they end where the next step is below so many standard
+errors."""
 UNBOUNDED: Final = 3.0
 """Standard deviation of a logarithm without a prior or bounds. [-]"""
 OUTSIDE: Final = 2.0
