@@ -37,7 +37,6 @@ from thermid.fit._error_model.sizes import (
     SHARES_OF_RUN,
     SIZES,
     UNBOUNDED,
-    USUAL_LEFT,
     USUAL_NOISE,
 )
 from thermid.fit._problem.experiment import Experiment, Observation
