@@ -10,8 +10,8 @@ from pathlib import Path
 ROOT = Path(__file__).parent.parent
 PAGE = ROOT / "docs" / "coverage.md"
 SEED = 20261121
-OTHERS = re.compile(r"^<!-- (?:heat paths|real runs|noise): begin -->", re.MULTILINE)
-"""From here on the page is made by benchmarks/real_runs.py and scripts/noise_table.py."""
+OTHERS = re.compile(r"^<!-- (?:heat paths|noise): begin -->", re.MULTILINE)
+"""From here on the page is made by scripts/noise_table.py and by hand."""
 REFUSALS = (
     "There the joint ends at its bound, and its error spans all bounds: it drops a third of a kelvin while each sensor may be 0.25 K off\n"
     "and the meters 1 %, and the constant law pulls it further. A refusal that names these instruments is the right answer to such a log."

@@ -81,7 +81,7 @@ def sources(sets: Sequence[TestSet], rows: Sequence[crossed.s.Row]) -> str:
 def main() -> None:
     """Print, and write what is asked for."""
     parser = argparse.ArgumentParser(description=(__doc__ or "").splitlines()[0])
-    parser.add_argument("--data", type=Path, default=DATA, help="folder of the sets that benchmarks/real_runs.py has too")
+    parser.add_argument("--data", type=Path, default=DATA, help="folder of the sets that scripts/judge.py has too")
     parser.add_argument("--no-judge", action="store_true", help="leave out what leaving whole sets out says")
     parser.add_argument("--only", nargs="*", help="some of the sets, to be left out; the sizes are of all")
     parser.add_argument("--write", action="store_true", help=f"write {KEPT.relative_to(ROOT)}")

@@ -17,9 +17,10 @@ from pathlib import Path
 import numpy as np
 from judging import benches as b, scores as s
 from judging.oracle import reachable
-from judging.real import DATA, REAL_SETS, real_rows
+from judging.real import REAL_SETS, real_rows
 from judging.report import BEGIN, END, HINDSIGHT, ORACLE, PERSISTENCE, SCALES, difference_table, scaled_by, section, table
 from judging.rules import rule
+from judging.runs import DATA
 from judging.tasks import Answer, Question, Refusal, Task, distance, question, task, truth
 
 ROOT = Path(__file__).parent.parent

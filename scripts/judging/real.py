@@ -1,4 +1,4 @@
-"""Real runs, a kind left out at a time, judged by their readings: sets of benchmarks/real_runs.py and boards of another maker.
+"""Real runs, a kind left out at a time, judged by their readings: those of `runs`, and boards of another maker.
 
 A rule is here what predicts a record: `predict_record`, or one with its arguments whose result has bands as it has.
 """
@@ -18,15 +18,11 @@ from thermid.fit.calibration import Calibration, fit
 from thermid.fit.problem import LocalSpec, Request, priors_of
 from thermid.prediction.bands import RecordPrediction, predict_record
 
-ROOT = Path(__file__).parents[2]
-sys.path.insert(0, str(ROOT / "benchmarks"))
-import real_runs as rr  # noqa: E402
-
-from . import scores as s  # noqa: E402
-from .tasks import stratum  # noqa: E402
+from . import runs as rr, scores as s
+from .runs import ROOT
+from .tasks import stratum
 
 Array = np.ndarray
-DATA = rr.DATA
 BOARDS = ("2nd_order_mimo", "energy_balance_mimo", "mhe_linear")
 """Ten, ten and five minutes of both heaters by the board's designer: boards of one kind, at other times."""
 KNOWN = {
@@ -135,14 +131,14 @@ def real_rows(name: str, data: Path, rules: Sequence[str], hindsight: str) -> li
                 tags |= {"variance": float(np.mean([x.var() for x in logs[n].values()]))}
                 for rule in chosen:
                     asked = REAL_SETS[name](data, BANDS[rule]) if rule != "today" else real
-                    run = asked.run(kind, n, mode, found)
+                    run = asked.run(n, mode, found)
                     made = _rows_of(run, {**tags, "rule": rule}, span, logs[n])
                     rows += made
                     if rule == chosen[0] and not run.refused:
                         offs.setdefault(tags["set"], []).append((np.concatenate(run.off), made[0]))
                 held = [logs[n][c] - logs[n][c][0] for c in sensors if c in logs[n]]
                 widths = [np.full(logs[n][c].shape, moved[c]) for c in sensors if c in logs[n]]
-                still = rr.Run(name, kind, n, mode, tuple(held), tuple(widths))
+                still = rr.Run(tuple(held), tuple(widths))
                 rows += _rows_of(still, {**tags, "rule": "persistence"}, span, logs[n])
         print(f"{name}, without {kind}: {len(names)} runs", file=sys.stderr, flush=True)
     for several in offs.values():

@@ -1,6 +1,6 @@
 """Public test sets, each as an engineer takes it first: a plain lumped structure, its conditions, and what is fitted.
 
-None of the files is part of thermid. Three sets lie in the folder of benchmarks/real_runs.py; all others lie at
+None of the files is part of thermid. Three sets lie in the folder of the judge's logs (scripts/judging/runs.py); all others lie at
 ``THERMID_PUBLIC/OWNER/REPOSITORY/PATH`` and are known by their SHA-256.
 """
 
