@@ -26,6 +26,8 @@ DIVERGED = (
     "the fit diverged: its derivatives are not finite. Give its parameters min and max, or priors. Check the log too: a column, a unit or "
     "a node may be wrong."
 )
+MISJUDGED = 0.25
+"""Part of a promised gain by which a step misses it, from which the curvature that J'J lacks counts. [-]"""
 LOSSES = ("linear", "soft_l1", "huber", "cauchy")
 
 
@@ -137,7 +139,9 @@ def descend(
 
     Steps s stay within a region of trust, |s / scale| <= reach, and promise most in there (Levenberg and Marquardt's: More, Lecture Notes
     in Mathematics 630 (1978) 105). It shrinks where a step gains less than a quarter of what it promises, and grows where it gains three
-    quarters. What meets a bound stops there, and the others go on. A SolverError turns back, but of the start.
+    quarters. What meets a bound stops there, and the others go on. A SolverError turns back, but of the start. Where a step misses what J'J
+    promised by more than a quarter, and the curvature that J'J lacks would have told it better, that counts in the next: as much of it as
+    the gradients along the way have shown.
 
     Parameters
     ----------
@@ -154,10 +158,11 @@ def descend(
     SolverError   Of the start; and where derivatives are not finite.
     """
     x = np.clip(start, *bounds)
-    cost, rows, slopes = local(x)
+    cost, *plain = local(x)
     reach = reach or max(float(np.linalg.norm(x / scale)), 1.0)
-    count, gained = 1, np.inf
+    count, gained, bend, bent = 1, np.inf, np.zeros((x.size, x.size)), False
     while True:
+        rows, slopes = _with_bend(*plain, bend, scale) if bent else plain
         full = _step(rows, slopes, x, bounds, scale, np.inf)
         ahead = _promised(rows, slopes, full)
         if (np.abs(full) < near * scale).all():
@@ -173,13 +178,17 @@ def descend(
             promised, size = _promised(rows, slopes, step), float(np.linalg.norm(step / scale))
             there = _tried(local, new := np.clip(x + step, *bounds))
             count, gained = count + 1, cost - there[0]
+            if np.isfinite(there[0]):
+                straight, more = _promised(*plain, new - x), 0.5 * float((new - x) @ bend @ (new - x))
+                bent = abs(gained - straight) > max(MISJUDGED * straight, abs(gained - straight + more))
+                bend = _bend_after(bend, new - x, plain, there[1:])
             farther = gained > 0.75 * promised and size > 0.95 * reach
             reach = 0.25 * size if gained < 0.25 * promised else 2.0 * reach if farther else reach
             if gained > 0.0:
                 break
             if promised < relative * abs(cost) or size < 1e-10:
                 return Descent(x, ahead, "no step gains any more", True)
-        x, (cost, rows, slopes) = new, there
+        x, (cost, *plain) = new, there
 
 
 def _tried(local: Callable[[Array], LocalCost], x: Array) -> LocalCost:
@@ -188,6 +197,31 @@ def _tried(local: Callable[[Array], LocalCost], x: Array) -> LocalCost:
     except SolverError:
         return np.inf, x, x
     return cost if np.isfinite(cost) else np.inf, rows, slopes
+
+
+def _bend_after(bend: Array, step: Array, before: Sequence[Array], after: Sequence[Array]) -> Array:
+    """Return what the curvature (unknowns, unknowns) of the cost has beside J'J, by how a step (unknowns,) changed the gradient.
+
+    A secant update that keeps what is known of other directions: Dennis, Gay and Welsch, ACM Trans. Math. Softw. 7 (1981) 348, with
+    ``y - J'J s`` for the change that the bend makes.
+    """
+    turned = after[1].T @ after[0] - before[1].T @ before[0]
+    along = float(turned @ step)
+    if along <= 0.0:
+        return bend
+    own = turned - after[1].T @ (after[1] @ step)
+    size = abs(float(step @ bend @ step))
+    bend = bend * min(1.0, abs(float(step @ own)) / size) if size > 0.0 else bend
+    off = own - bend @ step
+    return np.asarray(bend + (np.outer(off, turned) + np.outer(turned, off)) / along - (off @ step) * np.outer(turned, turned) / along**2)
+
+
+def _with_bend(rows: Array, slopes: Array, bend: Array, scale: Array) -> tuple[Array, Array]:
+    """Return rows and slopes of the same gradient and of the curvature ``J'J + bend``, made positive."""
+    sizes, ways = np.linalg.eigh((slopes.T @ slopes + bend) * np.outer(scale, scale))
+    sizes = np.maximum(np.abs(sizes), np.finfo(float).eps * np.abs(sizes).max() + np.finfo(float).tiny)
+    gradient = ways.T @ (scale * (slopes.T @ rows))
+    return gradient / np.sqrt(sizes), np.sqrt(sizes)[:, None] * ways.T / scale
 
 
 def _promised(rows: Array, slopes: Array, step: Array) -> float:

@@ -49,6 +49,23 @@ def test_a_bent_valley_is_followed() -> None:
     assert len(seen) < 30  # least squares of MINPACK takes 21 (More, Garbow and Hillstrom, ACM TOMS 7 (1981) 17)
 
 
+@pytest.mark.parametrize("bend", [-0.7, -1.5, -4.0])
+def test_large_residuals_of_strong_curvature_do_not_slow_the_descent(bend: float) -> None:
+    """Dennis' and Schnabel's example (Numerical Methods, SIAM 1996, 10.2.4): J'J lacks `bend` times itself, from -1 on Gauss and Newton part."""
+    seen: list[Array] = []
+
+    def rows(x: Array) -> Array:
+        return np.array([x[0] + 1.0, bend * x[0] ** 2 + x[0] - 1.0, x[1] - x[0]])
+
+    def slopes(x: Array) -> Array:
+        return np.array([[1.0, 0.0], [2.0 * bend * x[0] + 1.0, 0.0], [-1.0, 1.0]])
+
+    end = descend(of(rows, slopes, seen), np.array([0.4, 0.0]), FREE, np.ones(2), done=1e-9, relative=1e-16)
+    assert end.converged
+    assert end.x == pytest.approx([0.0, 0.0], abs=1e-7)
+    assert len(seen) < 20  # with J'J alone 30 to 50
+
+
 @pytest.mark.parametrize("seed", range(12))
 def test_within_bounds_it_ends_where_scipy_ends(seed: int) -> None:
     """Sums of exponentials with bounds that some of the unknowns meet."""

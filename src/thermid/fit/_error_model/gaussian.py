@@ -16,8 +16,8 @@ priors, ``M_o = I + A_o'A_o``, what the run says of the shared ones is ``A_s'(I 
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-from dataclasses import dataclass
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, fields
 
 import numpy as np
 
@@ -123,11 +123,16 @@ def weights_of(log_evidence: Sequence[float] | Array) -> Array:
     return np.asarray(weights / weights.sum())
 
 
+def log_mean(logs: Array) -> float:
+    """Return ln of the mean of what has these logarithms."""
+    return float(logs.max() + np.log(np.mean(np.exp(logs - logs.max()))))
+
+
 def step_to_mode(log_evidence: Sequence[float], means: Sequence[Array], roots: Sequence[Array]) -> tuple[float, Array, Array]:
     """Return the cost of a point under a mixture of normal posteriors, the step towards its mode, and standard errors there.
 
     Legend: member l of evidence Z_l and posterior N(m_l, S_l), as seen from the point. The cost is ``-ln sum_l Z_l N(0; m_l, S_l)``, but
-    for a constant; the step is that of expectation and maximisation, ``H^-1 sum_l r_l S_l^-1 m_l`` with shares r_l of that sum and
+    for constants; the step is that of expectation and maximisation, ``H^-1 sum_l r_l S_l^-1 m_l`` with shares r_l of that sum and
     ``H = sum_l r_l S_l^-1`` (Dempster, Laird and Rubin, J. R. Stat. Soc. B 39 (1977) 1).
 
     Parameters
@@ -142,8 +147,70 @@ def step_to_mode(log_evidence: Sequence[float], means: Sequence[Array], roots: S
     logs = np.array([log - 0.5 * float(mean @ pull - np.linalg.slogdet(inverse)[1]) for log, mean, inverse, pull in pairs])
     shares = weights_of(logs)
     spread = np.linalg.inv(np.tensordot(shares, np.array(inverses), axes=1))
-    cost = -float(logs.max() + np.log(np.exp(logs - logs.max()).sum()))
-    return cost, np.asarray(spread @ (shares @ np.array(pulls))), np.sqrt(np.diag(spread))
+    return -log_mean(logs), np.asarray(spread @ (shares @ np.array(pulls))), np.sqrt(np.diag(spread))
+
+
+def even_points(count: int, dimensions: int, first: int = 1) -> Array:
+    """Return points (count, dimensions) evenly over a standard normal distribution, from the place `first` of an endless sequence.
+
+    Points of an additive recurrence whose steps are powers of the root of ``x^(d + 1) = x + 1`` (Niederreiter, Random Number Generation and
+    Quasi-Monte Carlo Methods, SIAM 1992, chapter 3): as even as those of Sobol, at the cost of a sum.
+    """
+    from scipy.special import ndtri
+
+    root = 1.0
+    for _ in range(ROOT_STEPS):
+        root = (1.0 + root) ** (1.0 / (dimensions + 1))
+    return np.asarray(ndtri((0.5 + np.arange(first, first + count)[:, None] * root ** -np.arange(1.0, dimensions + 1)) % 1.0))
+
+
+ROOT_STEPS = 60
+"""Steps in which the root of a recurrence is found to the last digit."""
+
+
+def sampled(log_likelihood: Callable[[Array], Array], count: int, dimensions: int, rounds: int) -> tuple[Array, Array]:
+    """Return points (count, dimensions) under a standard normal prior, and ln of their weights: a likelihood in numbers of evaluations.
+
+    Adaptive importance sampling: each round lays its points by a normal distribution that has mean and covariance of the points before,
+    under weights flattened until enough points count, and all rounds together are weighed as one mixture (Cornuet, Marin, Mira and Robert,
+    Scand. J. Stat. 39 (2012) 798). Their sum of weights over `count` estimates the integral.
+    """
+    each = [len(x) for x in np.array_split(np.arange(count), rounds)]
+    laid: list[tuple[Array, Array]] = [(np.zeros(dimensions), np.eye(dimensions))]
+    points, targets, logs = np.empty((0, dimensions)), np.empty(0), np.empty(0)
+    for k, own in enumerate(each):
+        centre, lower = laid[k]
+        new = centre + even_points(own, dimensions, len(points) + 1) @ lower.T
+        points = np.concatenate([points, new])
+        targets = np.concatenate([targets, log_likelihood(new) + _log_normal(new, *laid[0])])
+        parts = np.array([np.log(n / len(points)) + _log_normal(points, *law) for n, law in zip(each, laid, strict=False)])
+        logs = targets - np.logaddexp.reduce(parts, axis=0)
+        if k + 1 < rounds:
+            laid.append(_covering(points, logs))
+    return points, logs
+
+
+def _covering(points: Array, logs: Array) -> tuple[Array, Array]:
+    """Return mean and root of the covariance of weighted points, flattened until twice as many as they have dimensions count."""
+    enough = min(2.0 * points.shape[1], 0.5 * len(points))
+    low, high = 0.0, 1.0
+    for _ in range(INTERVAL_HALVINGS):
+        power = 0.5 * (low + high)
+        low, high = (power, high) if 1.0 / float(np.sum(weights_of(power * logs) ** 2)) > enough else (low, power)
+    weights = weights_of(low * logs)
+    mean = weights @ points
+    apart = points - mean
+    return mean, np.linalg.cholesky((weights[:, None] * apart).T @ apart + LEAST_SPREAD**2 * np.eye(points.shape[1]))
+
+
+LEAST_SPREAD = 0.1
+"""Least standard deviation of the points of a round, in those of the prior."""
+
+
+def _log_normal(points: Array, mean: Array, lower: Array) -> Array:
+    """Return ln of a normal density (n,), but for a constant."""
+    apart = np.linalg.solve(lower, (points - mean).T)
+    return np.asarray(-0.5 * np.sum(apart**2, axis=0) - np.log(np.diag(lower)).sum())
 
 
 def squared_exponential(first: Array, second: Array, lengths: Array) -> Array:
@@ -235,6 +302,11 @@ class Members:
     mean: Array
     root: Array
     square: Array
+
+    @classmethod
+    def joined(cls, parts: Sequence[Members]) -> Members:
+        """Return all members of several."""
+        return cls(*(np.concatenate([getattr(p, f.name) for p in parts]) for f in fields(cls)))
 
 
 def members_of(runs: Sequence[RunRows], centre: Array, sizes: Array, own: Sequence[Array]) -> Members:

@@ -21,7 +21,17 @@ from thermid.fit._error_model.elements import (
     with_heats,
     with_laws,
 )
-from thermid.fit._error_model.gaussian import Members, RunRows, Wander, members_of, step_to_mode, weights_of
+from thermid.fit._error_model.gaussian import (
+    Members,
+    RunRows,
+    Wander,
+    even_points,
+    log_mean,
+    members_of,
+    sampled,
+    step_to_mode,
+    weights_of,
+)
 from thermid.fit._error_model.runs import Departures, SensorRows, UnknownColumn, departures_of, run_rows, widened
 from thermid.fit._error_model.sizes import (
     ARRIVED,
@@ -32,6 +42,7 @@ from thermid.fit._error_model.sizes import (
     LEFT_TIMES,
     LIKELY,
     NEWTON_POINTS,
+    ROUNDS,
     SETS,
     SETS_COST,
     SHARES_OF_RUN,
@@ -44,8 +55,6 @@ from thermid.fit._problem.residuals import Problem, Unknown, prior_rows
 from thermid.measure.records import noise_seen
 from thermid.simulation.network import Network
 
-ROOT_STEPS = 60
-"""Steps in which the root of a recurrence is found to the last digit."""
 GROUPS = tuple(name for name in SIZES if name != "left")
 """Sizes that are drawn, in order."""
 
@@ -81,19 +90,11 @@ class FittedWay:
         return {name: k for k, name in enumerate((*self.values, *(c.name for c in self.columns)))}
 
 
-def drawn_sizes(count: int) -> Array:
-    """Return sizes (count, groups) of departures, evenly over their half-normal priors.
+def sizes_at(points: Array) -> Array:
+    """Return sizes (count, groups) of departures at points of a standard normal prior: half-normal, each with its own scale."""
+    from scipy.special import ndtr, ndtri
 
-    Points of an additive recurrence whose steps are powers of the root of ``x^(d + 1) = x + 1`` (Niederreiter, Random Number Generation and
-    Quasi-Monte Carlo Methods, SIAM 1992, chapter 3): as even as those of Sobol, at the cost of a sum.
-    """
-    from scipy.special import ndtri
-
-    root = 1.0
-    for _ in range(ROOT_STEPS):
-        root = (1.0 + root) ** (1.0 / (len(GROUPS) + 1))
-    points = (0.5 + np.arange(1, count + 1)[:, None] * root ** -np.arange(1.0, len(GROUPS) + 1)) % 1.0
-    return np.asarray(ndtri(0.5 + 0.5 * points) * [SIZES[g].value for g in GROUPS])
+    return np.asarray(-ndtri(0.5 * ndtr(-points)) * [SIZES[g].value for g in GROUPS])
 
 
 def deviations(columns: Sequence[UnknownColumn], sizes: Array) -> Array:
@@ -278,17 +279,23 @@ def _averaged(runs: RunsOfFit, way: Way, laws: Mapping[str, ElementLaw], centre:
     """Return the posterior at all sizes that count."""
     most = SETS_COST / (len(runs.values) + len(runs.columns)) ** 3
     sets = int(np.clip(most, FEWEST_SETS, SETS))
-    prior, sizes = left_prior(), drawn_sizes(sets)
-    few = drawn_sizes(max(sets * FIRST_SETS // SETS, 1))
-    first = {left: runs.posterior(centre, few, left).log_evidence for left in prior}
-    logs = {left: log + first[left].max() + float(np.log(np.mean(np.exp(first[left] - first[left].max())))) for left, log in prior.items()}
-    likely = [left for left, share in zip(logs, weights_of(list(logs.values())), strict=True) if share > LIKELY]
-    parts = [runs.posterior(centre, sizes, left) for left in likely]
-    parts = [replace(p, log_evidence=p.log_evidence + prior[left]) for p, left in zip(parts, likely, strict=True)]
-    members = Members(*(np.concatenate([getattr(p, name) for p in parts]) for name in ("log_evidence", "mean", "root", "square")))
+    prior, few = left_prior(), sizes_at(even_points(max(sets * FIRST_SETS // SETS, 1), len(GROUPS)))
+    first = {left: log + log_mean(runs.posterior(centre, few, left).log_evidence) for left, log in prior.items()}
+    likely = [left for left, share in zip(first, weights_of(list(first.values())), strict=True) if share > LIKELY]
+    parts, sizes = [], []
+    for left in likely:
+        made: list[Members] = []
+
+        def evidence(points: Array, left: tuple[float, float] = left, made: list[Members] = made) -> Array:
+            made.append(runs.posterior(centre, sizes_at(points), left))
+            return made[-1].log_evidence
+
+        points, logs = sampled(evidence, sets, len(GROUPS), max(min(ROUNDS, sets // (2 * len(GROUPS))), 1))
+        parts.append(replace(Members.joined(made), log_evidence=logs + prior[left] - float(np.log(sets))))
+        sizes.append(sizes_at(points))
     sizes_left = np.repeat([(SIZES["left"].value * size, time) for size, time in likely], sets, axis=0)
     values = {runs.problem.unknowns[k].name: float(runs.fitted[k]) for k in runs.values}
-    return FittedWay(way, laws, values, runs.departures, runs.columns, members, np.tile(sizes, (len(parts), 1)), sizes_left)
+    return FittedWay(way, laws, values, runs.departures, runs.columns, Members.joined(parts), np.concatenate(sizes), sizes_left)
 
 
 def left_prior() -> dict[tuple[float, float], float]:

@@ -106,10 +106,10 @@ POINTS: Final = 301
 """Samples of a run along which departures are drawn."""
 ROOM_KNOTS: Final = 24
 """Hats that hold a wandering room in a run, at most; a room that wanders faster is smoothed."""
-USUAL_LEFT: Final = (0.3, 1.0 / 10.0)
-"""Size and time of the same while values are looked for."""
 FIRST_SETS, SETS = 16, 256
 """Sets of sizes at every size and time of what no element explains, and again at those that count."""
+ROUNDS: Final = 8
+"""Rounds in which sets of sizes are laid, each where the rounds before found them likely."""
 FEWEST_SETS, SETS_COST = 8, 1e8
 """Sets of a large model, and what all of them may cost: each the cube of the number of unknowns."""
 LIKELY: Final = 0.01
