@@ -51,7 +51,7 @@ def test_a_bent_valley_is_followed() -> None:
 
 @pytest.mark.parametrize("bend", [-0.7, -1.5, -4.0])
 def test_large_residuals_of_strong_curvature_do_not_slow_the_descent(bend: float) -> None:
-    """Dennis' and Schnabel's example (Numerical Methods, SIAM 1996, 10.2.4): J'J lacks `bend` times itself, from -1 on Gauss and Newton part."""
+    """Dennis' and Schnabel's example (Numerical Methods, SIAM 1996, 10.2.4): J'J lacks `bend` times itself."""
     seen: list[Array] = []
 
     def rows(x: Array) -> Array:

@@ -171,46 +171,43 @@ ROOT_STEPS = 60
 def sampled(log_likelihood: Callable[[Array], Array], count: int, dimensions: int, rounds: int) -> tuple[Array, Array]:
     """Return points (count, dimensions) under a standard normal prior, and ln of their weights: a likelihood in numbers of evaluations.
 
-    Adaptive importance sampling: each round lays its points by a normal distribution that has mean and covariance of the points before,
-    under weights flattened until enough points count, and all rounds together are weighed as one mixture (Cornuet, Marin, Mira and Robert,
-    Scand. J. Stat. 39 (2012) 798). Their sum of weights over `count` estimates the integral.
+    Adaptive importance sampling: each round lays its points by a normal distribution that has means and deviations of the points before,
+    under weights flattened until as many points as dimensions count, and all rounds together are weighed as one mixture (Cornuet, Marin,
+    Mira and Robert, Scand. J. Stat. 39 (2012) 798). The sum of the weights over `count` estimates the integral. Deviations alone: so few
+    points tell no correlations, and those of their scatter narrow what the next round covers.
     """
     each = [len(x) for x in np.array_split(np.arange(count), rounds)]
-    laid: list[tuple[Array, Array]] = [(np.zeros(dimensions), np.eye(dimensions))]
+    laid: list[tuple[Array, Array]] = [(np.zeros(dimensions), np.ones(dimensions))]
     points, targets, logs = np.empty((0, dimensions)), np.empty(0), np.empty(0)
     for k, own in enumerate(each):
-        centre, lower = laid[k]
-        new = centre + even_points(own, dimensions, len(points) + 1) @ lower.T
+        new = laid[k][0] + laid[k][1] * even_points(own, dimensions, len(points) + 1)
         points = np.concatenate([points, new])
         targets = np.concatenate([targets, log_likelihood(new) + _log_normal(new, *laid[0])])
-        parts = np.array([np.log(n / len(points)) + _log_normal(points, *law) for n, law in zip(each, laid, strict=False)])
-        logs = targets - np.logaddexp.reduce(parts, axis=0)
-        if k + 1 < rounds:
-            laid.append(_covering(points, logs))
+        logs = targets - np.logaddexp.reduce(
+            [np.log(n / len(points)) + _log_normal(points, *law) for n, law in zip(each, laid, strict=False)], axis=0
+        )
+        weights = _flattened(logs, min(float(dimensions), 0.5 * len(points)))
+        mean = weights @ points
+        laid.append((mean, np.sqrt(weights @ (points - mean) ** 2 + LEAST_SPREAD**2)))
     return points, logs
-
-
-def _covering(points: Array, logs: Array) -> tuple[Array, Array]:
-    """Return mean and root of the covariance of weighted points, flattened until twice as many as they have dimensions count."""
-    enough = min(2.0 * points.shape[1], 0.5 * len(points))
-    low, high = 0.0, 1.0
-    for _ in range(INTERVAL_HALVINGS):
-        power = 0.5 * (low + high)
-        low, high = (power, high) if 1.0 / float(np.sum(weights_of(power * logs) ** 2)) > enough else (low, power)
-    weights = weights_of(low * logs)
-    mean = weights @ points
-    apart = points - mean
-    return mean, np.linalg.cholesky((weights[:, None] * apart).T @ apart + LEAST_SPREAD**2 * np.eye(points.shape[1]))
 
 
 LEAST_SPREAD = 0.1
 """Least standard deviation of the points of a round, in those of the prior."""
 
 
-def _log_normal(points: Array, mean: Array, lower: Array) -> Array:
-    """Return ln of a normal density (n,), but for a constant."""
-    apart = np.linalg.solve(lower, (points - mean).T)
-    return np.asarray(-0.5 * np.sum(apart**2, axis=0) - np.log(np.diag(lower)).sum())
+def _flattened(logs: Array, enough: float) -> Array:
+    """Return the weights whose logarithms are the largest part, up to all, of these with which so many points count."""
+    low, high = 0.0, 1.0
+    for _ in range(INTERVAL_HALVINGS):
+        part = 0.5 * (low + high)
+        low, high = (part, high) if 1.0 / float(np.sum(weights_of(part * logs) ** 2)) > enough else (low, part)
+    return weights_of(low * logs)
+
+
+def _log_normal(points: Array, mean: Array, spread: Array) -> Array:
+    """Return ln of a normal density (n,) of independent coordinates, but for a constant."""
+    return np.asarray(-0.5 * np.sum(((points - mean) / spread) ** 2, axis=1) - np.log(spread).sum())
 
 
 def squared_exponential(first: Array, second: Array, lengths: Array) -> Array:
