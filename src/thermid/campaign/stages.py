@@ -9,6 +9,7 @@ from thermid.campaign._file import (
     read_campaign as read_campaign,
     scenario_of as scenario_of,
 )
+from thermid.campaign._fleet import fleet_in as fleet_in
 from thermid.campaign._joint import JointFit as JointFit
 from thermid.campaign._running import RunningTest as RunningTest, running_test as running_test
 from thermid.campaign._stages import (

@@ -28,7 +28,7 @@ from thermid.inference._fleet.units import WIDE, Said, Unit, read_unit
 from thermid.measure.amounts import short
 from thermid.measure.records import Record
 from thermid.model.tree import Model
-from thermid.simulation.runs import Workers, in_tasks
+from thermid.simulation.runs import Ensemble, Workers, ensemble, in_tasks
 from thermid.simulation.scenarios import Scenario
 
 ROUNDS = 12
@@ -143,6 +143,7 @@ class Fleet(Result):
     reference: Array = field(repr=False)
     unknowns: tuple[Unknown, ...] = field(repr=False)
     covariates: _Design = field(repr=False)
+    model: Model = field(repr=False)
 
     def next_unit(self, covariates: Mapping[str, float | str] | None = None) -> tuple[Array, Array]:
         """Return mean (values,) and covariance of the values of a unit not built yet, in the fitted form, the error of the means counted.
@@ -165,6 +166,23 @@ class Fleet(Result):
         mean, wide = self.next_unit(covariates)
         points = mean + np.random.default_rng(seed).standard_normal((count, mean.size)) @ square_root(wide).T
         return {u.name: np.array([u.to_value(x) for x in points[:, k]]) for k, u in enumerate(self.unknowns)}
+
+    def predict(
+        self,
+        scenario: Scenario,
+        count: int = 1000,
+        *,
+        covariates: Mapping[str, float | str] | None = None,
+        seed: int = 1,
+        executor: Workers = None,
+    ) -> Ensemble:
+        """Return the runs of drawn units not built yet; `plot` shows their 95 % bands.
+
+        Raises
+        ------
+        IdentificationError   When a covariate is none of the fleet's.
+        """
+        return ensemble(self.model, scenario, self.draws(count, covariates=covariates, seed=seed), executor=executor)
 
     def priors(self, covariates: Mapping[str, float | str] | None = None) -> str:
         """Return the prior of the next unit as the lines of a campaign's stage; correlations are not in them.
@@ -370,7 +388,9 @@ def fleet_of(requests: Mapping[str, Request], covariates: Covariates, title: str
         full = count >= FEWEST_UNITS * numbers or len(unknowns) == 1
         together = np.ones((len(unknowns),) * 2, dtype=bool) if full else np.eye(len(unknowns), dtype=bool)
         reference, population, said, settled = _iterated(units, unknowns, design, together, title, executor)
-        return _summed(title, units, unknowns, design, reference, population, _remarks(units, together, numbers, said, settled))
+        remarks = _remarks(units, together, numbers, said, settled)
+        model = next(iter(requests.values())).model
+        return _summed(title, units, unknowns, design, reference, population, remarks, model)
 
 
 def _same(units: Sequence[Unit], title: str) -> tuple[Unknown, ...]:
@@ -489,6 +509,7 @@ def _summed(
     reference: Array,
     population: Population,
     remarks: tuple[str, ...],
+    model: Model,
 ) -> Fleet:
     """Return the result."""
     size, at = len(unknowns), population.at
@@ -511,7 +532,7 @@ def _summed(
         OddUnit(units[o.unit].name, unknowns[o.value].name, own[units[o.unit].name][unknowns[o.value].name][0], o.distance, o.threshold)
         for o in odd_units(population)
     )
-    return Fleet(title, values, tuple(effects), tuple(correlations), odd, own, remarks, population, reference, unknowns, design)
+    return Fleet(title, values, tuple(effects), tuple(correlations), odd, own, remarks, population, reference, unknowns, design, model)
 
 
 def _value(
