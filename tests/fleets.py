@@ -3,10 +3,10 @@
 from __future__ import annotations
 
 import numpy as np
-from two_masses import DECK
 
 import thermid as td
 from thermid.model.deck import model_from_dict
+from two_masses import DECK
 
 MODEL = model_from_dict(DECK)
 FREE = ("joint.contact_conductance", "skin.effective_htc")
@@ -33,7 +33,7 @@ def log(name: str, values: dict[str, float], seconds: float, rng: np.random.Gene
 
 
 def boxes(count: int, seed: int, weak: float = 0.0, spreads: dict[str, float] = SPREADS) -> tuple[dict[str, td.Record], np.ndarray]:
-    """Return unit -> log, of two hours or with a chance of `weak` of four minutes, and the logarithms (units, values) of the true values."""
+    """Return unit -> log, of two hours or with a chance of `weak` of four minutes, and the logarithms (units, values) of the values."""
     rng = np.random.default_rng(seed)
     true = np.array([[np.log(MEANS[p]) + spreads[p] * rng.normal() for p in FREE] for _ in range(count)])
     short = rng.random(count) < weak

@@ -9,7 +9,6 @@ from thermid.campaign._file import (
     read_campaign as read_campaign,
     scenario_of as scenario_of,
 )
-from thermid.campaign._fleet import fleet_in as fleet_in
 from thermid.campaign._joint import JointFit as JointFit
 from thermid.campaign._running import RunningTest as RunningTest, running_test as running_test
 from thermid.campaign._stages import (
@@ -21,4 +20,4 @@ from thermid.campaign._stages import (
     request_of as request_of,
     run_stages as run_stages,
 )
-from thermid.campaign._survey import check_campaign as check_campaign, survey as survey
+from thermid.campaign._survey import check_campaign as check_campaign, fleet_in as fleet_in, survey as survey

@@ -7,14 +7,21 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from fleets import FREE, MEANS, MODEL, SPREADS, boxes, log
 from typer.testing import CliRunner
 
 import thermid as td
+from fleets import FREE, MEANS, MODEL, SPREADS, boxes, log
 from thermid.app.cli.app import app
 from thermid.base.errors import DeckError, IdentificationError
-from thermid.inference._fleet.intervals import interval_of_correlation, interval_of_mean, interval_of_spread, odd_units
-from thermid.inference._fleet.population import Level, Population, Summaries
+from thermid.inference._fleet.population import (
+    PopulationFit,
+    RestrictedLikelihood,
+    Summaries,
+    interval_of_correlation,
+    interval_of_mean,
+    interval_of_spread,
+    odd_units,
+)
 
 ORTHODONT = """
 26,25,29,31 21.5,22.5,23,26.5 23,22.5,24,27.5 25.5,27.5,26.5,27 20,23.5,22.5,26 24.5,25.5,27,28.5 22,22,24.5,26.5 24,21.5,24.5,25.5
@@ -42,7 +49,7 @@ def test_a_published_fit_is_repeated() -> None:
     x, residual = np.column_stack([np.ones(4), [8.0, 10.0, 12.0, 14.0]]), 1.3100397
     information = np.repeat((x.T @ x / residual**2)[None], 27, axis=0)
     said = Summaries(information, y @ x / residual**2, np.repeat(np.eye(2)[None], 27, axis=0))
-    found = Population.fitted(said, np.ones((2, 2), dtype=bool))
+    found = PopulationFit.fitted(said, np.ones((2, 2), dtype=bool))
     assert found.at.beta == pytest.approx([16.76111, 0.6601852], rel=1e-6)
     assert np.sqrt(np.diag(found.at.spread)) == pytest.approx([0.7752461, 0.0712533], rel=1e-4)
     assert found.sizes == pytest.approx([2.3270357, 0.2264279], rel=1e-4)
@@ -70,7 +77,7 @@ def test_the_restricted_likelihood_is_that_of_all_readings() -> None:
         beta = np.linalg.solve(x.T @ precise @ x, x.T @ precise @ y.ravel())
         left = y.ravel() - x @ beta
         dense = -0.5 * (left @ precise @ left + np.linalg.slogdet(wide)[1] + np.linalg.slogdet(x.T @ precise @ x)[1])
-        here = Level.of(said, root)
+        here = RestrictedLikelihood.at(said, root)
         assert here.beta == pytest.approx(beta)
         differences.append(here.log - dense)
     assert differences[0] == pytest.approx(differences[1], abs=1e-10)
@@ -79,11 +86,11 @@ def test_the_restricted_likelihood_is_that_of_all_readings() -> None:
 def test_slope_is_the_derivative() -> None:
     said, _ = summaries(9, 3, 1)
     root = np.linalg.cholesky(np.array([[1.0, 0.3, 0.0], [0.3, 0.8, -0.2], [0.0, -0.2, 0.5]]))
-    at = Level.of(said, root)
+    at = RestrictedLikelihood.at(said, root)
     for i, j in ((0, 0), (1, 0), (2, 1)):
         step = np.zeros((3, 3))
         step[i, j] = 1e-5
-        by_differences = (Level.of(said, root + step).log - Level.of(said, root - step).log) / 2e-5
+        by_differences = (RestrictedLikelihood.at(said, root + step).log - RestrictedLikelihood.at(said, root - step).log) / 2e-5
         assert (at.slope @ root)[i, j] == pytest.approx(by_differences, rel=1e-5)
 
 
@@ -91,7 +98,7 @@ def test_degrees_of_freedom_of_alike_units_are_one_less_than_units() -> None:
     rng = np.random.default_rng(5)
     information = np.repeat((1e8 * np.eye(2))[None], 20, axis=0)
     said = Summaries(information, 1e8 * rng.normal(size=(20, 2)), np.repeat(np.eye(2)[None], 20, axis=0))
-    found = Population.fitted(said, np.ones((2, 2), dtype=bool))
+    found = PopulationFit.fitted(said, np.ones((2, 2), dtype=bool))
     values = said.score / 1e8
     assert found.omega == pytest.approx(np.cov(values.T), rel=1e-5)
     assert found.freedom_of_spread(0) == pytest.approx(19.0, rel=1e-4)
@@ -100,7 +107,7 @@ def test_degrees_of_freedom_of_alike_units_are_one_less_than_units() -> None:
 
 
 def test_intervals_end_where_the_restricted_likelihood_has_fallen() -> None:
-    found = Population.fitted(summaries(40, 2, 6)[0], np.ones((2, 2), dtype=bool))
+    found = PopulationFit.fitted(summaries(40, 2, 6)[0], np.ones((2, 2), dtype=bool))
     spread, together = interval_of_spread(found, 1), interval_of_correlation(found, 0, 1)
     for end in spread[:2]:
         assert found.rise((1,), end)[0] ** 0.5 == pytest.approx(1.96, abs=0.02)
@@ -112,7 +119,7 @@ def test_intervals_end_where_the_restricted_likelihood_has_fallen() -> None:
 
 def test_a_spread_that_is_not_there_is_zero() -> None:
     said, _ = summaries(40, 2, 12, np.diag([1.0, 0.0]), noise=1.0)
-    found = Population.fitted(said, np.ones((2, 2), dtype=bool))
+    found = PopulationFit.fitted(said, np.ones((2, 2), dtype=bool))
     assert found.rise((1,), 0.0)[0] < 0.5
     low, high, _ = interval_of_spread(found, 1)
     assert low == 0.0
@@ -121,11 +128,11 @@ def test_a_spread_that_is_not_there_is_zero() -> None:
 
 def test_an_odd_unit_is_named_and_no_other() -> None:
     said, values = summaries(60, 3, 8)
-    assert odd_units(Population.fitted(said, np.ones((3, 3), dtype=bool))) == []
+    assert odd_units(PopulationFit.fitted(said, np.ones((3, 3), dtype=bool))) == []
     moved = said.score.copy()
     for unit, k in ((10, 1), (20, 2)):
         moved[unit] += said.information[unit][:, k] * (7.0 - values[unit, k])
-    found = odd_units(Population.fitted(Summaries(said.information, moved, said.design), np.ones((3, 3), dtype=bool)))
+    found = odd_units(PopulationFit.fitted(Summaries(said.information, moved, said.design), np.ones((3, 3), dtype=bool)))
     assert {(o.unit, o.value) for o in found} == {(10, 1), (20, 2)}
 
 
