@@ -144,7 +144,7 @@ def network(fleets: int, units: int, weak: float, seed: int) -> None:
     """Print the coverage of fleets of simulated boxes, whose weak logs are four minutes of two hours."""
     sys.path.insert(0, str(Path(__file__).parent.parent / "tests"))
     import thermid as td
-    from fleets import FREE, MEANS, MODEL, SPREADS, boxes
+    from fleet_of_boxes import FREE, MEANS, MODEL, SPREADS, boxes
 
     goal, hits, sizes, begun = HALF_WIDTH_95**2, dict[str, list[bool]](), list[list[float]](), time.process_time()
     for k in range(fleets):

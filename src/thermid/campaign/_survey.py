@@ -211,13 +211,13 @@ def _of_unit(source: CampaignSource, request: Request, name: str, patterns: list
     points = {r.name: r for r in request.records}
     wanted = [n for p in patterns for n in ([p] if p in points else source.pick([p], where))]
     refuse_unknown(wanted, points, where, f"record '{{}}' is not one of stage '{request.name}'.", DeckError)
-    kept = {"*", *wanted}
+    names = {"*", *wanted}
     return replace(
         request,
         name=name,
         records=tuple(points[n] for n in dict.fromkeys(wanted)),
-        scenarios={n: s for n, s in request.scenarios.items() if n in kept},
-        record_local={n: s for n, s in request.record_local.items() if n in kept},
+        scenarios={n: s for n, s in request.scenarios.items() if n in names},
+        record_local={n: s for n, s in request.record_local.items() if n in names},
     )
 
 

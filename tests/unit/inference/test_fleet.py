@@ -10,7 +10,7 @@ import pytest
 from typer.testing import CliRunner
 
 import thermid as td
-from fleets import FREE, MEANS, MODEL, SPREADS, boxes, log
+from fleet_of_boxes import FREE, MEANS, MODEL, SPREADS, boxes, log
 from thermid.app.cli.app import app
 from thermid.base.errors import DeckError, IdentificationError
 from thermid.inference._fleet.population import (

@@ -219,16 +219,16 @@ def fleet(
     conditions = load_scenario(scenario) if scenario is not None else None
     executor = executor_of(workers, cluster)
     with campaign_progress(campaign) as progress:
-        found = fleet_in(campaign, data=data, cache=results or campaign.parent / "results", notice=progress, executor=executor)
-    said, lines = found.to_dict(), [str(found)]
+        population = fleet_in(campaign, data=data, cache=results or campaign.parent / "results", notice=progress, executor=executor)
+    answer, lines = population.to_dict(), [str(population)]
     if conditions is not None:
-        runs = found.predict(conditions, members, executor=executor)
+        runs = population.predict(conditions, members, executor=executor)
         bands = {n: np.quantile(runs.highest(n), (0.5, 0.025, 0.975)).tolist() for n in runs.nodes}
-        said |= {"highest_degC": {n: dict(zip(("median", "low", "high"), b, strict=True)) for n, b in bands.items()}}
+        answer |= {"highest_degC": {n: dict(zip(("median", "low", "high"), b, strict=True)) for n, b in bands.items()}}
         lines.append(f"Highest temperatures of a unit not built yet, {conditions.title}, 95 % of {members} drawn units:")
         lines += [f"  {n}  {b[0]:.1f} ({b[1]:.1f} .. {b[2]:.1f}) degC" for n, b in bands.items()]
-    say(as_json, said, "\n".join(lines), verbose)
-    raise SystemExit(1 if found.odd else 0)
+    say(as_json, answer, "\n".join(lines), verbose)
+    raise SystemExit(1 if population.odd else 0)
 
 
 def credibility(

@@ -21,6 +21,7 @@ SUBJECTS: Final[Mapping[str, str]] = {
     "extra": "Optional parts",
     "file": "Files that are read",
     "fit": "Fits",
+    "fleet": "Fleets of units",
     "htc": "Coefficients of a settled test",
     "model": "Models",
     "name": "Names",

@@ -32,7 +32,7 @@ GAIN_LEFT = 1e-7
 
 ZERO_SPREAD_RISE = 1e-3
 """Growth of 2 ln R from a spread to zero, up to which it is summaries to be zero."""
-FITS_TO_AN_END, END_TOLERANCE = 10, 0.01
+FITS_TO_AN_END, PROFILE_TOLERANCE = 10, 0.01
 """Fits on the way to one end, and how near its height must come, in standard errors."""
 FALSE_ALARMS, ODD_TRIED = 0.05, 10
 """Probability of naming any unit of a fleet without odd ones; and how many units are left out in turn."""
@@ -394,7 +394,7 @@ def _end(rise: Callable[[float, Array | None], tuple[float, Array]], step: float
     for _ in range(FITS_TO_AN_END):
         rose, near = rise(x, near)
         there = x, math.sqrt(max(rose, 0.0))
-        if abs(there[1] - goal) < END_TOLERANCE:
+        if abs(there[1] - goal) < PROFILE_TOLERANCE:
             break
         low, high = (there, high) if there[1] < goal else (low, there)
         if x >= most and there[1] < goal:

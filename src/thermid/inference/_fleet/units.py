@@ -246,7 +246,7 @@ def fleet_of(requests: Mapping[str, Request], covariates: Covariates, title: str
         raise IdentificationError(f"a fleet needs at least three units, and there are {len(requests)}.", title, code="fleet.too-small")
     with threadpool_limits(limits=1):
         units = [FleetUnit.from_request(name, request) for name, request in requests.items()]
-        unknowns = _same(units, title)
+        unknowns = _common_values(units, title)
         design = CovariateDesign.from_covariates([u.name for u in units], covariates, len(unknowns))
         count, numbers = len(units), len(unknowns) * (len(unknowns) + 1) // 2
         full = count >= FEWEST_UNITS * numbers or len(unknowns) == 1
@@ -257,7 +257,7 @@ def fleet_of(requests: Mapping[str, Request], covariates: Covariates, title: str
         return _summed(title, units, unknowns, design, reference, population, remarks, model)
 
 
-def _same(units: Sequence[FleetUnit], title: str) -> tuple[Unknown, ...]:
+def _common_values(units: Sequence[FleetUnit], title: str) -> tuple[Unknown, ...]:
     """Return the values that all units have.
 
     Raises
