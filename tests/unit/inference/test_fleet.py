@@ -126,6 +126,13 @@ def test_a_spread_that_is_not_there_is_zero() -> None:
     assert 0.05 < high < 0.6
 
 
+def test_one_value_is_a_population_too() -> None:
+    found = PopulationFit.fitted(summaries(20, 1, 4)[0], np.ones((1, 1), dtype=bool))
+    low, high, _ = interval_of_spread(found, 0)
+    assert low < found.sizes[0] < high
+    assert odd_units(found) == []
+
+
 def test_an_odd_unit_is_named_and_no_other() -> None:
     said, values = summaries(60, 3, 8)
     assert odd_units(PopulationFit.fitted(said, np.ones((3, 3), dtype=bool))) == []
@@ -174,7 +181,7 @@ def test_the_next_unit(fleet: td.inference.Fleet) -> None:
         {p: (v.spread**2 + (np.log(v.high / v.low) / 4.3) ** 2) ** 0.5 for p, v in fleet.values.items()}, rel=0.05
     )
     told = dict(re.findall(r'"(.+)" = \{ mean = "(.+?) \[', fleet.priors()))
-    assert {p: float(m) for p, m in told.items()} == pytest.approx({p: v.mean for p, v in fleet.values.items()}, rel=1e-5)
+    assert {p: float(m) for p, m in told.items()} == pytest.approx({p: v.mean for p, v in fleet.values.items()}, rel=1e-3)
     hot = td.Scenario("hot", boundaries={"room": "40 [degC]"}, start="room", duration="1 [h]")
     runs = fleet.predict(hot, 50)
     assert runs.members == 50

@@ -160,7 +160,7 @@ class Rooms:
         size = omega.shape[0]
         there = omega[np.ix_(self.order, self.order)]
         lower = np.linalg.cholesky(there + 1e-12 * np.diag(np.diag(there)) + 1e-300 * np.eye(size))
-        flat = self.columns.reshape(len(self.columns), -1)
+        flat = self.columns.reshape(len(self.columns), size * size)
         return np.asarray(np.linalg.lstsq(flat.T, (lower - self.base).ravel(), rcond=None)[0])
 
     def root(self, t: Array) -> Array:
