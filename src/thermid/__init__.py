@@ -81,6 +81,8 @@ _NAMESPACES = {
         "Posterior": "inference.intervals",
         "evidence": "inference.intervals",
         "Evidence": "inference.intervals",
+        "fleet": "inference.fleets",
+        "Fleet": "inference.fleets",
         "ErrorModel": "fit.error_model",
         "estimate": "fit.estimation",
         "Estimation": "fit.estimation",

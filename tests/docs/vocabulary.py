@@ -195,6 +195,8 @@ def by_heading() -> dict[str, Names]:
         "Scenario of a stage": _model(campaign_schema.ScenarioTable, SCENARIO_UNITS),
         "Joint fit of a campaign": _model(campaign_schema.JointFitTable, CAMPAIGN_UNITS),
         "Verdict of a campaign": _model(campaign_schema.VerdictTable),
+        "Fleet of a campaign": _model(campaign_schema.FleetTable),
+        "Unit of a fleet": _model(campaign_schema.FleetUnitTable),
         "Metrics": _of(METRICS, dict.fromkeys(METRICS, "K")),
         "Criteria": _of(("sensors",)),
         "Profile": _model(ProfileTable, SLOTS | {"predicted": TEMPERATURE}),

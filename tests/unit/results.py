@@ -70,6 +70,7 @@ def of_a_fit(folder: Path) -> dict[str, Any]:
         "worst cases": td.design.worst_case(
             box(), [td.qualify.Limits("case", "case", (-np.inf, "90 [degC]"))], HOT, {"air": ("20 [degC]", "40 [degC]")}
         ),
+        "fleet": _fleet(),
         "uncertain runs": runs,
         "hold": td.qualify.hold(runs, {"case": "60 [degC]"}),
         "criteria": td.Criteria(rmse="1 [K]"),
@@ -97,6 +98,13 @@ def _written(path: Path) -> Path:
     """Return a log of three rows."""
     path.write_text("time_s,T [degC]\n0,20.0\n10,20.5\n20,21.0\n", encoding="utf-8")
     return path
+
+
+def _fleet() -> td.inference.Fleet:
+    """Return four alike units but for one value."""
+    values = {f"u{k}": f"{4.0 + 0.4 * k} [W/(m^2 K)]" for k in range(4)}
+    logs = {n: log(box(), {HTC: v}, {"T": "case"}, samples=31, name=n) for n, v in values.items()}
+    return td.inference.fleet(box(), logs, [HTC])
 
 
 def _compared() -> td.Calibration:

@@ -161,6 +161,20 @@ class JointFitTable(StrictTable):
     note: str = ""
 
 
+class FleetUnitTable(StrictTable):
+    """One unit of a fleet: its records, and what is known of it, numbers or texts."""
+
+    records: list[str]
+    covariates: dict[str, float | str] = {}
+
+
+class FleetTable(StrictTable):
+    """Units of one design: the stage that each is asked for itself. Without units, every record of the stage is one."""
+
+    stage: str = ""
+    units: dict[str, FleetUnitTable] = {}
+
+
 class CampaignFile(StrictTable):
     """What is asked of the data."""
 
@@ -172,6 +186,7 @@ class CampaignFile(StrictTable):
     stages: list[StageTable]
     joint: JointFitTable | None = None
     verdicts: list[VerdictTable] = []
+    fleet: FleetTable | None = None
     accept: list[str] = []
 
     @property

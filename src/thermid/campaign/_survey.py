@@ -1,4 +1,4 @@
-"""What the logs of each stage of a campaign can tell, or told; and whether a campaign can run at all."""
+"""What the logs of each stage of a campaign can tell, or told; whether a campaign can run at all; a stage asked of each unit of a fleet."""
 
 from __future__ import annotations
 
@@ -8,15 +8,17 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from thermid.base.codes import code_of
-from thermid.base.errors import NameNotFoundError, ThermidError, errors_at, refuse_unknown
+from thermid.base.errors import DeckError, NameNotFoundError, ThermidError, errors_at, refuse_unknown
 from thermid.campaign._cache import recall
 from thermid.campaign._file import CampaignSource, local_of, read_campaign, scenario_of
-from thermid.campaign._stages import Notice, keyed, progress_of, readings_of, request_of
+from thermid.campaign._stages import Notice, keyed, progress_of, readings_of, request_of, run_stages
 from thermid.fit.calibration import Calibration, fit
 from thermid.fit.problem import Input, InputTable, LocalSpec, Request, build_problem, inputs_of
+from thermid.inference.fleets import Fleet, fleet_of
 from thermid.inference.intervals import Identifiability, identifiability, identifiability_of
 from thermid.measure.records import open_questions, stray_readings
 from thermid.model.tree import Finding
+from thermid.simulation.runs import Workers
 
 if TYPE_CHECKING:
     from thermid.campaign._schema import StageTable, VerdictTable
@@ -159,3 +161,77 @@ def _finding(error: ThermidError, where: str) -> Finding:
     """Return an error as a finding, with its place in the campaign."""
     full = error.within(where, ": ")
     return Finding("error", full.where, full.message, full.code)
+
+
+def fleet_in(
+    campaign: str | os.PathLike[str],
+    *,
+    data: str | os.PathLike[str] | None = None,
+    cache: str | os.PathLike[str] | None = None,
+    notice: Notice | None = None,
+    executor: Workers = None,
+) -> Fleet:
+    """Return the population of the units in the table ``[fleet]`` of a campaign.
+
+    Parameters
+    ----------
+    campaign : path         The file; stages from which that of the fleet inherits are fitted first, for all units together.
+    data, cache, notice     As in `run_stages`.
+    executor                As in `ensemble`: who simulates the units.
+
+    Raises
+    ------
+    DeckError               Without such a table.
+    NameNotFoundError       When its stage is not in the campaign.
+    IdentificationError     As `thermid.inference.fleet`.
+    """
+    source = read_campaign(campaign, data)
+    source = replace(source, results=Path(cache)) if cache is not None else source
+    table = source.content.fleet
+    if table is None:
+        raise DeckError("there is no table [fleet]. Write one with the units and their records.", source.path.name, code="fleet.no-table")
+    stages = source.content.stages
+    names = [s.name for s in stages]
+    wanted = table.stage or names[-1]
+    refuse_unknown([wanted], names, source.where("fleet.stage"), "no stage '{}'.", NameNotFoundError)
+    k = names.index(wanted)
+    below = source.content.model_copy(update={"stages": stages[:k], "joint": None, "verdicts": []})
+    done = run_stages(replace(source, content=below), cache=cache, notice=notice, executor=executor).stages if stages[k].inherit else {}
+    request = request_of(source, stages[k], k, done)
+    records = {name: unit.records for name, unit in table.units.items()} or {r.name: [r.name] for r in request.records}
+    requests = {name: _of_unit(source, request, name, patterns) for name, patterns in records.items()}
+    _refuse_shared(source, requests)
+    covariates = {name: unit.covariates for name, unit in table.units.items()}
+    return fleet_of(requests, covariates, source.content.title, executor)
+
+
+def _of_unit(source: CampaignSource, request: Request, name: str, patterns: list[str]) -> Request:
+    """Return the request of a stage with the records of one unit."""
+    where = source.where(f"fleet.units.{name}")
+    points = {r.name: r for r in request.records}
+    wanted = [n for p in patterns for n in ([p] if p in points else source.pick([p], where))]
+    refuse_unknown(wanted, points, where, f"record '{{}}' is not one of stage '{request.name}'.", DeckError)
+    names = {"*", *wanted}
+    return replace(
+        request,
+        name=name,
+        records=tuple(points[n] for n in dict.fromkeys(wanted)),
+        scenarios={n: s for n, s in request.scenarios.items() if n in names},
+        record_local={n: s for n, s in request.record_local.items() if n in names},
+    )
+
+
+def _refuse_shared(source: CampaignSource, requests: dict[str, Request]) -> None:
+    """Refuse a record that two units have.
+
+    Raises
+    ------
+    DeckError   Names both.
+    """
+    of: dict[str, str] = {}
+    for unit, request in requests.items():
+        for record in request.records:
+            if record.name in of:
+                words = f"record '{record.name}' is given to '{of[record.name]}' and to '{unit}'."
+                raise DeckError(words, source.where("fleet.units"), code="fleet.record-twice")
+            of[record.name] = unit

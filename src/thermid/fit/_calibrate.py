@@ -719,13 +719,32 @@ def calibrate(
     IdentificationError   When parameters act only as a product, or a standard error is wider than the bounds; the message says what to do.
     """
     many = (records,) if isinstance(records, Record) else tuple(records)
+    request = requested(
+        model, many, free, scenario=scenario, local=local, priors=priors, loss=loss, search=search, weights=weights, name=name
+    )
+    return fit(request, progress, stoppable=True)
+
+
+def requested(
+    model: Model,
+    records: tuple[Record, ...],
+    free: Sequence[str],
+    *,
+    scenario: Scenario | Mapping[str, Scenario] | None = None,
+    local: Mapping[str, Any] | None = None,
+    priors: Mapping[str, Any] | None = None,
+    loss: str = "linear",
+    search: str = "auto",
+    weights: Mapping[str, float] | str | None = None,
+    name: str = "",
+) -> Request:
+    """Return the request that the arguments of `calibrate` stand for."""
     scenarios = dict(scenario) if isinstance(scenario, Mapping) else {"*": scenario} if scenario else {}
     specs = {k: LocalSpec.read(v, f"local.{k}") for k, v in (local or {}).items()}
     wanted, _ = freed(model, free, (), name or model.title)
     known = priors_of(model, priors or {}, name or model.title)
     weighed = weighing(weights or {}, name or model.title)
-    request = Request(model, many, tuple(wanted), scenarios, specs, priors=known, loss=loss, search=search, name=name, **weighed)
-    return fit(request, progress, stoppable=True)
+    return Request(model, records, tuple(wanted), scenarios, specs, priors=known, loss=loss, search=search, name=name, **weighed)
 
 
 def fit(request: Request, progress: Progress | None = None, known: KeptFit | None = None, stoppable: bool = False) -> Calibration:

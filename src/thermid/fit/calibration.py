@@ -1,6 +1,12 @@
 """Fits: calibrate, its result, the solver and the search for a start."""
 
-from thermid.fit._calibrate import calibrate as calibrate, fit as fit, fit_problem as fit_problem, in_place as in_place
+from thermid.fit._calibrate import (
+    calibrate as calibrate,
+    fit as fit,
+    fit_problem as fit_problem,
+    in_place as in_place,
+    requested as requested,
+)
 from thermid.fit._calibration import (
     BLAME as BLAME,
     FIRST as FIRST,

@@ -21,6 +21,7 @@ from thermid.fit._uncertainty.moved import (
 from thermid.fit._uncertainty.noise import (
     TraceNoise as TraceNoise,
     answers_to_inputs as answers_to_inputs,
+    autocorrelation as autocorrelation,
     binned as binned,
     evidences as evidences,
     score_excess as score_excess,

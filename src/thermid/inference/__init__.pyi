@@ -22,6 +22,7 @@ from thermid.inference.diagnosis import (
     energy_balance as energy_balance,
     plausibility as plausibility,
 )
+from thermid.inference.fleets import Fleet as Fleet, fleet as fleet
 from thermid.inference.intervals import (
     Evidence as Evidence,
     Identifiability as Identifiability,

@@ -166,6 +166,12 @@ COMMANDS = {
         "Fit a stage with process noise and compare its forecasts.",
         ("thermid estimate campaign.toml --noise wall=free --horizon '30 [min]'",),
     ),
+    "fleet": Place(
+        "fit.fleet",
+        "Fit",
+        "Fit the units of one design: means, spreads, odd units.",
+        ("thermid fleet fleet.toml", "thermid fleet fleet.toml --scenario hot.toml --workers 2"),
+    ),
     "credibility": Place(
         "fit.credibility",
         "Fit",

@@ -9,6 +9,7 @@ from dataclasses import replace
 from pathlib import Path
 from typing import Annotated, Any
 
+import numpy as np
 import typer
 
 from thermid.app.cli.options import (
@@ -45,7 +46,7 @@ from thermid.app.cli.summary import show_campaign
 from thermid.base.errors import ScenarioError, SolverError
 from thermid.base.files import CREDIBILITY, PICTURE, TABLE, VALUES, may_write
 from thermid.campaign import studies as origins
-from thermid.campaign.stages import Campaign, file_name, local_of, plain_readings, read_campaign, scenario_of, survey
+from thermid.campaign.stages import Campaign, file_name, fleet_in, local_of, plain_readings, read_campaign, scenario_of, survey
 from thermid.campaign.studies import plan_retune
 from thermid.fit.calibration import Calibration
 from thermid.fit.error_model import SIZES
@@ -197,6 +198,37 @@ def estimate(
         said |= {"predictions": {n: run.as_object() for n, run in runs.items()}}
     say(as_json, said, "\n".join(lines), verbose)
     raise SystemExit(0 if found.chosen.maximum.converged else 1)
+
+
+def fleet(
+    campaign: CampaignPath,
+    scenario: ScenarioPath = None,
+    members: Annotated[int, typer.Option("--members", help="Units that are drawn for the bands of --scenario.", min=2)] = 1000,
+    data: Data = None,
+    results: Results = None,
+    workers: Processes = 1,
+    cluster: Cluster = "",
+    verbose: Whole = False,
+    as_json: Json = False,
+) -> None:
+    """Fit the units of one design: means, spreads, odd units.
+
+    The campaign has a table [fleet] with its units. --scenario adds 95 % bands of
+    the temperatures of a unit that is not built yet. Exit code 1 if a unit is odd.
+    """
+    conditions = load_scenario(scenario) if scenario is not None else None
+    executor = executor_of(workers, cluster)
+    with campaign_progress(campaign) as progress:
+        population = fleet_in(campaign, data=data, cache=results or campaign.parent / "results", notice=progress, executor=executor)
+    answer, lines = population.to_dict(), [str(population)]
+    if conditions is not None:
+        runs = population.predict(conditions, members, executor=executor)
+        bands = {n: np.quantile(runs.highest(n), (0.5, 0.025, 0.975)).tolist() for n in runs.nodes}
+        answer |= {"highest_degC": {n: dict(zip(("median", "low", "high"), b, strict=True)) for n, b in bands.items()}}
+        lines.append(f"Highest temperatures of a unit not built yet, {conditions.title}, 95 % of {members} drawn units:")
+        lines += [f"  {n}  {b[0]:.1f} ({b[1]:.1f} .. {b[2]:.1f}) degC" for n, b in bands.items()]
+    say(as_json, answer, "\n".join(lines), verbose)
+    raise SystemExit(1 if population.odd else 0)
 
 
 def credibility(

@@ -21,6 +21,7 @@ SUBJECTS: Final[Mapping[str, str]] = {
     "extra": "Optional parts",
     "file": "Files that are read",
     "fit": "Fits",
+    "fleet": "Fleets of units",
     "htc": "Coefficients of a settled test",
     "model": "Models",
     "name": "Names",
@@ -175,6 +176,46 @@ CODES: Final[Mapping[str, CodeMeaning]] = {
         "warning",
         "A fit goes on with steps that take long.",
         "Wait, or end it by the interrupt key with the best values so far.",
+    ),
+    "fleet.covariate": CodeMeaning(
+        "error",
+        "A covariate of a fleet is missing for a unit, the same for all, or part text and part number.",
+        "Give it for every unit in one kind, or leave it out.",
+    ),
+    "fleet.no-table": CodeMeaning(
+        "error",
+        "A campaign has no table [fleet].",
+        "Write one with the units and their records.",
+    ),
+    "fleet.not-identifiable": CodeMeaning(
+        "error",
+        "All logs of a fleet together do not determine a mean.",
+        "Fix one of the values named, or add a record.",
+    ),
+    "fleet.nothing-free": CodeMeaning(
+        "error",
+        "A fleet has no value in which units differ.",
+        "Name values in `free`.",
+    ),
+    "fleet.record-twice": CodeMeaning(
+        "error",
+        "A record is given to two units of a fleet.",
+        "Give each record to one unit.",
+    ),
+    "fleet.second-clock": CodeMeaning(
+        "error",
+        "A log of a fleet has a second clock whose offset or rate is a range.",
+        "Give its offset and rate.",
+    ),
+    "fleet.too-small": CodeMeaning(
+        "error",
+        "A fleet has fewer than three units.",
+        "Add units, or fit each by itself.",
+    ),
+    "fleet.units-differ": CodeMeaning(
+        "error",
+        "Units of a fleet have different free values.",
+        "Use one model and one list of free values.",
     ),
     "htc.agrees": CodeMeaning(
         "remark",

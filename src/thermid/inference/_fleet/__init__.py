@@ -1,0 +1,1 @@
+"""Fleets: one design, many units, each with its logs; see `inference.fleets`."""
