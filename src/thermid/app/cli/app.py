@@ -308,7 +308,34 @@ class OnDemand(TyperCommand):
             raise MissingExtraError(missing([error.name or self.place.extra], f"thermid {self.name}")) from error
         lines = "\n".join(f"  {example}" for example in self.place.examples)
         info = CommandInfo(name=self.name, callback=callback, epilog=f"\b\nExamples:\n{lines}\n\nExit codes: see thermid --help.")
-        return get_command_from_info(info, pretty_exceptions_short=False, rich_markup_mode=None)
+        made = _made(info)
+        if self.name == "check" or any(p.name == "campaign" for p in made.params):
+            made.params.insert(-1, _made(CommandInfo(name="trust", callback=_trusting)).params[0])
+        return made
+
+
+def _made(info: CommandInfo) -> Any:
+    return get_command_from_info(info, pretty_exceptions_short=False, rich_markup_mode=None)
+
+
+def _trust(context: typer.Context, wanted: bool) -> None:
+    """Let a command run programs that others wrote."""
+    if wanted:
+        context.with_resource(command(trust=True))
+
+
+def _trusting(
+    trust: Annotated[
+        bool,
+        typer.Option(
+            "--trust",
+            callback=_trust,
+            expose_value=False,
+            help="Run the campaign's FMUs, programs with your rights; asked once for each.",
+        ),
+    ] = False,
+) -> None:
+    """Have the option of every command that reads a campaign."""
 
 
 class Commands(TyperGroup):

@@ -21,6 +21,7 @@ SUBJECTS: Final[Mapping[str, str]] = {
     "extra": "Optional parts",
     "file": "Files that are read",
     "fit": "Fits",
+    "fmu": "FMUs of others",
     "htc": "Coefficients of a settled test",
     "model": "Models",
     "name": "Names",
@@ -175,6 +176,21 @@ CODES: Final[Mapping[str, CodeMeaning]] = {
         "warning",
         "A fit goes on with steps that take long.",
         "Wait, or end it by the interrupt key with the best values so far.",
+    ),
+    "fmu.changed": CodeMeaning(
+        "error",
+        "The file of an FMU is another than when it was read and trusted.",
+        "Read it again.",
+    ),
+    "fmu.ended": CodeMeaning(
+        "error",
+        "The program in an FMU crashed, ended its process, did not return, or sent no answer; the message names the call.",
+        "Tell who made the FMU, or try other values. A call that needs more time: `THERMID_CAPS=call=NUMBER`, more memory: `memory`.",
+    ),
+    "fmu.not-trusted": CodeMeaning(
+        "error",
+        "An FMU is a program with the rights of the user, and nobody said yet that this one may run.",
+        "If you trust who made it: `--trust`, or `fmu_model(path, trust=True)`, once.",
     ),
     "htc.agrees": CodeMeaning(
         "remark",
