@@ -13,6 +13,8 @@ from typing import Final
 from thermid.base.errors import ThermidError, cap, raising
 
 DESCRIPTION: Final = "modelDescription.xml"
+BUILD: Final = "sources/buildDescription.xml"
+"""FMPy reads it too."""
 MOST_FILES: Final = 20_000
 """Files in an archive; FMUs with sources have some hundred."""
 
@@ -57,7 +59,8 @@ def _problems(packed: zipfile.ZipFile) -> Iterator[str]:
     if DESCRIPTION not in packed.namelist():
         yield f"it has no {DESCRIPTION}."
         return
-    text = packed.read(DESCRIPTION).replace(b"\0", b"")  # of two bytes a letter too
-    for mark in (b"<!DOCTYPE", b"<!ENTITY"):
-        if mark in text:
-            yield f"{DESCRIPTION} has a declaration ({mark[2:].decode()}), which an FMU does not need."
+    for name in {DESCRIPTION, BUILD} & {file.filename for file in files}:
+        text = packed.read(name).replace(b"\0", b"")  # of two bytes a letter too
+        for mark in (b"<!DOCTYPE", b"<!ENTITY"):
+            if mark in text:
+                yield f"{name} has a declaration ({mark[2:].decode()}), which an FMU does not need."

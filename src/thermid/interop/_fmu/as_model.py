@@ -369,6 +369,8 @@ def _quantity(v: Any, units: Mapping[str, _Measure], used: dict[str, str], file:
         return None if number is None else of.factor * float(number) + offset
 
     start, low, high = si(v.start), si(given["min"]), si(given["max"])
+    if start is not None and not np.isfinite(start):
+        raise DeckError(f"the start of '{v.name}' is not a finite number.", str(file.path), code="value.wrong-kind")
     # between equal bounds nothing can move, and a difference of units has no offset
     settable = v.variability != "constant" and v.initial == "exact" and v.causality in ("output", "local")
     quantity = FmuQuantity(

@@ -146,7 +146,8 @@ class FmuFile(FmuDescribed):
         check_archive(path)
         self.digest = digest_of(path)
         try:
-            described = self.fmpy.read_model_description(str(path))
+            with path.open("rb") as file:  # of its own opening FMPy leaves it open after an error
+                described = self.fmpy.read_model_description(file)
         except Exception as error:  # whatever FMPy finds wrong with it
             raise ThermidError(f"it is no FMU that FMPy reads: {error}", str(path)) from error
         if str(described.fmiVersion)[:2] not in ("2.", "3."):
@@ -298,8 +299,11 @@ class FmuFile(FmuDescribed):
         if answer[:1] != FOUND or len(answer) != 1 + size:
             raise SolverError("the process of the FMU sent what is no answer.", str(self.path), code="fmu.ended")
         numbers = np.frombuffer(answer, offset=1)
-        if not np.isfinite(numbers).all():
-            raise SolverError("an output of the FMU is not a number at these values.", str(self.path))
+        odd = np.flatnonzero(~np.isfinite(numbers))
+        if odd.size:
+            row, column = divmod(int(odd[0]), len(wanted)) if odd[0] < shape[0] * shape[1] else (0, 0)
+            name = next(v.name for v in self.described.modelVariables if v.valueReference == wanted[column])
+            raise SolverError(f"output '{name}' of the FMU, or its derivative, is not a number at t = {times[row]:g} s.", str(self.path))
         found, slopes = np.split(numbers, [len(times) * len(wanted)])
         return found.reshape(shape[:2]), slopes.reshape(*shape[:2], len(ways))
 

@@ -68,6 +68,7 @@ class _FmuRun(ABC):
         self.jumps = jumps[(jumps > NEAR * self.end) & (jumps < self.end * (1.0 - NEAR))]
         self.messages: list[str] = []
         self.stand: list[float] = []
+        self.now = 0.0
 
     def logged(self, *said: Any) -> None:
         """Keep what the FMU says of a failure; its last argument is the message."""
@@ -77,19 +78,19 @@ class _FmuRun(ABC):
     def made(self) -> tuple[Array, Array]:
         """Return outputs and slopes."""
         fmpy, form = self.file.fmpy, "ModelExchange" if self.file.exchange else "CoSimulation"
-        more = {} if self.file.second else {"logger": self.logged}
-        self.fmu = fmpy.instantiate_fmu(self.file.folder, self.file.described, form, **more)
+        self.fmu = fmpy.instantiate_fmu(self.file.folder, self.file.described, form, logger=self.logged)
         self.get, self.put = (self.fmu.getReal, self.fmu.setReal) if self.file.second else (self.fmu.getFloat64, self.fmu.setFloat64)
         try:
             self._begin()
             found = self._go()
             self.fmu.terminate()
             return found
-        except EventsFound:
+        except (EventsFound, SolverError):
             raise
         except Exception as error:
             said = next((m for m in reversed(self.messages) if m), "")
-            raise SolverError(f"the FMU could not be run: {said or error}", str(self.file.path)) from error
+            words = ": ".join(filter(None, (str(error), said)))
+            raise SolverError(f"the FMU could not be run at t = {self.now:g} s: {words}", str(self.file.path)) from error
         finally:
             self.fmu.freeInstance()
 
@@ -149,7 +150,7 @@ class _Exchange(_FmuRun):
     """Model exchange by CVode, sensitivities beside the states."""
 
     def _go(self) -> tuple[Array, Array]:
-        self.n, self.now, self.since, self.events = len(self.file.states), 0.0, 0.0, 0
+        self.n, self.since, self.events = len(self.file.states), 0.0, 0
         self.moves = self._first_moves()
         self.seeds = [_Seed.of(self.file.states, way) for way in self.ways]
         due = self._settle_events()
@@ -271,6 +272,10 @@ class _Exchange(_FmuRun):
         self.drive(self._time, self.since)
         get = self.fmu.getDerivatives if self.file.second else self.fmu.getContinuousStateDerivatives
         get(pointer, self.n)
+        if not np.isfinite(self._whole(pointer)[: self.n]).all():
+            self.messages = [
+                f"the FMU's derivatives are no numbers at t = {self._time:g} s (fmi{2 if self.file.second else 3}GetDerivatives)."
+            ]
         if self.ways:
             self._whole(pointer)[self.n :] = self._derived(self.file.rates, self._time).T.ravel()
 
@@ -308,6 +313,7 @@ class _Steps(_FmuRun):
         grid = self._grid()
         rows = [self.get(self.wanted) if self.wanted else []]
         for begin, end in pairwise(grid):
+            self.now = float(begin)
             self.drive(0.5 * (begin + end), begin + NEAR * self.end)
             done = self.fmu.doStep(currentCommunicationPoint=float(begin), communicationStepSize=float(end - begin))
             if done is not None and done[1]:
