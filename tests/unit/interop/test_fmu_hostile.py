@@ -80,7 +80,7 @@ def test_commands_ask_once_too(tmp_path: Path) -> None:
     hostile_fmu(Hostile("", "", ()), tmp_path / "theirs.fmu")
     (tmp_path / "run.csv").write_text("time [s],x [degC]\n" + "".join(f"{t},{20.0 + 10.0 * np.exp(-0.1 * t):.6f}\n" for t in range(30)))
     (tmp_path / "campaign.toml").write_text(
-        '[records.run]\nfile = "run.csv"\nchannels.x = { node = "x", noise = "0.1 [K]" }\n'
+        'title = "x"\n[records.run]\nfile = "run.csv"\nchannels.x = { node = "x", noise = "0.1 [K]" }\n'
         '[[stages]]\nname = "box"\nmodel = "theirs.fmu"\nrecords = ["run"]\nfree = ["k"]\n'
     )
     command = ["check", str(tmp_path / "campaign.toml")]

@@ -22,9 +22,8 @@ from thermid.base.errors import MissingExtraError, SolverError, ThermidError
 from thermid.base.extensions import missing
 from thermid.base.files import scratch
 from thermid.base.linear_algebra import Array
-from thermid.interop._fmu.archive import DESCRIPTION, check_archive
+from thermid.interop._fmu.archive import DESCRIPTION, check_archive, check_trust, digest_of
 from thermid.interop._fmu.process import ConfinedProgram
-from thermid.interop._fmu.trust import check_trust, digest_of
 
 STEP: Final = 4e-3
 """Part of a value by which it is moved for a difference. [-]"""
@@ -32,7 +31,7 @@ WIDE: Final = 240
 """States and sensitivities together, up to which they are integrated; differences of runs cost less beyond."""
 AGREE: Final = 5e-3
 """Part of the largest derivative of an output by which directional derivatives may differ from differences of runs. [-]"""
-FOUND, EVENTS, REFUSED = b"\0", b"\1", b"\2"
+ARRAYS, EVENTS, REFUSED = b"\0", b"\1", b"\2"
 """First byte of an answer: arrays follow; there was an event; an error follows in words."""
 MOST_SAID: Final = 4096
 """Bytes of an error in words."""
@@ -61,14 +60,14 @@ class InputCourse:
     @classmethod
     def constant(cls, value: float) -> InputCourse:
         """Return a value that does not change."""
-        return cls(partial(_same, value))
+        return cls(partial(_constant, value))
 
 
 def _sum(one: Callable[[float], float], other: Callable[[float], float], factor: float, time: float) -> float:
     return one(time) + factor * other(time)
 
 
-def _same(value: float, _: float) -> float:
+def _constant(value: float, _: float) -> float:
     return value
 
 
@@ -193,7 +192,7 @@ class FmuFile(FmuDescribed):
             self.fmpy.extract(str(self.path), str(folder / "fmu"))
             notes = folder / "notes"
             self._program = ConfinedProgram(self.path, notes, (_CODE, str(self.path), str(folder / "fmu"), str(notes)))
-            self._stack.callback(self._program.close)
+            self._stack.callback(self._program.stop)
         return self._program
 
     def __del__(self) -> None:
@@ -212,9 +211,9 @@ class FmuFile(FmuDescribed):
         ------
         SolverError     When the FMU cannot be run, or one of them is not a number.
         """
-        found = self._run(setting, times, wanted, [])
-        assert found is not None
-        return found[0]
+        run = self._run(setting, times, wanted, [])
+        assert run is not None
+        return run[0]
 
     def with_slopes(self, setting: FmuSetting, times: Array, wanted: Sequence[int], ways: Sequence[FmuSetting]) -> tuple[Array, Array]:
         """Return variables (times, wanted) and their derivatives (times, wanted, ways) in some directions.
@@ -242,17 +241,17 @@ class FmuFile(FmuDescribed):
         if self._agreeing.get(moving) is False:
             return None
         try:
-            found = self._run(setting, times, wanted, ways)
+            run = self._run(setting, times, wanted, ways)
         except SolverError:
             self.outputs(setting, times, wanted)  # a run that fails without them fails here
             self.why = "it refuses those with respect to these variables"
             self._agreeing[moving] = False
             return None
-        if found is None:
+        if run is None:
             self.why = "it has events"
             self._agreeing[moving] = False
             return None
-        base, slopes = found
+        base, slopes = run
         if moving not in self._agreeing:
             self._agreeing[moving] = self._agree(setting, times, wanted, ways, base, slopes)
             if not self._agreeing[moving]:
@@ -294,9 +293,9 @@ class FmuFile(FmuDescribed):
         if answer == EVENTS and ways:
             return None
         if answer[:1] == REFUSED:
-            said = "".join(c if c.isprintable() else " " for c in answer[1:].decode("utf-8", "replace"))
-            raise SolverError(said, str(self.path))
-        if answer[:1] != FOUND or len(answer) != 1 + size:
+            words = "".join(c if c.isprintable() else " " for c in answer[1:].decode("utf-8", "replace"))
+            raise SolverError(words, str(self.path))
+        if answer[:1] != ARRAYS or len(answer) != 1 + size:
             raise SolverError("the process of the FMU sent what is no answer.", str(self.path), code="fmu.ended")
         numbers = np.frombuffer(answer, offset=1)
         odd = np.flatnonzero(~np.isfinite(numbers))
@@ -304,8 +303,8 @@ class FmuFile(FmuDescribed):
             row, column = divmod(int(odd[0]), len(wanted)) if odd[0] < shape[0] * shape[1] else (0, 0)
             name = next(v.name for v in self.described.modelVariables if v.valueReference == wanted[column])
             raise SolverError(f"output '{name}' of the FMU, or its derivative, is not a number at t = {times[row]:g} s.", str(self.path))
-        found, slopes = np.split(numbers, [len(times) * len(wanted)])
-        return found.reshape(shape[:2]), slopes.reshape(*shape[:2], len(ways))
+        values, slopes = np.split(numbers, [len(times) * len(wanted)])
+        return values.reshape(shape[:2]), slopes.reshape(*shape[:2], len(ways))
 
 
 def stride(setting: FmuSetting, way: FmuSetting, end: float) -> float:

@@ -83,14 +83,14 @@ class ConfinedProgram:
             try:
                 fault = self._fault(process, reply)
             except BaseException:  # the interrupt key too: what it is at is not known then
-                self.close()
+                self.stop()
                 raise
             if not fault:
                 return reply.result()
-            self.close()
+            self.stop()
             raise SolverError(f"the FMU {fault} {self._place()}.", str(self.path), code="fmu.ended")
 
-    def close(self) -> None:
+    def stop(self) -> None:
         """End the process."""
         process, self._process = self._process, None
         if process is not None:
