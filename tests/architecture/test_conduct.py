@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import ast
+import re
 from collections.abc import Iterator
 
 import pytest
@@ -15,6 +16,12 @@ SAYS_AT |= {("sys", stream): f"writes to sys.{stream}" for stream in ("stdout", 
 RUNS = {"eval", "exec", "compile", "__import__"}
 PICKLES = {"pickle", "_pickle", "marshal", "shelve", "dill", "cloudpickle"}
 PICKLE_CALLS = {"read_pickle", "to_pickle", "allow_pickle"}
+OWN_PROCESS = {
+    "thermid.interop._fmu.child:imports pickle": "requests of the session to the process that it started; answers are plain bytes",
+    "thermid.interop._fmu.host:imports pickle": "it writes these requests, and restores nothing",
+    "thermid.interop._fmu.child:ends the process": "its own, once the session is gone",
+}
+"""Module and what it may do: why."""
 CONTAINERS = {"dict", "list", "set", "defaultdict", "OrderedDict", "Counter", "deque"}
 CHANGES = {"append", "extend", "insert", "add", "update", "setdefault", "pop", "popitem", "remove", "discard", "clear", "appendleft"}
 
@@ -84,12 +91,16 @@ def listed(problems: Iterator[str]) -> str:
     return "\n".join(sorted(problems))
 
 
+def without_reason(lines: Iterator[str]) -> Iterator[str]:
+    return (line for line in lines if re.sub(r":\d+ ", ":", line) not in OWN_PROCESS)
+
+
 def test_library_code_is_silent(modules: dict[str, Module]) -> None:
-    assert listed(line for m in modules.values() if m.room != "app" for line in noises(m)) == ""
+    assert listed(without_reason(line for m in modules.values() if m.room != "app" for line in noises(m))) == ""
 
 
 def test_no_code_from_text(modules: dict[str, Module]) -> None:
-    assert listed(line for m in modules.values() for line in code_from_text(m)) == ""
+    assert listed(without_reason(line for m in modules.values() for line in code_from_text(m))) == ""
 
 
 def test_no_global_state(modules: dict[str, Module]) -> None:

@@ -19,6 +19,7 @@ from unittest import mock
 
 import thermid as td
 from thermid.app.cli.app import main
+from thermid.base.files import command
 from thermid.bench.bench_files import load_programme, load_sensors
 from thermid.campaign.stages import read_campaign
 
@@ -115,7 +116,8 @@ class Workshop:
         path.parent.mkdir(parents=True, exist_ok=True)
         path.write_text(block.text, encoding="utf-8")
         try:
-            LOADERS[rest[0]](path)
+            with command(trust=True):
+                LOADERS[rest[0]](path)
         except td.ThermidError as error:
             raise AssertionError(f"{place}: {error}") from error
 

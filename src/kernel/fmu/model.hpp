@@ -51,7 +51,7 @@ class FmuModel {
     // Co-simulation.
     void step(double to);
 
-    Snapshot keep() const { return now_; }
+    Snapshot keep() { restart_ = true; return now_; }  // what follows is the same to the bit, however often it is brought back
     void restore(const Snapshot& kept);
 
   private:

@@ -178,6 +178,8 @@ CAPS: Final[Mapping[str, tuple[float, str]]] = {
     "body": (1e6, "bytes of a request to the studio"),
     "headers": (32e3, "bytes of the headers of a request to the studio"),
     "clients": (32.0, "requests that the studio answers at once"),
+    "memory": (4e9, "bytes of memory of the process that runs an FMU (Linux)"),
+    "call": (60.0, "seconds that one call into an FMU may take"),
 }
 """Name -> how much, and of what. They lie far above what anyone has meant so far, and below what harms a machine."""
 CAPS_VARIABLE: Final = "THERMID_CAPS"

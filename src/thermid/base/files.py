@@ -128,9 +128,10 @@ OWN: Final = FileKind("file of results", lambda path: True)
 
 @dataclass
 class _Command:
-    """What one command has read, by device and inode, and whether it may replace any file."""
+    """What one command has read, by device and inode, whether it may replace any file, and run programs of others."""
 
     force: bool = False
+    trust: bool = False
     inputs: set[tuple[int, int]] = field(default_factory=set)
 
 
@@ -138,13 +139,28 @@ _COMMAND: Final[ContextVar[_Command | None]] = ContextVar("thermid command", def
 
 
 @contextmanager
-def command(force: bool = False) -> Iterator[None]:
-    """Remember what is read from here on, so that nothing of it is written over; with `force`, any file may be replaced."""
-    token = _COMMAND.set(_Command(force))
+def command(force: bool = False, trust: bool = False) -> Iterator[None]:
+    """Remember what is read from here on, so that nothing of it is written over; with `force`, any file may be replaced.
+
+    With `trust`, programs may run that others wrote and an input names. Both hold in commands inside of this one.
+    """
+    outer = _COMMAND.get() or _Command()
+    token = _COMMAND.set(_Command(force or outer.force, trust or outer.trust))
     try:
         yield
     finally:
         _COMMAND.reset(token)
+
+
+def trusting() -> bool:
+    """Return whether this command may run programs that others wrote."""
+    running = _COMMAND.get()
+    return running is not None and running.trust
+
+
+def state_folder() -> Path:
+    """Return the folder of what thermid remembers of this user."""
+    return Path(os.environ.get("XDG_STATE_HOME") or Path.home() / ".local" / "state") / "thermid"
 
 
 def was_read(path: str | os.PathLike[str]) -> None:

@@ -226,6 +226,20 @@ def test_a_value_of_a_submodel_used_twice_is_one_difference(tmp_path: Path) -> N
     assert {each.path for each in found.changes} == {"a.g"}
 
 
+@pytest.mark.parametrize("name", ["a", "b"])
+def test_a_value_of_one_use_alone_is_named_there(name: str) -> None:
+    """The second use has the same text as the first, until a deck sets its own."""
+    part = {"title": "cell", "offers": ["core"], "needs": ["bus"], "parameters": {"g": "0.5 [W/K]"}}
+    part |= {"nodes": {"core": {"capacitance": "20 [J/K]"}}}
+    part |= {"conductors": {"tab": {"kind": "conduction", "between": ["core", "bus"], "conductance": "g"}}}
+    cell = {"use": td.model_from_dict(part), "bind": {"bus": "rail"}}
+    pack = {"title": "pack", "needs": ["rail"], "submodels": {"a": cell, "b": cell}}
+    old, new = (
+        td.model_from_dict({**pack, "set": {"a.g": "0.5 [W/K]", "b.g": "0.5 [W/K]", **moved}}) for moved in ({}, {f"{name}.g": "0.7 [W/K]"})
+    )
+    assert f"{name}.g" in {each.path for each in compare_models(old, new).changes}
+
+
 def test_the_command_prints_what_differs(tmp_path: Path) -> None:
     files = [tmp_path / "old.toml", tmp_path / "new.toml"]
     for file, deck in zip(files, (DECK, _put(DECK, ("parameters", "share"), 0.3)), strict=True):

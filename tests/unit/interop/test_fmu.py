@@ -206,11 +206,14 @@ def test_derivatives_are_those_of_differences(tmp_path: Path) -> None:
     assert worst[0] < 1e-6, worst
 
 
-def test_a_state_is_kept_and_brought_back(tmp_path: Path) -> None:
-    """Within a run with thermostat, as bytes too."""
+@pytest.mark.parametrize(
+    ("name", "turns"),
+    [("thermostat", 20), *(pytest.param(n, 170, marks=pytest.mark.campaign) for n in MODELS)],
+)
+def test_what_follows_a_kept_state_is_the_same_to_the_bit(name: str, turns: int, tmp_path: Path) -> None:
+    """However often it is brought back, whatever was stepped in between, as bytes too; over switches, six models of 170 turns each."""
     fmpy = pytest.importorskip("fmpy", reason="FMPy is not installed (pip install 'thermid[fmu]')")
-    model, scenario, _ = MODELS["thermostat"]
-    fmu = unpacked(model, scenario, tmp_path)
+    fmu = unpacked(*MODELS[name][:2], tmp_path)
     described = fmpy.read_model_description(str(fmu.file))
     host = fmpy.fmi3.FMU3Slave(
         guid=described.guid, unzipDirectory=str(fmu.folder), modelIdentifier=described.coSimulation.modelIdentifier, instanceName="s"
@@ -218,24 +221,27 @@ def test_a_state_is_kept_and_brought_back(tmp_path: Path) -> None:
     host.instantiate()
     host.enterInitializationMode()
     host.exitInitializationMode()
-    ask = [fmu.references[n] for n in ("T.a", "T.b", "power.heat")]
+    ask = [k for n, k in fmu.references.items() if n.partition(".")[0] in ("T", "power", "heat")]
+    draw, now = np.random.default_rng(1), 0.0
 
-    def go(begin: int, end: int) -> list[list[float]]:
-        out = []
-        for k in range(begin, end):
-            host.doStep(currentCommunicationPoint=10.0 * k, communicationStepSize=10.0)
-            out.append(host.getFloat64(ask))
-        return out
+    def go(steps: np.ndarray) -> list[float]:
+        at = now
+        for step in steps:
+            host.doStep(currentCommunicationPoint=at, communicationStepSize=step)
+            at += step
+        return [at, *host.getFloat64(ask)]
 
-    go(0, 40)
-    state = host.getFMUState()
-    raw = host.serializeFMUState(state)
-    once = go(40, 90)
-    host.setFMUState(state)
-    assert np.allclose(go(40, 90), once, rtol=0, atol=1e-6)
-    host.setFMUState(host.deserializeFMUState(raw))
-    assert np.allclose(go(40, 90), once, rtol=0, atol=1e-6)
-    host.freeFMUState(state)
+    for _ in range(turns):
+        state = host.getFMUState()
+        raw, steps = host.serializeFMUState(state), draw.choice([1.0, 3.0, 10.0], 4)
+        straight = go(steps)
+        for kept in (state, host.deserializeFMUState(raw)):
+            host.setFMUState(kept)
+            go(draw.choice([0.5, 2.0, 7.0], 3))
+            host.setFMUState(kept)
+            assert go(steps) == straight
+            host.freeFMUState(kept)
+        now = straight[0]
     host.freeInstance()
 
 

@@ -82,6 +82,7 @@ HOSTILE: dict[str, Callable[[Path], Path]] = {
     "entities": lambda path: packed(path, description=LAUGHS),
     "entity of a file": lambda path: packed(path, description=LAUGHS.replace('"ha"', 'SYSTEM "file:///etc/passwd"')),
     "entities in two bytes": lambda path: packed(path, description=LAUGHS.encode("utf-16")),
+    "entities beside": lambda path: packed(path, {"sources/buildDescription.xml": LAUGHS}),
     "damaged description": lambda path: changed(path, b"PK\x03\x04", b"PK\x03\x05"),
 }  # fmt: skip
 

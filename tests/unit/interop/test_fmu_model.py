@@ -5,6 +5,7 @@ from __future__ import annotations
 import json
 import re
 import zipfile
+from collections.abc import Iterator
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
@@ -16,6 +17,7 @@ from typer.testing import CliRunner
 import thermid as td
 from thermid.app.cli.app import app
 from thermid.base.errors import RecordError, ScenarioError, SolverError, ThermidError
+from thermid.base.files import command
 from thermid.interop._fmu.as_model import fmu_model
 from thermid.interop._fmu.export import to_fmu
 from thermid.model.laws import TableSignal
@@ -24,6 +26,16 @@ from unit.interop.fmus import BOX, reference_fmu
 pytest.importorskip("fmpy", reason="FMPy is not installed (pip install 'thermid[fmu]')")
 
 TIMES = np.linspace(0.0, 1200.0, 41)
+
+
+@pytest.fixture(autouse=True)
+def _trusted(tmp_path_factory: pytest.TempPathFactory, monkeypatch: pytest.MonkeyPatch) -> Iterator[None]:
+    """FMUs of these tests may run; what is remembered of them is forgotten."""
+    monkeypatch.setenv("XDG_STATE_HOME", str(tmp_path_factory.mktemp("state")))
+    with command(trust=True):
+        yield
+
+
 TRUTH = {"g": "1.1 [W/K]", "c": "41 [J/K]"}
 BOUNDED = {"g": {"value": "0.8 [W/K]", "min": 0.1, "max": 5}, "c": {"value": "50 [J/K]", "min": 10, "max": 200}, "power": "5 [W]"}
 DECK: dict[str, Any] = {**BOX, "parameters": BOUNDED}

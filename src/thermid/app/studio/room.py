@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import json
-import os
 from collections.abc import Callable, Mapping
 from pathlib import Path
 from typing import Any, Final
@@ -16,7 +15,7 @@ from thermid.app.studio.orders import orders, questions
 from thermid.app.studio.project import Project
 from thermid.app.studio.work import Work
 from thermid.base.errors import DeckError, ThermidError, refuse_unknown
-from thermid.base.files import OWN, command, read_text, write_bytes
+from thermid.base.files import OWN, command, read_text, state_folder, write_bytes
 from thermid.base.toml_files import read_toml
 from thermid.campaign.start import EXAMPLES, copies, copy_example, word
 
@@ -196,8 +195,7 @@ class Room:
 
 def _recents() -> Path:
     """Return the file with the recent files of this user."""
-    home = os.environ.get("XDG_STATE_HOME") or str(Path.home() / ".local" / "state")
-    return Path(home) / "thermid" / "recent.json"
+    return state_folder() / "recent.json"
 
 
 def _kind(file: Path) -> tuple[str, str]:

@@ -22,6 +22,7 @@ SUBJECTS: Final[Mapping[str, str]] = {
     "file": "Files that are read",
     "fit": "Fits",
     "fleet": "Fleets of units",
+    "fmu": "FMUs of others",
     "htc": "Coefficients of a settled test",
     "model": "Models",
     "name": "Names",
@@ -216,6 +217,20 @@ CODES: Final[Mapping[str, CodeMeaning]] = {
         "error",
         "Units of a fleet have different free values.",
         "Use one model and one list of free values.",
+    "fmu.changed": CodeMeaning(
+        "error",
+        "The file of an FMU is another than when it was read and trusted.",
+        "Read it again.",
+    ),
+    "fmu.ended": CodeMeaning(
+        "error",
+        "The program in an FMU crashed, ended its process, did not return, or sent no answer; the message names the call.",
+        "Tell who made the FMU, or try other values. A call that needs more time: `THERMID_CAPS=call=NUMBER`, more memory: `memory`.",
+    ),
+    "fmu.not-trusted": CodeMeaning(
+        "error",
+        "An FMU is a program with the rights of the user, and nobody said yet that this one may run.",
+        "If you trust who made it: `--trust`, or `fmu_model(path, trust=True)`, once.",
     ),
     "htc.agrees": CodeMeaning(
         "remark",

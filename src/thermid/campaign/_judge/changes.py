@@ -155,7 +155,8 @@ def _values(old: Model, new: Model, asked: Sequence[Scenario], before: Sequence[
         values = ParameterSet(moved)
         now = values.evaluate({})
         for path in [p for p in now if p in wanted]:
-            twin = path in one and path != one[path].paths[0]  # a deck that is used twice writes it once
+            first = one[path].paths[0] if path in one else path  # a deck that is used twice writes it once, unless a use sets its own
+            twin = path != first and _same(wanted[path], wanted.get(first, wanted[path]))
             if twin or _same(now[path], wanted[path]) or (plain and values.table[path].parameter.expression.names):
                 continue
             unit = si_unit(values.dimension(path))

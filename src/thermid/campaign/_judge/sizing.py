@@ -39,7 +39,8 @@ class Bound:
     value : float       [SI]
     by : str            The limit that binds there: scenario, point, side; or that the range ends.
     error : float       Standard error of the value by what is not known exactly; nan where nothing is. [SI]
-    assured : float     The value, further inside the window, that holds in 95 % of what is not known exactly; nan without an error. [SI]
+    assured : float     The value, further inside the window, at which this limit holds in 95 % of what is not known exactly; nan without
+                        an error. [SI]
     """
 
     value: float
@@ -80,6 +81,8 @@ class Sizing(Result):
             for word, end in zip(("least", "most"), window, strict=True):
                 error = f" +- {end.error:.2g}, in 95 %: {end.assured:.6g}" if np.isfinite(end.error) else ""
                 lines.append(f"  {word} {end.value:.6g} {self.unit}{error}: {end.by}")
+            if window[0].assured > window[1].assured:
+                lines.append("  no value holds at both ends in 95 %: the window is narrower than the errors of its ends")
         return "\n".join(lines)
 
     def to_dict(self) -> dict[str, Any]:

@@ -1,7 +1,12 @@
-"""What an FMU's archive must be before anything of it is unpacked: it comes from somebody else."""
+"""What an FMU must be before anything of it is unpacked or run, as it comes from somebody else.
+
+The archive can do no harm, and the user said once that its program may run. That is kept by SHA-256 in the user's folder of states: a
+campaign comes from whoever made the FMU, who would vouch for himself there.
+"""
 
 from __future__ import annotations
 
+import hashlib
 import stat
 import zipfile
 from collections import Counter
@@ -11,8 +16,13 @@ from pathlib import Path, PurePosixPath
 from typing import Final
 
 from thermid.base.errors import ThermidError, cap, raising
+from thermid.base.files import OWN, command, read_bytes, read_text, state_folder, trusting, write_text
 
 DESCRIPTION: Final = "modelDescription.xml"
+TRUSTED: Final = "trusted-fmus"
+"""The file: a line for each, its SHA-256 and its name."""
+BUILD: Final = "sources/buildDescription.xml"
+"""FMPy reads it too."""
 MOST_FILES: Final = 20_000
 """Files in an archive; FMUs with sources have some hundred."""
 
@@ -57,7 +67,45 @@ def _problems(packed: zipfile.ZipFile) -> Iterator[str]:
     if DESCRIPTION not in packed.namelist():
         yield f"it has no {DESCRIPTION}."
         return
-    text = packed.read(DESCRIPTION).replace(b"\0", b"")  # of two bytes a letter too
-    for mark in (b"<!DOCTYPE", b"<!ENTITY"):
-        if mark in text:
-            yield f"{DESCRIPTION} has a declaration ({mark[2:].decode()}), which an FMU does not need."
+    for name in {DESCRIPTION, BUILD} & {file.filename for file in files}:
+        text = packed.read(name).replace(b"\0", b"")  # of two bytes a letter too
+        for mark in (b"<!DOCTYPE", b"<!ENTITY"):
+            if mark in text:
+                yield f"{name} has a declaration ({mark[2:].decode()}), which an FMU does not need."
+
+
+def digest_of(path: Path) -> str:
+    """Return the SHA-256 of a file, in hexadecimal digits."""
+    return hashlib.sha256(read_bytes(path)).hexdigest()
+
+
+def check_trust(path: Path, digest: str, trust: bool) -> None:
+    """Refuse an FMU that nobody trusts; remember one that is trusted now.
+
+    Parameters
+    ----------
+    path : Path     The file.
+    digest : str    Its SHA-256.
+    trust : bool    Whether it is trusted now, as it is by a command with ``--trust``.
+
+    Raises
+    ------
+    ThermidError    With how it is said.
+    """
+    list_file = state_folder() / TRUSTED
+    lines = read_text(list_file) if list_file.is_file() else ""
+    if f"{digest} " in lines:
+        return
+    if not (trust or trusting()):
+        raise ThermidError(
+            "an FMU is a program, and it would run with your rights. If you trust who made it, repeat the command with --trust, or in "
+            "Python fmu_model(path, trust=True): it is then remembered by its SHA-256, and not asked again.",
+            str(path),
+            code="fmu.not-trusted",
+        )
+    try:
+        list_file.parent.mkdir(parents=True, exist_ok=True)
+        with command(force=True):
+            write_text(list_file, f"{lines}{digest} {path.name!r}\n", OWN)
+    except OSError:  # where nothing can be kept it is asked again
+        return

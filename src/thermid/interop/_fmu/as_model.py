@@ -5,11 +5,11 @@ In: an FMU. Out: a `Model` that fits, verdicts and predictions of records take a
 
 from __future__ import annotations
 
-import hashlib
 import re
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from fractions import Fraction
+from functools import partial
 from pathlib import Path
 from typing import Any, Final
 
@@ -17,7 +17,6 @@ import numpy as np
 
 from thermid.base.dual import gradient_of, value_of
 from thermid.base.errors import DeckError, ScenarioError, UnitError
-from thermid.base.files import read_bytes
 from thermid.base.linear_algebra import Array
 from thermid.base.units import NAMES, TEMPERATURE, Dimension, unit
 from thermid.interop._fmu.host import FmuFile, FmuSetting, InputCourse
@@ -80,7 +79,7 @@ class _Measure:
     known: bool = True
 
 
-def fmu_model(path: str | Path) -> Model:
+def fmu_model(path: str | Path, trust: bool = False) -> Model:
     """Return somebody's FMU as a model: for `calibrate`, for verdicts and for the prediction of records.
 
     Its parameters keep their names, with an underscore for what a name here cannot hold, and their bounds; inputs in kelvins or degrees
@@ -89,17 +88,19 @@ def fmu_model(path: str | Path) -> Model:
 
     Parameters
     ----------
-    path : path     The file, of FMI 2.0 or 3.0. An FMU is a program: run those that you trust.
+    path : path     The file, of FMI 2.0 or 3.0.
+    trust : bool    Run its program, which has the rights of the user; remembered of this file, by its SHA-256. It runs in a process of its
+                    own, with limits.
 
     Raises
     ------
     MissingExtraError   When FMPy is not installed.
     DeckError           When no variable of it is a temperature, or no parameter can be set.
-    ThermidError        When it cannot be read.
+    ThermidError        When it cannot be read, or is not trusted.
     """
-    file = FmuFile(Path(path))
+    file = FmuFile(Path(path), trust)
     runner = FmuRunner.of(file)
-    made = model_from_dict(runner.deck(hashlib.sha256(read_bytes(Path(path))).hexdigest()[:16]))
+    made = model_from_dict(runner.deck(file.digest[:16]))
     return replace(made, file=Path(path).name, runner=runner)
 
 
@@ -368,6 +369,8 @@ def _quantity(v: Any, units: Mapping[str, _Measure], used: dict[str, str], file:
         return None if number is None else of.factor * float(number) + offset
 
     start, low, high = si(v.start), si(given["min"]), si(given["max"])
+    if start is not None and not np.isfinite(start):
+        raise DeckError(f"the start of '{v.name}' is not a finite number.", str(file.path), code="value.wrong-kind")
     # between equal bounds nothing can move, and a difference of units has no offset
     settable = v.variability != "constant" and v.initial == "exact" and v.causality in ("output", "local")
     quantity = FmuQuantity(
@@ -384,7 +387,19 @@ def _course(signal: Drawn, factor: float, offset: float) -> InputCourse:
         times, values = signal.instants, factor * signal.levels + offset
         if signal.held:
             jumps = times[1:][np.diff(values) != 0.0]
-            return InputCourse(lambda t: float(values[max(int(np.searchsorted(times, t, side="right")) - 1, 0)]), jumps)
+            return InputCourse(partial(_held, times, values), jumps)
         step = float(np.median(np.diff(times))) if times.size > 1 else np.inf
-        return InputCourse(lambda t: float(np.interp(t, times, values)), step=step)
-    return InputCourse(lambda t: factor * float(np.ravel(signal.at(np.array([t])))[0]) + offset)
+        return InputCourse(partial(_between, times, values), step=step)
+    return InputCourse(partial(_drawn, signal, factor, offset))
+
+
+def _held(times: Array, values: Array, time: float) -> float:
+    return float(values[max(int(np.searchsorted(times, time, side="right")) - 1, 0)])
+
+
+def _between(times: Array, values: Array, time: float) -> float:
+    return float(np.interp(time, times, values))
+
+
+def _drawn(signal: Drawn, factor: float, offset: float, time: float) -> float:
+    return factor * float(np.ravel(signal.at(np.array([time])))[0]) + offset
