@@ -51,12 +51,12 @@ class Identity:
 
 def identity_of(model: Tree) -> str:
     """Return a hash of what a model means: not of its file, comments, layout or the order of its tables."""
-    return _hash(to_dict(model))
+    return str(model.memo.made("identity", lambda: _hash(to_dict(model))))
 
 
 def definition_of(model: Tree) -> str:
     """Return the hash of a model's deck and the decks that it uses: nothing that was laid over them or cut."""
-    return _hash(to_dict(model, bare=True))
+    return str(model.memo.made("definition", lambda: _hash(to_dict(model, bare=True))))
 
 
 def _hash(tables: Mapping[str, Any]) -> str:
@@ -92,6 +92,11 @@ def rows_of_decks(model: Tree) -> Mapping[str, tuple[str, tuple[str, ...]]]:
 
 def local_identities(model: Tree, owner: str = "") -> Mapping[str, Identity]:
     """Return path -> `Identity` of every value, with a name for the uppermost deck in place of its hash, which takes a while to find."""
+    out: Mapping[str, Identity] = model.memo.made(("identities", owner), lambda: _local_identities(model, owner))
+    return out
+
+
+def _local_identities(model: Tree, owner: str) -> dict[str, Identity]:
     rows = _rows(model, owner)
     classes = _classes(rows)
     states = Counter(key[:2] for key in classes)

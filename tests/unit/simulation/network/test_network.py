@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from by_code import raises_code
-from thermid.base.dual import gradient_of, value_of
+from thermid.base.dual import Dual, gradient_of, value_of
 from thermid.base.errors import DeckError, NameNotFoundError, ScenarioError, ThermidError
 from thermid.model.deck import model_from_dict
 from thermid.model.laws import Constant, Sine, TableSignal
@@ -16,7 +16,7 @@ from thermid.model.tree import Model
 from thermid.physics.constants import ATMOSPHERE
 from thermid.simulation._network.environment import Environment
 from thermid.simulation._network.medium import Media
-from thermid.simulation._network.network import compile_network, free_numbers
+from thermid.simulation._network.network import compile_network
 from thermid.simulation._network.rows import ConductorRow
 
 EMPTY = Environment(Constant(0.0))
@@ -106,7 +106,7 @@ def test_derivatives_against_finite_differences() -> None:
             + [c for r in found.loads for c in r.coefficients]
         )
 
-    dual = flatly(dict(free_numbers(paths, point)))
+    dual = flatly({p: Dual(point[p], unit) for p, unit in zip(paths, np.eye(len(paths)), strict=True)})
     for k, path in enumerate(paths):
         h = 1e-5 * point[path]
         up, down = flatly({**point, path: point[path] + h}), flatly({**point, path: point[path] - h})
