@@ -242,7 +242,7 @@ def _bolted(f: Fields) -> tuple[Law, ...]:
         zone = f["count"] * contact.bolt_zone(f["washer"], f["diameter"], f["thickness"])
         if value_of(zone) <= 0.0:
             raise DeckError("a washer must be wider than the screw's hole.")
-        force = contact.bolt_preload(f["torque"], f["diameter"], f.get("nut_factor", contact.NUT_FACTOR))
+        force = contact.bolt_preload(*(f[name] for name in ("torque", "diameter", "nut_factor") if name in f))
         pressure = f["count"] * force / zone
         screws = zone * contact.plastic_contact_conductance(f["conductivity"], f["slope"], f["roughness"], pressure, f["hardness"])
     filler = {"area", "filler_conductivity", "filler_thickness"} & set(f)
