@@ -22,7 +22,6 @@ from thermid.base.linear_algebra import Array
 from thermid.interop._wired import Text, Wired, Writer, identifiers, one_line, wired
 from thermid.model.laws import Constant, Curve, Drawn, Sine, TableSignal
 from thermid.model.tree import Model
-from thermid.physics.constants import AMBIENT_DEFAULT
 from thermid.simulation.network import curve_arrays, tables_behind
 from thermid.simulation.scenarios import Scenario
 from thermid.simulation.solver import Engine, Options, Wiring
@@ -300,7 +299,7 @@ class _Header:
         yield ""
         yield "/* Places of capacitances among the coefficients, -1 of a node without mass; temperatures at the start. */"
         yield from _array("static const int @_capacity[]", [str(c) for c in capacity])
-        start = {**w.initial, **dict.fromkeys(w.massless, sum(w.initial.values()) / max(len(w.initial), 1) or AMBIENT_DEFAULT)}
+        start = {**w.initial, **dict.fromkeys(w.massless, sum(w.initial.values()) / max(len(w.initial), 1) or 293.15)}
         yield from _array("static const double @_begin[]", [_number(start[n]) for n in self.order])
         yield from _array("static const @_conductor @_conductor_rows[]", conductors or ["{0, 0, 0, 0, 0}"], 1)
         yield from _array("static const @_load @_load_rows[]", loads or ["{0, 0, 0, 0, 0, 0, 0, 0, 0}"], 1)

@@ -8,7 +8,7 @@ from thermid.model.identity import definition_of, identity_of, local_identities
 def test_a_state_without_pressure_is_vacuum_and_one_with_it_names_its_gas() -> None:
     assert str(MadeIn(0.0, 9.80665, "air")) == "vacuum"
     assert str(MadeIn(101325.0, 9.80665, "air")) == "air at 101325 Pa"
-    assert str(MadeIn(600.0, 3.71, "CO2", 4.0)) == "CO2 at 600 Pa, 3.71 m/s^2, 4 m/s"
+    assert str(MadeIn(600.0, 3.71, "CO2", 4.0)).split(", ") == ["CO2 at 600 Pa", "3.71 m/s^2", "4 m/s"]
 
 
 def test_a_model_keeps_its_hash_and_identities_and_one_with_other_values_has_its_own() -> None:

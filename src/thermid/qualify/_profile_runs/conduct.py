@@ -24,7 +24,7 @@ from thermid.measure.amounts import duration_text
 from thermid.measure.steadiness import StabilityRule, rule_of
 from thermid.model.laws import Constant, Signal, TableSignal, literal, multiplied
 from thermid.model.tree import Model
-from thermid.physics.constants import AMBIENT_DEFAULT, ICE_POINT
+from thermid.physics.constants import ICE_POINT
 from thermid.qualify._profile_runs.profile_run import Phase, ProfileRun, SettledWater
 from thermid.qualify._profiles.profile import ProfileStep, ThermalProfile, ordered
 from thermid.simulation.network import Environment, compile_network
@@ -178,9 +178,7 @@ class ChamberSetup:
 
         def made() -> Leg:
             course = Timeline((0.0, span), (before, after)) if span else Timeline((0.0,), (after,))
-            return Leg.of(
-                self, replace(course.scenario(self.base, self, "profile", tail=TAIL), initial={}, start=Kelvin(AMBIENT_DEFAULT)), 0.0
-            )
+            return Leg.of(self, replace(course.scenario(self.base, self, "profile", tail=TAIL), initial={}, start=Kelvin(293.15)), 0.0)
 
         return self.memo.made((before, after, span), made)
 

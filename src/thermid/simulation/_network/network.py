@@ -352,9 +352,9 @@ def compile_network(model: Model, *, media: Media | None = None, prescribed: Ite
     """
     if media is not None and (media.environments or media.irradiation):
         return _compiled(model, media, tuple(prescribed))
-    asked = tuple(prescribed), media and (media.as_printed, media.seconds)
-    found: Network = model.memo.made("networks", Memo).made(asked, lambda: _compiled(model, media, asked[0]), KEPT_NETWORKS)
-    return found
+    key = tuple(prescribed), media and (media.as_printed, media.seconds)
+    network: Network = model.memo.made("networks", Memo).made(key, lambda: _compiled(model, media, key[0]), KEPT_NETWORKS)
+    return network
 
 
 KEPT_NETWORKS: Final = 8
