@@ -17,7 +17,7 @@ import numpy as np
 
 import thermid as td
 from thermid.bench.bench_files import load_programme, load_sensors
-from thermid.campaign._judge.verdict import look, looks_at
+from thermid.campaign._judge.verdict import _read as read_looks, look
 from thermid.campaign.stages import read_campaign, recall
 from thermid.campaign.verdicts import load_limits
 from thermid.interop.initfcn import read_initfcn
@@ -384,7 +384,7 @@ KINDS: Final[dict[str, Kind]] = {
     "profile": Kind("profile.toml", _profile, (("profile", "{}"),)),
     "values": Kind("unit.values.toml", _values, (("simulate", "unit.toml", "--scenario", "day.toml", "--values", "{}"),)),
     "values by hand": Kind("by_hand.toml", lambda f: None, (("steady", "unit.toml", "--scenario", "day.toml", "--values", "{}"),)),
-    "looks": Kind("looks.json", lambda f: looks_at(f.parent, "x")),
+    "looks": Kind("looks.json", lambda f: read_looks(f.parent)),
     "kept fit": Kind("unit.fit.json", lambda f: recall(f.parent, "unit", "k")),
     "sensor map": Kind("sensors.toml", load_sensors),
     "programme": Kind("programme.toml", load_programme),

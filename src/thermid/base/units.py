@@ -137,12 +137,7 @@ def unit(text: str) -> Unit:
         raise UnitError(f"'[{text}]': mK is the millikelvin. Write (m K) for metres times kelvin.", code="unit.ambiguous")
     if re.search(r"\bgr\b", key):
         raise UnitError(f"'[{text}]': gr is the grain, 0.0648 g. Write g for grams, or grain.", code="unit.ambiguous")
-    _check_exponents(text, key)
-    return _from_pint(text, key)
-
-
-def _check_exponents(text: str, key: str) -> None:
-    """Refuse exponents that no physical unit has: their powers of ten would be computed digit by digit."""
+    # refuse exponents that no physical unit has: their powers of ten would be computed digit by digit
     for given in _EXPONENT.findall(key):
         if given[:1].isdigit() or given[:1] == "-":
             if not _SMALL.match(given) or abs(float(given)) > cap("exponent"):
@@ -152,6 +147,7 @@ def _check_exponents(text: str, key: str) -> None:
                     f"{_intended(key)}{raising('exponent')}",
                     code="unit.unknown",
                 )
+    return _from_pint(text, key)
 
 
 _EXPONENT = re.compile(r"\^([^*/()^]*)")

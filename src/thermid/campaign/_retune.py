@@ -6,7 +6,6 @@ import math
 import os
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
-from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -266,7 +265,7 @@ def plan_retune(
     places = places_of(source, levels, top)
     swapped, what = above.replaced(part, model)
     swapped = what.starting(swapped)
-    seats = _seats(old, model, sensors or {})
+    seats = {Names(old).find(a): Names(model).find(b) for a, b in (sensors or {}).items()}
     plans: list[StagePlan] = []
     touched: list[Touch] = []
     for level in levels:
@@ -284,16 +283,6 @@ def plan_retune(
         part, old.title, model.title, stages, values, neighbours, before, after, as_logged, watts, _powered(above, part), given, what,
         campaign, model,
     )  # fmt: skip
-
-
-def _seats(old: Model, new: Model, sensors: Mapping[str, str]) -> dict[str, str]:
-    """Return node of the old part -> node of the new one, of sensors that sit elsewhere.
-
-    Raises
-    ------
-    NameNotFoundError   When one of the two has no such node.
-    """
-    return {Names(old).find(a): Names(new).find(b) for a, b in sensors.items()}
 
 
 def _bound(request: Request, plan: StagePlan, seats: Mapping[str, str]) -> dict[str, str]:
@@ -521,7 +510,13 @@ def _source(source: CampaignSource, plan: RetunePlan, due: Sequence[str], everyt
     records = {name: source.content.records[name] for name, table in old.content.records.items() if any(table is t for t in tables)}
     reduced = replace(source, content=source.content.model_copy(update={"records": records, "verdicts": [], "checksums": {}}))
     if reduced.data is not None and reduced.data != old.data:
-        _check_repeated(reduced, reduced.data, due)
+        before = [name for name, (file, _) in reduced.names().items() if name in due and not file.resolve().is_relative_to(reduced.data)]
+        if before:
+            raise MissingDataError(
+                f"the folder '{reduced.data.name}' of the repeated tests has no log of {', '.join(before)}. The logs beside the campaign "
+                "are from before the swap. Put the new logs there, with the file names of the campaign.",
+                reduced.path.name,
+            )
     return reduced
 
 
@@ -531,17 +526,6 @@ def _with_joined(source: CampaignSource, due: Sequence[str]) -> tuple[str, ...]:
     tables = (known[name][1].joined for name in due)
     several = (t if isinstance(t, list) else [t] for t in tables if t is not None)
     return tuple(dict.fromkeys((*due, *(one.record for joined in several for one in joined))))
-
-
-def _check_repeated(source: CampaignSource, data: Path, tests: Sequence[str]) -> None:
-    """Refuse logs from before the swap, which stand beside the campaign under the same names."""
-    before = [name for name, (file, _) in source.names().items() if name in tests and not file.resolve().is_relative_to(data)]
-    if before:
-        raise MissingDataError(
-            f"the folder '{data.name}' of the repeated tests has no log of {', '.join(before)}. The logs beside the campaign are from "
-            "before the swap. Put the new logs there, with the file names of the campaign.",
-            source.path.name,
-        )
 
 
 def _model(source: CampaignSource, table: StageTable, k: int, stage: StagePlan, plan: RetunePlan, before: Calibration | None) -> Model:

@@ -359,7 +359,12 @@ def refuse_crooked(w: Wired, what: str) -> None:
                 f" then. Give the node a capacitance to write the model to {what}.",
                 w.network.title,
             )
-    _check_reached(w)
+    # refuse a massless node that nothing leads to
+    for node in w.massless:
+        if not any(value_of(row.coefficients[0]) > 0 for _, row in w.conductors if node in row.ends):
+            raise DeckError(
+                f"the massless node '{node}' has no conductance to any node, so its temperature is undefined. Connect it.", w.network.title
+            )
 
 
 def conductance_text(row: ConductorRow, coefficients: Sequence[str], a: str, b: str, read: Callable[[Curve, str], str]) -> str:
@@ -396,15 +401,6 @@ def table_points(curve: Curve) -> tuple[list[float], list[float], bool]:
         return curve.x.tolist(), slopes(curve).tolist(), curve.limits is None
     x, y, _ = whole(curve)
     return x.tolist(), y.tolist(), curve.limits is None
-
-
-def _check_reached(w: Wired) -> None:
-    """Refuse a massless node that nothing leads to."""
-    for node in w.massless:
-        if not any(value_of(row.coefficients[0]) > 0 for _, row in w.conductors if node in row.ends):
-            raise DeckError(
-                f"the massless node '{node}' has no conductance to any node, so its temperature is undefined. Connect it.", w.network.title
-            )
 
 
 def one_line(text: str) -> str:

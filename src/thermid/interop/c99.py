@@ -492,13 +492,10 @@ def stated_error(w: Wired, step: float) -> float:
     error = STATED * float(np.abs(found - _reference(w, grid)).max())
     if not np.isfinite(error):
         raise SolverError(f"fixed steps of {step:g} s have no finite answer. Give a shorter one: step = ...", w.network.title)
-    return _rounded_up(max(error, 1e-6))
-
-
-def _rounded_up(x: float) -> float:
-    """Return a number rounded up to two digits."""
-    unit = 10.0 ** (math.floor(math.log10(x)) - 1)
-    return float(f"{math.ceil(x / unit - 1e-9) * unit:.6g}")
+    # rounded up to two digits
+    error = max(error, 1e-6)
+    unit = 10.0 ** (math.floor(math.log10(error)) - 1)
+    return float(f"{math.ceil(error / unit - 1e-9) * unit:.6g}")
 
 
 def _reference(w: Wired, grid: Array) -> Array:

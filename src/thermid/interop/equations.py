@@ -300,7 +300,11 @@ class _Derivation:
     def _eliminate(self, node: str, several: bool) -> None:
         """Replace a massless node by a mesh between its neighbours; its own heat goes to them by the same weights."""
         sympy = self.sympy
-        star = {next(iter(pair - {node})): _parallel(arms) for pair, arms in self.arms.items() if node in pair}
+        star = {
+            next(iter(pair - {node})): (arms[0] if len(arms) == 1 else 1 / sum(1 / a for a in arms))
+            for pair, arms in self.arms.items()
+            if node in pair
+        }
         if not star:
             raise DeckError(
                 f"the massless node '{node}' has no conductance to any node, so its temperature is undefined. Connect it.",
@@ -337,11 +341,6 @@ class _Derivation:
                 for arm in arms:
                     total -= (self.t[node] - self.t[other]) / arm
         return total
-
-
-def _parallel(arms: list[Expr]) -> Expr:
-    """Return the resistance of arms side by side."""
-    return arms[0] if len(arms) == 1 else 1 / sum(1 / a for a in arms)
 
 
 def _pairs(ends: list[str]) -> list[tuple[str, str]]:

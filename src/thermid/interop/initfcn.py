@@ -104,7 +104,14 @@ class _Reader:
     def take(self, s: Statement) -> None:
         """Add one statement."""
         where = f"{self.file}:{s.line}"
-        self._check_name(s, where)
+        if iskeyword(s.name) or s.name in ("inf", "Inf", "pi"):
+            raise ExpressionError(f"'{s.name}' is a reserved word of expressions in decks. Rename it in the script.", where)
+        if s.name in self.numbers:
+            raise ExpressionError(
+                f"'{s.name}' is set again; line {self.lines[s.name]} sets it first, but a parameter has one value. Remove one of the "
+                "lines.",
+                where,
+            )
         try:
             expression = parse(s.text)
         except ThermidError as error:
@@ -129,16 +136,6 @@ class _Reader:
         literal = value.expression.literal
         if (literal is not None and literal.unit.absolute) or (literal is None and set(value.expression.names) & self.scales):
             self.scales.add(s.name)
-
-    def _check_name(self, s: Statement, where: str) -> None:
-        if iskeyword(s.name) or s.name in ("inf", "Inf", "pi"):
-            raise ExpressionError(f"'{s.name}' is a reserved word of expressions in decks. Rename it in the script.", where)
-        if s.name in self.numbers:
-            raise ExpressionError(
-                f"'{s.name}' is set again; line {self.lines[s.name]} sets it first, but a parameter has one value. Remove one of the "
-                "lines.",
-                where,
-            )
 
     def _unit(self, s: Statement) -> tuple[str | None, str]:
         """Return the unit that the comment names, or None, and the comment with the brackets that are none."""
@@ -329,7 +326,8 @@ def statements(text: str, file: str, constants: Mapping[str, str], faults: list[
         for part in parts:
             try:
                 if _NO_VALUE.match(part):
-                    _refuse_clear(part, f"{file}:{number}", bool(found or made))
+                    if (found or made) and part.startswith("clear"):
+                        raise ExpressionError(f"'{part}' would remove the values above it. Put it first, or remove it.", f"{file}:{number}")
                     continue
                 made.append(_assignments(part, f"{file}:{number}", number, constants, vectors))
             except ThermidError as error:
@@ -339,11 +337,6 @@ def statements(text: str, file: str, constants: Mapping[str, str], faults: list[
         found += [s for one in made[0] for s in _commented([one], comment)] if alone else _commented([s for m in made for s in m], comment)
     for k, statement in enumerate(found):
         yield replace(statement, later=tuple(s.name for s in found[k + 1 :]))
-
-
-def _refuse_clear(part: str, where: str, late: bool) -> None:
-    if late and part.startswith("clear"):
-        raise ExpressionError(f"'{part}' would remove the values above it. Put it first, or remove it.", where)
 
 
 def _without_line_numbers(lines: list[str]) -> list[str]:

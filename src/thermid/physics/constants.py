@@ -13,3 +13,6 @@ ATMOSPHERE = 101325.0
 
 ICE_POINT = 273.15
 """Zero of the Celsius scale. [K]"""
+
+AMBIENT_DEFAULT = 293.15
+"""At which a property is quoted that depends on temperature, where nothing says at which: 20 degC. [K]"""

@@ -10,7 +10,7 @@ import math
 from collections.abc import Callable
 from dataclasses import dataclass
 from functools import lru_cache
-from typing import Any, Final, Literal
+from typing import Any, Final
 
 import numpy as np
 
@@ -27,7 +27,6 @@ from thermid.physics.plates import (
     vertical_plate_nusselt_all,
 )
 
-Orientation = Literal["vertical", "up", "down"]
 ORIENTATIONS: Final = ("vertical", "up", "down")
 BLEND: Final = 8
 """Exponent with which conduction and convection are joined: 1 % above the larger one at a ratio of 1.5. [-]"""

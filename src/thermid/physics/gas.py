@@ -185,24 +185,3 @@ def gap_htc(gas: MolecularGas, temperature: Number, pressure: Number, gap: Numbe
     """
     continuum, molecular = gas.k(temperature) / gap, free_molecular_htc(gas, temperature, pressure, accommodation)
     return continuum * molecular / (continuum + molecular)
-
-
-def half_pressure(gas: MolecularGas, temperature: Number, gap: Number, accommodation: Number = 1.0) -> Number:
-    """Pressure at which a gap conducts half of what it does in the continuum [Pa].
-
-    Parameters
-    ----------
-    gas, temperature, gap, accommodation    As in `gap_htc`.
-
-    References
-    ----------
-    From `gap_htc`: where both resistances are equal.
-
-    Examples
-    --------
-    A millimetre of air between surfaces that accommodate fully: 22.5 Pa.
-
-    >>> round(half_pressure(GASES["air"], 300.0, 1e-3), 1)
-    22.5
-    """
-    return gas.k(temperature) / gap / free_molecular_htc(gas, temperature, 1.0, accommodation)

@@ -229,7 +229,9 @@ class Placed:
             second = np.array(self.second)
             return origin + u[:, None] * first + v[:, None] * second, np.broadcast_to(_unit(np.cross(first, second)), (u.size, 3))
         axis = _unit(first)
-        across, beside = _frame(axis)
+        # two directions across an axis and across one another
+        across = _unit(np.cross(axis, np.eye(3)[int(np.argmin(np.abs(axis)))]))
+        beside = np.cross(axis, across)
         angle = 2.0 * np.pi * v[:, None]
         round_ = np.cos(angle) * across + np.sin(angle) * beside
         if self.kind == "disc":
@@ -271,12 +273,6 @@ class Placed:
 
 def _unit(vector: Array) -> Array:
     return np.asarray(vector, dtype=float) / float(np.linalg.norm(vector))
-
-
-def _frame(axis: Array) -> tuple[Array, Array]:
-    """Return two directions across an axis and across one another."""
-    across = _unit(np.cross(axis, np.eye(3)[int(np.argmin(np.abs(axis)))]))
-    return across, np.cross(axis, across)
 
 
 @lru_cache(maxsize=32)

@@ -149,7 +149,18 @@ def load_plan(path: str | os.PathLike[str], data: str | os.PathLike[str] | None 
     raw, lines = read_toml(target)
     where = Places(target.name, lines)
     refuse_another_kind("thermid.qualify._plan_schema.PlanFile", raw, where)
-    _not_empty(raw, target.name)
+    # refuse a plan that plans nothing, before its grammar is looked at
+    lacking = [k for k in ("title", "objectives", "model", "limits", "sensors", "tests") if not raw.get(k)]
+    if len(lacking) == 6:
+        raise DeckError(
+            "the plan is empty. State before any log is read what the tests must show: title, objectives, [model], [limits], [sensors] and "
+            "[[tests]].",
+            target.name,
+        )
+    if lacking:
+        raise DeckError(
+            f"the plan has no {', no '.join(lacking)}. State them before any log is read; a later decision is weak evidence.", target.name
+        )
     content: PlanFile = by_grammar("thermid.qualify._plan_schema.PlanFile", raw, where)
     source = content.model
     if bool(source.deck) == bool(source.campaign) or bool(source.campaign) != bool(source.stage):
@@ -178,21 +189,6 @@ def _limits(limits: str | Mapping[str, Any], folder: Path, where: Places) -> tup
         return read_limits(limits, lambda key: where(f"limits.{key}" if key else "limits"))
     with errors_at(where("limits"), ", "):
         return load_limits(resolve_inside(folder, limits, where("limits")))
-
-
-def _not_empty(raw: Mapping[str, Any], name: str) -> None:
-    """Refuse a plan that plans nothing, before its grammar is looked at."""
-    lacking = [k for k in ("title", "objectives", "model", "limits", "sensors", "tests") if not raw.get(k)]
-    if len(lacking) == 6:
-        raise DeckError(
-            "the plan is empty. State before any log is read what the tests must show: title, objectives, [model], [limits], [sensors] and "
-            "[[tests]].",
-            name,
-        )
-    if lacking:
-        raise DeckError(
-            f"the plan has no {', no '.join(lacking)}. State them before any log is read; a later decision is weak evidence.", name
-        )
 
 
 LONGEST = 255

@@ -220,7 +220,11 @@ def run_test(plan: Plan, test: TestTable) -> Trial:
     known, limits = plan.hosted(test.host), plan.limits_on(test.host)
     scenario, course = _course(plan, test, known)
     sensors = sensors_of(plan, test)
-    _known_nodes(plan, known, limits, sensors)
+    # refuse sensors and reference points at nodes that the model does not have
+    nodes = [n.path for n in flatten(known.model).nodes]
+    places = [(f"limits.{x.point}.node", x.node) for x in limits] + [(f"sensors.{s}.node", n) for s, (n, _) in sensors.items()]
+    for key, node in places:
+        refuse_unknown([known.model.canonical(node)], nodes, f"{plan.path.name}, {key}", f"no node '{node}'.", NameNotFoundError)
     points = list(dict.fromkeys([x.node for x in limits] + [n for n, _ in sensors.values()]))
     step = max(literal(test.every, "s", f"{test.name}, every"), scenario.seconds / STORED)
     times = np.linspace(0.0, scenario.seconds, int(np.ceil(scenario.seconds / step)) + 1)
@@ -237,19 +241,6 @@ def run_test(plan: Plan, test: TestTable) -> Trial:
     remarks = in_short(course) if course is not None else ()
     trial = Trial(test, known, foresight, limits, checks, course, heaters, outside, remarks=remarks)
     return trial if test.log is None else _judged(plan, trial, scenario, sensors)
-
-
-def _known_nodes(plan: Plan, known: Known, limits: Sequence[Limits], sensors: Mapping[str, tuple[str, Any]]) -> None:
-    """Refuse sensors and reference points at nodes that the model does not have.
-
-    Raises
-    ------
-    NameNotFoundError   Which, and the nearest.
-    """
-    nodes = [n.path for n in flatten(known.model).nodes]
-    places = [(f"limits.{x.point}.node", x.node) for x in limits] + [(f"sensors.{s}.node", n) for s, (n, _) in sensors.items()]
-    for key, node in places:
-        refuse_unknown([known.model.canonical(node)], nodes, f"{plan.path.name}, {key}", f"no node '{node}'.", NameNotFoundError)
 
 
 def _course(plan: Plan, test: TestTable, known: Known) -> tuple[Scenario, ProfileRun | None]:
@@ -347,6 +338,9 @@ def _judged(plan: Plan, trial: Trial, scenario: Scenario, sensors: Mapping[str, 
     settled, unsure = settled_by(trial, record, windows, [o.sensor for o in counted])
     steady = any("steady" in plan.criteria[n].kinds for n in test.criteria)
     origin = record.origin
+    find = trial.known.model.canonical
+    limits = [replace(x, node=find(x.node)) for x in trial.limits]
+    readings = [(find(sensors[o.sensor][0]), o.times, o.measured) for o in counted]
     return replace(
         trial,
         told=comparison,
@@ -354,9 +348,14 @@ def _judged(plan: Plan, trial: Trial, scenario: Scenario, sensors: Mapping[str, 
         diagnosis=diagnosis,
         log_sha256=origin.sha256,
         synthetic=origin.synthetic,
-        checks=(*trial.checks, *_measured(trial, counted, sensors)),
+        checks=(*trial.checks, *check_readings(readings, limits, trial.foresight.solution, state=_state(trial.test))),
         doubts=(*_doubts(trial, record, counted, windows), *(unsettled(settled) if steady else ())),
-        remarks=(*trial.remarks, *_state_remarks(test), *exchanged(counted), *unsure),
+        remarks=(
+            *trial.remarks,
+            *([f"its state is '{test.state}', but there is a log. Write state = \"run\""] if test.state == "planned" else []),
+            *exchanged(counted),
+            *unsure,
+        ),
         settled=settled,
         as_logged={c: _ends(record, c) for c in log.boundaries},
     )
@@ -367,19 +366,6 @@ def _ends(record: Record, column: str) -> tuple[float, float]:
     channel = record[column]
     celsius = channel.values[channel.valid] - ICE_POINT
     return (float(celsius.min()), float(celsius.max())) if celsius.size else (np.nan, np.nan)
-
-
-def _state_remarks(test: TestTable) -> list[str]:
-    """Return what the state of a test with a log leaves to mend."""
-    return [f"its state is '{test.state}', but there is a log. Write state = \"run\""] if test.state == "planned" else []
-
-
-def _measured(trial: Trial, counted: Sequence[Overlay], sensors: Mapping[str, tuple[str, Any]]) -> tuple[LimitCheck, ...]:
-    """Return the readings held against the limits of the reference points that their sensors sat at."""
-    find = trial.known.model.canonical
-    limits = [replace(x, node=find(x.node)) for x in trial.limits]
-    readings = [(find(sensors[o.sensor][0]), o.times, o.measured) for o in counted]
-    return check_readings(readings, limits, trial.foresight.solution, state=_state(trial.test))
 
 
 def _doubts(trial: Trial, record: Record, counted: Sequence[Overlay], windows: Sequence[tuple[float, float]]) -> Iterator[str]:

@@ -184,11 +184,8 @@ class Ensemble(Result):
 
         Members that are above it at any time: ``(ensemble.highest(node) > 50.0).mean()``.
         """
-        return np.asarray((self._whole_or_refuse(node) > kelvin(limit)).mean(axis=1))
-
-    def _whole_or_refuse(self, node: str) -> Array:
         self.temperatures(node)
-        return self._whole(self._kept(node))
+        return np.asarray((self._whole(self._kept(node)) > kelvin(limit)).mean(axis=1))
 
     def _whole(self, path: str) -> Array:
         """Return the temperatures (times, members that reached the end). [K]"""
@@ -564,7 +561,14 @@ class _Runs:
         stored = kernel.advance(self.times.size, self.threads)
         failed = _failed(engine, kernel, numbers, self.options)
         turnings = _turnings(engine, kernel, numbers, self.wanted, kept, failed, self.options)
-        return _GroupRun(_Recovery(engine, numbers, kept), stored, self.times, failed, turnings, _statistics(kernel))
+        return _GroupRun(
+            _Recovery(engine, numbers, kept),
+            stored,
+            self.times,
+            failed,
+            turnings,
+            {"steps": kernel.steps, "rejected": kernel.rejected, "one_by_one": int(kernel.alone.sum()), "simd": kernel.simd},
+        )
 
     def key(self, values: Mapping[str, Array]) -> str:
         """Return a hash of all that counts at values (members,) depend on."""
@@ -711,15 +715,14 @@ def run_members(
     if executor is None:
         group = runs.group(values)
         return ensemble(group.failed, (), group.statistics, network.find, group.temperature, {}, group.turnings, warnings)
-    parts = _all_run(runs, values, members, executor)
-    failed, turnings = _one_after_another(parts)
-    return ensemble(failed, (), _added([p.statistics for p in parts]), network.find, partial(_traces_of, parts), {}, turnings, warnings)
-
-
-def _all_run(runs: _Runs, values: Mapping[str, Array], members: int, executor: Workers) -> list[_GroupRun]:
-    """Return the groups of all members, run by workers."""
     tasks = [(f"members from {first} on", (runs, v)) for first, v in _tasks(values, members, runs.at_once)]
-    return [group for _, group in sorted(in_tasks(_Runs.group, tasks, executor), key=itemgetter(0))]
+    parts = [group for _, group in sorted(in_tasks(_Runs.group, tasks, executor), key=itemgetter(0))]
+    # failures and turning points of all groups; nodes that were not followed in each are left out
+    firsts = np.cumsum([0, *(p.recovery.numbers.coefficients.shape[1] for p in parts)]).tolist()
+    failed = {first + m: why for first, p in zip(firsts, parts, strict=False) for m, why in p.failed.items()}
+    followed = [n for n in parts[0].turnings if all(n in p.turnings for p in parts)]
+    turnings = {n: MemberTurnings.joined([(first, p.turnings[n]) for first, p in zip(firsts, parts, strict=False)]) for n in followed}
+    return ensemble(failed, (), _added([p.statistics for p in parts]), network.find, partial(_traces_of, parts), {}, turnings, warnings)
 
 
 def _all_counted(runs: _Runs, values: Mapping[str, Array], members: int, executor: Workers, job: str | os.PathLike[str] | None) -> _Counted:
@@ -764,15 +767,6 @@ def _tasks(values: Mapping[str, Array], members: int, at_once: int) -> list[tupl
     """Return the shares of tasks: the first member, and the values of all."""
     size = at_once * max(1, -(-members // (TASKS * at_once)))
     return [(k * size, v) for k, v in enumerate(_shares_of(values, size))]
-
-
-def _one_after_another(parts: Sequence[_GroupRun]) -> tuple[dict[int, str], dict[str, MemberTurnings]]:
-    """Return failures and turning points of all groups; nodes that were not followed in each are left out."""
-    firsts = np.cumsum([0, *(p.recovery.numbers.coefficients.shape[1] for p in parts)]).tolist()
-    failed = {first + m: why for first, p in zip(firsts, parts, strict=False) for m, why in p.failed.items()}
-    followed = [n for n in parts[0].turnings if all(n in p.turnings for p in parts)]
-    joined = {n: MemberTurnings.joined([(first, p.turnings[n]) for first, p in zip(firsts, parts, strict=False)]) for n in followed}
-    return failed, joined
 
 
 def _traces_of(parts: Sequence[_GroupRun], name: str) -> Array:
@@ -899,10 +893,6 @@ class _Ended:
     node: int
     time: float
     final_temperatures: Array
-
-
-def _statistics(kernel: Any) -> dict[str, Any]:
-    return {"steps": kernel.steps, "rejected": kernel.rejected, "one_by_one": int(kernel.alone.sum()), "simd": kernel.simd}
 
 
 def _no_traces(name: str) -> Array:

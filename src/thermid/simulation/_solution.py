@@ -292,15 +292,12 @@ class Run:
     def out_of_range(self) -> tuple[str, ...]:
         """Return a sentence for each table that was asked for values outside its points, at a stored time or a turning point."""
         numbers = self.assembled.numbers
-        fine = self._at_turnings(read_nodes(self.network, numbers))
-        return (*left_tables(self.network, numbers, fine.traces.temperature, fine.times), *outside(self))
-
-    def _at_turnings(self, nodes: Iterable[str]) -> Run:
-        """Return the run stored at the turning points of some nodes too."""
-        stamps = [t.times for t in map(self.turnings, nodes) if t is not None]
+        # the run stored at the turning points of some nodes too
+        stamps = [t.times for t in map(self.turnings, read_nodes(self.network, numbers)) if t is not None]
         times = np.union1d(self.times, np.concatenate([np.zeros(0), *stamps]))
         times = times[(times >= self.times[0]) & (times <= self.times[-1])]
-        return self if times.size == self.times.size else self.again(times)
+        fine = self if times.size == self.times.size else self.again(times)
+        return (*left_tables(self.network, numbers, fine.traces.temperature, fine.times), *outside(self))
 
     def _columns(self, temperatures: Array, times: Array) -> Array:
         by_node = {**dict(zip(self.all_nodes(), temperatures.T, strict=True)), **self._controllers(times)}

@@ -11,7 +11,7 @@ from typing import Any, Final
 import numpy as np
 
 from thermid.base.linear_algebra import Array
-from thermid.physics.air import GAS_CONSTANT, air_conductivity, air_specific_heat
+from thermid.physics.air import air_conductivity, air_density, air_specific_heat
 from thermid.physics.constants import ATMOSPHERE, ICE_POINT
 
 VAPOUR_CONSTANT: Final = 461.523
@@ -153,6 +153,6 @@ def mass_transfer_coefficient(htc: Any, temperature: Any, pressure: Any = ATMOSP
     Chilton and Colburn; Incropera, 6th ed., eq. 6.60.
     """
     t, p = np.asarray(temperature, dtype=float), np.asarray(pressure, dtype=float)
-    storing = p / (GAS_CONSTANT * t) * air_specific_heat(t)
+    storing = air_density(t, p) * air_specific_heat(t)
     lewis = air_conductivity(t) / storing / vapour_diffusivity(t, p)
     return np.asarray(np.asarray(htc, dtype=float) / storing * lewis ** (-2.0 / 3.0))

@@ -13,7 +13,7 @@ from typer.testing import CliRunner
 import thermid as td
 from thermid.app.cli.app import app
 from thermid.base.errors import DeckError, NameNotFoundError
-from thermid.campaign._judge.verdict import FILE, look, looks_at
+from thermid.campaign._judge.verdict import FILE, _read, look
 from thermid.campaign._stages import Campaign
 from thermid.fit.error_model import SIZES
 from unit.fit.bench import HTC, MASS, box, pair
@@ -152,15 +152,14 @@ class TestLooks:
         assert look(tmp_path, "r", "sha", "pair", "key1", True) == ()
         assert look(tmp_path, "r", "sha", "pair", "key2", False) == ()
         assert [o.key for o in look(tmp_path, "r", "sha", "pair", "key3", True)] == ["key2"]
-        assert len(looks_at(tmp_path, "sha")) == 3
-        assert looks_at(tmp_path, "other") == ()
+        assert [o.sha256 for o in _read(tmp_path)] == ["sha"] * 3
 
     def test_a_damaged_file_is_refused_and_stays(self, tmp_path: Path) -> None:
         for damaged in ("", "[{", "{}", '[{"record": "r"}]'):
             (tmp_path / FILE).write_text(damaged)
             with pytest.raises(DeckError, match=r"looks\.json: the file is damaged\. It lists the records that failed a verdict"):
-                looks_at(tmp_path, "sha")
+                _read(tmp_path)
             with pytest.raises(DeckError, match="damaged"):
                 look(tmp_path, "r", "sha", "pair", "key", True)
             assert (tmp_path / FILE).read_text() == damaged
-        assert looks_at(None, "sha") == ()
+        assert list(_read(None)) == []

@@ -257,7 +257,6 @@ def worst(
         list[str],
         typer.Option("--range", help="NAME=LOW..HIGH of a boundary, load or value: chips='2 [W]..9 [W]'; may be repeated."),
     ],
-    runs: Annotated[int, typer.Option("--runs", help="Runs for both cases together.")] = 2000,
     param: Parameters = [],  # noqa: B006
     values: ValuesPath = None,
     keep_values: KeepValues = False,
@@ -272,7 +271,7 @@ def worst(
     model = fitted_model(deck, values, keep_values, param)
     standing = model_standing(model).accept(accept or ())
     box = {name: (text.split("..")[0].strip(), text.split("..")[-1].strip()) for name, text in pairs(ranges, "--range").items()}
-    cases = worst_case(model, _limits(limit), load_scenario(scenario), box, runs=runs)
+    cases = worst_case(model, _limits(limit), load_scenario(scenario), box)
     say(as_json, cases.to_dict() | {"standing": standing.to_dict()}, standing.over(str(cases)))
     leave(standing)
 

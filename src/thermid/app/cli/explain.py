@@ -39,7 +39,6 @@ def _fits(campaign: Path, stage: str, data: Path | None, results: Path | None) -
 def criticise(
     campaign: CampaignPath,
     stage: Stage = "",
-    everything: Annotated[bool, typer.Option("--all", help="Try missing elements also where the residuals are only noise.")] = False,
     data: Data = None,
     results: Results = None,
     verbose: Whole = False,
@@ -54,7 +53,7 @@ def criticise(
     with working("") as progress:
         for k, (name, fit) in enumerate(fits.items()):
             progress.now(f"refits of stage {name}", k / len(fits))
-            found[name] = criticism.criticise(fit, elements=True if everything else None)
+            found[name] = criticism.criticise(fit)
     say(as_json, {"stages": {n: c.to_dict() for n, c in found.items()}}, "\n\n".join(map(str, found.values())), verbose)
     leave(worst(f.standing for f in fits.values()))
 

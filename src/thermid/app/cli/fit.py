@@ -172,7 +172,6 @@ def estimate(
         ),
     ],
     stage: Annotated[str, typer.Option("--stage", help="The stage; the last one by default.")] = "",
-    start: Annotated[list[str], typer.Option("--start-sd", help="NODE=DEVIATION of a start, such as wall='0.1 [K]'.")] = [],  # noqa: B006
     horizon: Annotated[
         str, typer.Option("--horizon", help="Over which left-out readings are foreseen; a fifth of the log by default.")
     ] = "",
@@ -190,7 +189,7 @@ def estimate(
     conditions = load_scenario(scenario) if scenario is not None else None
     result = staged(campaign, data, results)
     request = result.requests[result[stage].stage if stage else list(result)[-1]]
-    found = estimated(replace(request, fit_start=False), pairs(noise, "--noise"), pairs(start, "--start-sd"), with_unit(horizon, "s"))
+    found = estimated(replace(request, fit_start=False), pairs(noise, "--noise"), {}, with_unit(horizon, "s"))
     said, lines = found.as_object(), [str(found)]
     if conditions is not None:
         runs = {e.name: found.predict(conditions, by=e.name) for e in (found.chosen, found.process, found.output)}

@@ -295,7 +295,15 @@ def _deviation(o: Overlay, kind: str, window: Window, weight: float, reason: str
             o.case,
         )
     if kind == "steady" and not reason:
-        _refuse_partly_read(o, window, o.times[inside])
+        # refuse a settled stretch for whose first or last part a sensor has no readings: what is not read does not agree
+        times = o.times[inside]
+        slack = ENDS * (usual_step(o.times) if o.times.size > 1 else 0.0) + 1e-9
+        if times[0] > window[0] + slack or times[-1] < window[1] - slack:
+            raise IdentificationError(
+                f"the steady period from {window[0]:g} s to {window[1]:g} s has readings of '{o.sensor}' in '{o.case}' from "
+                f"{times[0]:g} s to {times[-1]:g} s only. Name a period that it covers, or exclude the sensor and state why.",
+                o.case,
+            )
     case = o.case if kind == "transient" else f"{o.case}, {window[0] / 3600:.4g} .. {window[1] / 3600:.4g} h"
     residuals = Residuals.of(o.times[inside], o.residuals[inside])
     means = (float(o.measured[inside].mean()), float(o.simulated[inside].mean()))
@@ -304,17 +312,6 @@ def _deviation(o: Overlay, kind: str, window: Window, weight: float, reason: str
 
 def _inside(o: Overlay, window: Window) -> Bools:
     return np.asarray((o.times >= window[0] - 1e-9) & (o.times <= window[1] + 1e-9))
-
-
-def _refuse_partly_read(o: Overlay, window: Window, times: Array) -> None:
-    """Refuse a settled stretch for whose first or last part a sensor has no readings: what is not read does not agree."""
-    slack = ENDS * (usual_step(o.times) if o.times.size > 1 else 0.0) + 1e-9
-    if times[0] > window[0] + slack or times[-1] < window[1] - slack:
-        raise IdentificationError(
-            f"the steady period from {window[0]:g} s to {window[1]:g} s has readings of '{o.sensor}' in '{o.case}' from {times[0]:g} s to "
-            f"{times[-1]:g} s only. Name a period that it covers, or exclude the sensor and state why.",
-            o.case,
-        )
 
 
 _METER = re.compile(r"[PQIU](_|\d|\Z)")

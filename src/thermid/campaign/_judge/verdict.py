@@ -54,16 +54,6 @@ class RecordedLook:
     date: str
 
 
-def looks_at(folder: Path | None, sha256: str) -> tuple[RecordedLook, ...]:
-    """Return the verdicts on a record that a results folder remembers, oldest first.
-
-    Raises
-    ------
-    DeckError   When its file of verdicts is damaged.
-    """
-    return tuple(one for one in _read(folder) if one.sha256 == sha256)
-
-
 def look(folder: Path | None, record: str, sha256: str, stage: str, key: str, passed: bool) -> tuple[RecordedLook, ...]:
     """Return the earlier failed verdicts on a record by other values than these, and note this one.
 

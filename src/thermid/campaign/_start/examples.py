@@ -176,18 +176,15 @@ def copy_example(
         if data is not None:
             write_bytes(half / "LICENSE.data", _licence(data).encode(), COPY)
         if example.makes and logs:
-            _make(half, example.makes)
+            done = subprocess.run([sys.executable, "-B", example.makes, "."], cwd=half, capture_output=True, text=True, check=False)
+            if done.returncode:
+                said = (done.stderr.strip().splitlines() or ["without a word"])[-1]
+                raise MissingDataError(
+                    f"the synthetic logs of this example were not made: {said}. Run python {example.makes} in its source.", example.makes
+                )
         head_copies(half, [file for file in half.rglob("*") if file.is_file()])
         checked = _checked(example, half)
     return Copied(example, folder, len(data.files) if data else 0, checked)
-
-
-def _make(folder: Path, script: str) -> None:
-    """Make synthetic logs by the script of a copy, in its folder."""
-    done = subprocess.run([sys.executable, "-B", script, "."], cwd=folder, capture_output=True, text=True, check=False)
-    if done.returncode:
-        said = (done.stderr.strip().splitlines() or ["without a word"])[-1]
-        raise MissingDataError(f"the synthetic logs of this example were not made: {said}. Run python {script} in its source.", script)
 
 
 def _files(folder: Path) -> Iterator[tuple[Path, Path]]:

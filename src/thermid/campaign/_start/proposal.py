@@ -267,7 +267,10 @@ def request_of(
     Without a power in watts and without a known mass the first heat capacity is assumed and not fitted.
     """
     if known.deck is not None:
-        model, free = known.deck, _free_of(known.deck)
+        # the values of a deck that a first fit looks for
+        values = ParameterSet(known.deck)
+        roots = [values.literal_behind(p) for p in values.table if p.rpartition(".")[2] in FREE]
+        model, free = known.deck, [p for p in dict.fromkeys(roots) if p and values.table[p].parameter.source not in STATED]
     else:
         deck = base_deck(roles, capacity, loss, contact, known)
         free = [f"{n}.capacitance" for n in deck["nodes"]] + [f"{c}.conductance" for c in deck["conductors"]]
@@ -284,13 +287,6 @@ def request_of(
         local = {roles.boundary: LocalSpec(lowest[1], LOOSE_AMBIENT)}
     priors = {path: prior for path, prior in known.priors.items() if path in free}
     return Request(model, tuple(records), tuple(free), {"*": scenario}, local, priors=priors, name="proposed")
-
-
-def _free_of(model: Model) -> list[str]:
-    """Return the values of a deck that a first fit looks for."""
-    values = ParameterSet(model)
-    roots = [values.literal_behind(p) for p in values.table if p.rpartition(".")[2] in FREE]
-    return [p for p in dict.fromkeys(roots) if p and values.table[p].parameter.source not in STATED]
 
 
 def _in_watts(roles: Roles) -> bool:

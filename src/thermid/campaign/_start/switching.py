@@ -106,7 +106,11 @@ def found_instants(begun: FittedStructure, changes: Callable[[Fitted], Sequence[
     changes : callable          Changes of it that may be.
     """
     records = begun.request.records
-    asked = {r.name: _unmoved(r, edges) for r in records if (edges := _edges(r, _driven(r))).size}
+    asked = {
+        r.name: Instants(r.times[edges], np.zeros(edges.size if edges.size <= MOST_INSTANTS else 1), r.step)
+        for r in records
+        if (edges := _edges(r, _driven(r))).size
+    }
     if not asked:
         return {}
     rival = _with_a_mass(begun, changes)
@@ -174,11 +178,6 @@ def _edges(record: Record, driven: Sequence[str]) -> Indices:
         values = np.nan_to_num(record[name].values)
         out = np.union1d(out, 1 + np.flatnonzero(np.abs(np.diff(values)) > LEAST_CHANGE * float(np.ptp(values))))
     return out.astype(np.intp)
-
-
-def _unmoved(record: Record, edges: Indices) -> Instants:
-    """Return the changes of a record where they were logged; one shift for all where there are many."""
-    return Instants(record.times[edges], np.zeros(edges.size if edges.size <= MOST_INSTANTS else 1), record.step)
 
 
 def _with_a_mass(one: FittedStructure, changes: Callable[[Fitted], Sequence[MissingElement]]) -> FittedStructure:

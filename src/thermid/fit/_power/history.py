@@ -138,7 +138,7 @@ class PowerHistory(Result):
         """Return the axes of a figure: the history with its 95 % band over hours, known stretches grey."""
         from matplotlib.figure import Figure
 
-        axes = axes if axes is not None else Figure(figsize=(8, 3.6), layout="constrained").subplots()
+        axes = axes if axes is not None else Figure(layout="constrained").subplots()
         hours = self.times / 3600.0
         axes.fill_between(
             hours, self.power - HALF_WIDTH_95 * self.sd, self.power + HALF_WIDTH_95 * self.sd, color="#9ecae1", label="95 %", linewidth=0

@@ -358,7 +358,11 @@ def _nodes(deck: SindaDeck, submodel: str, lines: list[Line]) -> None:
             elif kind == "CAL":
                 deck.nodes.append(_node(deck, submodel, line, [*cells[:2], _product(cells[2:])]))
             elif kind == "SIT" and cells[0][0].startswith("-") and not any(float(fortran(word)) for word, _ in cells[3:]):
-                deck.nodes.append(_followed_boundary(deck, submodel, line, cells))
+                # a boundary whose temperature is an array over time (SIT)
+                course = _over_time(deck, submodel, cells[2][0], line)
+                node = _node(deck, submodel, line, [cells[0], cells[1], ("0.0", cells[2][1])])
+                deck.courses[node.path] = replace(course, numbers=np.array([deck.units.celsius(t) for t in course.numbers]))
+                deck.nodes.append(node)
             else:
                 deck.reading.remark(line.where, f"node option {kind}: '{line.text.strip()}'")
         except ThermidError:
@@ -387,14 +391,6 @@ def _generated(deck: SindaDeck, submodel: str, line: Line, cells: Cells) -> Iter
 def _product(cells: Cells) -> tuple[str, TextSpan]:
     """Return factors of a row as one, with the place of the first, where a changed value is written back."""
     return cells[0] if len(cells) == 1 else ("*".join(f"({word})" for word, _ in cells), cells[0][1])
-
-
-def _followed_boundary(deck: SindaDeck, submodel: str, line: Line, cells: Cells) -> FileNode:
-    """Return a boundary whose temperature is an array over time (SIT)."""
-    course = _over_time(deck, submodel, cells[2][0], line)
-    node = _node(deck, submodel, line, [cells[0], cells[1], ("0.0", cells[2][1])])
-    deck.courses[node.path] = replace(course, numbers=np.array([deck.units.celsius(t) for t in course.numbers]))
-    return node
 
 
 def _over_time(deck: SindaDeck, submodel: str, word: str, line: Line) -> FileCourse:

@@ -13,9 +13,6 @@ from thermid.base.expression import parse
 from thermid.base.files import read_bytes
 from thermid.interop._decks.network_file import DeckRemark, TextSpan, fortran, identifier
 
-ABSOLUTE_ZERO: Final = -273.15
-"""0 K in degC."""
-
 
 @dataclass(frozen=True)
 class Line:

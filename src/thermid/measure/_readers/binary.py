@@ -53,7 +53,10 @@ def in_child(read: Reader, module: str = "") -> Reader:
         if module and (sys.modules.get(module, module) is None or find_spec(module) is None):
             raise MissingExtraError(missing([module], "this kind of file"), file)
         memory = MEMORY_OVER_UNPACKED * cap("unpacked")
-        return of_json(confined(to_json, data, memory, module, reader=read.__name__, file=file, separator=separator))
+        # cells as they were before `to_json`
+        held = confined(to_json, data, memory, module, reader=read.__name__, file=file, separator=separator)
+        held |= {"header": tuple(held["header"]), "columns": [tuple(c) for c in held["columns"]], "notes": tuple(held["notes"])}
+        return Cells(**held | {"prompt": frozenset(held["prompt"]), "layout": Layout(**held["layout"])})
 
     return of_bytes
 
@@ -62,12 +65,6 @@ def to_json(data: bytes, reader: str, file: str, separator: str | None) -> dict[
     """Return the cells that one of the readers finds, as JSON can hold them."""
     cells: Cells = globals()[reader](data, file, separator)
     return vars(cells) | {"prompt": sorted(cells.prompt), "layout": vars(cells.layout)}
-
-
-def of_json(held: dict[str, Any]) -> Cells:
-    """Return cells as they were before `to_json`."""
-    held |= {"header": tuple(held["header"]), "columns": [tuple(c) for c in held["columns"]], "notes": tuple(held["notes"])}
-    return Cells(**held | {"prompt": frozenset(held["prompt"]), "layout": Layout(**held["layout"])})
 
 
 def _small(size: float, file: str) -> None:

@@ -297,7 +297,9 @@ def influx(text: str, file: str) -> Cells:
                 code="record.layout-unclear",
             )
         cells = dict(zip(header, row, strict=True))
-        name = _name_of(cells, header)
+        # the field of a row with its tags, without what all rows share by their format
+        tags = [cells.get(k, "") for k in header if k and not k.startswith("_") and k not in ("result", "table")]
+        name = " ".join(filter(None, [cells.get("_field", ""), *tags])) or cells.get("_measurement", "value")
         texts, stamps, lines = series.setdefault(name, ([], [], []))
         texts.append(cells["_value"])
         stamps.append(cells["_time"])
@@ -311,12 +313,6 @@ def _rows(text: str, file: str) -> Iterator[tuple[int, list[str]]]:
         yield from enumerate(csv.reader(text.split("\n"), strict=True), 1)
     except csv.Error as error:
         raise RecordError(f"a quotation mark is misplaced ({error}). Correct the line.", file, code="record.layout-unclear") from None
-
-
-def _name_of(cells: dict[str, str], header: Sequence[str]) -> str:
-    """Return the field of a row with its tags, without what all rows share by their format."""
-    tags = [cells.get(k, "") for k in header if k and not k.startswith("_") and k not in ("result", "table")]
-    return " ".join(filter(None, [cells.get("_field", ""), *tags])) or cells.get("_measurement", "value")
 
 
 def pivoted(cells: Cells) -> Cells:

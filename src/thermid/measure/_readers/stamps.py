@@ -156,10 +156,12 @@ def _by_name_or_content(cells: Cells, names: list[str], dates: list[int], clocks
         for at, name in enumerate(names)
         if (plainly(name) in DATED | COUNTED and at in timely)
         or (plainly(name) in COUNTED and _rises(cells, at))
-        or (plainly(name) in DATED and _since_1970(cells, at))
+        or (plainly(name) in DATED and _numeric(cells, at) and _epoch(float(cells.columns[at][0].replace(",", "."))) is not None)
     ]
     named = named or [at for at, name in enumerate(names) if plainly(name).startswith(("date time", "time,", "datetime"))]
-    for hits in (named, stamps, clocks, [at for at in range(len(names)) if _counts(cells, at)]):
+    units = [name_and_unit(header)[1] for header in cells.header]
+    rising = [at for at, unit in enumerate(units) if unit in ("s", "ms", "us", "ns", "min", "h", "d") and _rises(cells, at)]
+    for hits in (named, stamps, clocks, rising):
         if len(hits) == 1:
             return hits[0]
         if len(hits) == 2 and {*hits} <= {*dates, *clocks} and len({*hits} & {*dates}) == 1:
@@ -199,15 +201,6 @@ def _falls_back(cells: Cells, at: int) -> bool:
     """Whether a column is a counter that begins again, as that of a board which restarts."""
     counted = numbers(cells.columns[at], ".") if _numeric(cells, at) else 0
     return isinstance(counted, np.ndarray) and bool(begins_again(counted).any())
-
-
-def _since_1970(cells: Cells, at: int) -> bool:
-    return _numeric(cells, at) and _epoch(float(cells.columns[at][0].replace(",", "."))) is not None
-
-
-def _counts(cells: Cells, at: int) -> bool:
-    """Whether a column has a unit of time in its header and numbers below that rise."""
-    return name_and_unit(cells.header[at])[1] in ("s", "ms", "us", "ns", "min", "h", "d") and _rises(cells, at)
 
 
 MILLISECONDS: Final = ("ms", "millis", "millis()")
@@ -362,7 +355,8 @@ def _refuse_serial_days(times: FloatArray, cells: Cells, name: str) -> None:
 def _stamped(cells: Cells, clock: Clock, form: str | None) -> Times:
     """Return times that are stamps, from the first."""
     first = clock.texts[0].strip()
-    zone = zone_of_header(clock.header)
+    match = re.search(r"\b((?:GMT|UTC)(?:[+-]\d{1,2}(?::?\d\d)?)?)", clock.header)
+    zone = match[1] if match else ""
     if form is not None:
         return Times(_by_form(cells, clock, form), first, (), form, zone)
     for pattern, form_of, kind in ((CLOCK, "HH:MM:SS", "clock times"), (HALF_DAY_CLOCK, "with AM or PM", "clock times, AM/PM")):
@@ -588,12 +582,6 @@ def zone_of_stamp(text: str) -> str:
     """Return the time zone at the end of a stamp; empty where it has none."""
     match = re.search(r"(Z|UTC|GMT|[+-]\d\d:?\d\d)\s*\Z", text)
     return match[1] if match and ":" in text else ""
-
-
-def zone_of_header(header: str) -> str:
-    """Return the time zone that the header of a time column names, such as GMT-05:00."""
-    match = re.search(r"\b((?:GMT|UTC)(?:[+-]\d{1,2}(?::?\d\d)?)?)", header)
-    return match[1] if match else ""
 
 
 def of_day(match: re.Match[str]) -> float:

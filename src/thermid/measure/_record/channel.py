@@ -656,7 +656,10 @@ def strays(channel: Channel) -> dict[float, str]:
     """Return value -> what it stands for, of the valid readings of a channel that are no temperatures. [the unit of its file]"""
     if channel.quantity != "temperature":
         return {}
-    return codes_of(_in_file(channel), float(from_si(np.zeros(1), channel.unit)[0]))
+    written = channel.values + channel.correction  # a code is what the sensor said, not what a certificate makes of it
+    return codes_of(
+        np.where(channel.valid, np.round(from_si(written, channel.unit), 6), np.nan), float(from_si(np.zeros(1), channel.unit)[0])
+    )
 
 
 def stray_readings(records: Sequence[Samples]) -> tuple[str, ...]:
@@ -686,9 +689,3 @@ def open_questions(records: Sequence[Samples]) -> tuple[str, ...]:
 def codes_to_mask(codes: Iterable[float], channel: Channel) -> list[str]:
     """Return codes as `prepare` takes them."""
     return [f"{code:.10g} [{channel.unit}]" for code in codes]
-
-
-def _in_file(channel: Channel) -> FloatArray:
-    """Return the valid readings in the unit of the file, as they were written; NaN elsewhere."""
-    written = channel.values + channel.correction  # a code is what the sensor said, not what a certificate makes of it
-    return np.where(channel.valid, np.round(from_si(written, channel.unit), 6), np.nan)

@@ -48,7 +48,11 @@ def written_out(
         refuse_unknown([table.makes], grammar, where(f"{key}.makes"), "a table makes {known}; not '{}'.", DeckError)
         if bool(table.file) == bool(table.rows):
             raise DeckError("give either file or rows for a table.", where(key))
-        found = rows_of_file(table.file, where(f"{key}.file"), read, (NAME,)) if table.file else _from_list(table.rows, where(key))
+        found = (
+            rows_of_file(table.file, where(f"{key}.file"), read, (NAME,))
+            if table.file
+            else [(dict(row), f"{where(key)}, row {n}") for n, row in enumerate(table.rows, start=1)]
+        )
         group = dict(out.get(table.makes, {}))
         for row, place in found:
             name = str(row.pop(NAME, ""))
@@ -62,10 +66,6 @@ def written_out(
             places[f"{table.makes}.{name}"] = place
         out[table.makes] = group
     return out, places
-
-
-def _from_list(rows: list[dict[str, Any]], place: str) -> Rows:
-    return [(dict(row), f"{place}, row {n}") for n, row in enumerate(rows, start=1)]
 
 
 def rows_of_file(name: str, where: str, read: Reader | None, wanted: tuple[str, ...]) -> Rows:

@@ -95,7 +95,14 @@ class NodeTable(ElementTable):
         fields = self.parameters(NODE_SLOTS)
         tables: dict[str, Curve] = {}
         if melts:
-            tables["enthalpy"] = self._melting(melts, where)
+            # the enthalpy in place of a specific heat and a latent heat
+            assert isinstance(self.specific_heat, Parameter)
+            heat = plain(self.specific_heat.text, "specific_heat", "J/(kg K)", where("specific_heat"))
+            begins, place = melts["melts_from"], where("")
+            shape = melting(
+                heat, melts.get("liquid_specific_heat", heat), melts["latent_heat"], begins, melts.get("melts_to", begins), place
+            )
+            tables["enthalpy"] = tabulated("enthalpy", shape, where("enthalpy"))
             del fields["specific_heat"]
         if isinstance(self.specific_heat, Property):
             tables["specific_heat"] = self.specific_heat.of("specific_heat", where("specific_heat"))
@@ -144,14 +151,6 @@ class NodeTable(ElementTable):
                 where(""),
             )
         return texts
-
-    def _melting(self, melts: Mapping[str, float], where: Where) -> Curve:
-        """Return the enthalpy in place of a specific heat and a latent heat."""
-        assert isinstance(self.specific_heat, Parameter)
-        heat = plain(self.specific_heat.text, "specific_heat", "J/(kg K)", where("specific_heat"))
-        begins, place = melts["melts_from"], where("")
-        shape = melting(heat, melts.get("liquid_specific_heat", heat), melts["latent_heat"], begins, melts.get("melts_to", begins), place)
-        return tabulated("enthalpy", shape, where("enthalpy"))
 
 
 class FacingTable(StrictTable):

@@ -176,19 +176,16 @@ class TableSignal:
         if self.samples not in ("", *SAMPLES):
             raise ScenarioError(f"samples are 'instant' or 'average', not '{self.samples}'.")
         if self.after == "repeat":
-            self._check_period()
-
-    def _check_period(self) -> None:
-        """Refuse a table whose end does not meet its beginning."""
-        if self.times.size < 2:
-            raise ScenarioError("a table of one row has no period to repeat.")
-        size = max(float(np.ptp(self.values)), 1e-12 * float(np.abs(self.values).max()))
-        if abs(float(self.values[-1] - self.values[0])) > 1e-9 * size:
-            raise ScenarioError(
-                f"a table that repeats must end with its first value. Its last row, at {self.times[-1]:g} s, has "
-                f"{self.values[-1]:.6g} and its "
-                f"first {self.values[0]:.6g} (SI). Repeat the first value at the end, or give the period: period = '24 [h]'."
-            )
+            # refuse a table whose end does not meet its beginning
+            if self.times.size < 2:
+                raise ScenarioError("a table of one row has no period to repeat.")
+            size = max(float(np.ptp(self.values)), 1e-12 * float(np.abs(self.values).max()))
+            if abs(float(self.values[-1] - self.values[0])) > 1e-9 * size:
+                raise ScenarioError(
+                    f"a table that repeats must end with its first value. Its last row, at {self.times[-1]:g} s, has "
+                    f"{self.values[-1]:.6g} and its "
+                    f"first {self.values[0]:.6g} (SI). Repeat the first value at the end, or give the period: period = '24 [h]'."
+                )
 
     @property
     def span(self) -> Span:

@@ -15,6 +15,7 @@ import numpy as np
 from thermid.base.errors import DeckError
 from thermid.base.linear_algebra import Array
 from thermid.model._laws.curves import Curve, curve, ends, hermite, limited, slopes, value_and_slope
+from thermid.physics.constants import AMBIENT_DEFAULT
 
 TABULATED: Final = {"conductivity": "W/(m K)", "specific_heat": "J/(kg K)", "enthalpy": "J/kg"}
 """Fields that may be a table over temperature, with the unit of their values."""
@@ -30,8 +31,6 @@ PARTS: Final = 32
 """Parts of each piece of a smooth table that is integrated."""
 ROUNDING: Final = 8.0 * float(np.finfo(float).eps)
 """Relative error that rounding leaves of a temperature."""
-ROOM: Final = 293.15
-"""Temperature at which the capacitance of a node with a table of specific heat is quoted. [K]"""
 
 
 @dataclass(frozen=True)
@@ -98,7 +97,7 @@ class HeatStore:
         `liquid`: of the melt without crystals, where that is.
         """
         at = np.asarray(kelvin, dtype=float)
-        return np.where(np.isnan(at), np.nan, self._at(np.where(np.isnan(at), ROOM, at), liquid)[0])
+        return np.where(np.isnan(at), np.nan, self._at(np.where(np.isnan(at), AMBIENT_DEFAULT, at), liquid)[0])
 
     def share(self, kelvin: Any, liquid: bool = False) -> Array:
         """Return the specific heat at temperatures over that at the reference. [-]"""
@@ -242,7 +241,7 @@ def store(name: str, given: Curve, supercooling: Supercooling | None = None) -> 
         reference = float(d[0])
     else:
         x, y, d = _integral(given)
-        reference = float(value_and_slope(given, np.clip([ROOM], x[0], x[-1]))[0][0])
+        reference = float(value_and_slope(given, np.clip([AMBIENT_DEFAULT], x[0], x[-1]))[0][0])
     if not (d > 0.0).all():
         raise DeckError(
             f"the specific heat falls to zero at {x[np.argmin(d)]:.6g} K; it must be above zero everywhere. Correct the "

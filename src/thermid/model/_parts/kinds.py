@@ -17,13 +17,11 @@ from thermid.base.dual import Number, value_of
 from thermid.base.errors import DeckError
 from thermid.base.units import TEMPERATURE
 from thermid.physics import conduction, contact, convection, radiation
-from thermid.physics.constants import STEFAN_BOLTZMANN
+from thermid.physics.constants import AMBIENT_DEFAULT, STEFAN_BOLTZMANN
 
 ACCOMMODATION: Final = 0.9
 """Thermal accommodation of air and heavier gases at surfaces of equipment, where none is given: Springer, Advances in Heat Transfer 7
 (1971) 163, has 0.87 to 0.97. Helium and hydrogen need their own, 0.3 to 0.5. [-]"""
-ROOM: Final = 293.15
-"""Temperature at which the radiation of a lead is made linear. [K]"""
 HINGES: Final = {"temperature": "hinge", "difference": "hinge of difference"}
 """Form of a hinge by what it is over."""
 
@@ -209,10 +207,10 @@ def _lead_loss(f: Fields) -> Law:
 
 
 def _fin(f: Fields, which: int) -> Law:
-    """Return one conductance of a lead's two-port in air, bare, and with radiation alone where that is known; radiation as at ROOM."""
+    """Return one conductance of a lead's two-port in air, bare, and with radiation alone where that is known, made linear at 20 degC."""
     section = 0.25 * math.pi * f["diameter"] ** 2 if "diameter" in f else f["cross_section"]
     round_ = math.pi * f["diameter"] if "diameter" in f else 2.0 * (math.pi * section) ** 0.5
-    shine = 4.0 * STEFAN_BOLTZMANN * ROOM**3 * f["emissivity"] if "emissivity" in f else 0.0
+    shine = 4.0 * STEFAN_BOLTZMANN * AMBIENT_DEFAULT**3 * f["emissivity"] if "emissivity" in f else 0.0
 
     def port(htc: Number) -> Number:
         found = conduction.fin_conductances(htc, f.get("perimeter", round_), f["conductivity"], section, f["length"])
@@ -244,7 +242,7 @@ def _bolted(f: Fields) -> tuple[Law, ...]:
         zone = f["count"] * contact.bolt_zone(f["washer"], f["diameter"], f["thickness"])
         if value_of(zone) <= 0.0:
             raise DeckError("a washer must be wider than the screw's hole.")
-        force = contact.bolt_preload(f["torque"], f["diameter"], f.get("nut_factor", contact.NUT_FACTOR))
+        force = contact.bolt_preload(*(f[name] for name in ("torque", "diameter", "nut_factor") if name in f))
         pressure = f["count"] * force / zone
         screws = zone * contact.plastic_contact_conductance(f["conductivity"], f["slope"], f["roughness"], pressure, f["hardness"])
     filler = {"area", "filler_conductivity", "filler_thickness"} & set(f)

@@ -5,12 +5,12 @@ from __future__ import annotations
 import hashlib
 import json
 from collections import Counter
-from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from typing import Any
 
 from thermid.base.errors import NameNotFoundError, refuse_unknown
-from thermid.base.units import Unit, from_si, in_si, unit
+from thermid.base.units import from_si, in_si, unit
 from thermid.model._laws.curves import INTERPOLATIONS, OUTSIDE, Curve
 from thermid.model._laws.stores import SLOPES, TABULATED
 from thermid.model._parts.controls import Control
@@ -51,12 +51,12 @@ class Identity:
 
 def identity_of(model: Tree) -> str:
     """Return a hash of what a model means: not of its file, comments, layout or the order of its tables."""
-    return _hash(to_dict(model))
+    return str(model.memo.made("identity", lambda: _hash(to_dict(model))))
 
 
 def definition_of(model: Tree) -> str:
     """Return the hash of a model's deck and the decks that it uses: nothing that was laid over them or cut."""
-    return _hash(to_dict(model, bare=True))
+    return str(model.memo.made("definition", lambda: _hash(to_dict(model, bare=True))))
 
 
 def _hash(tables: Mapping[str, Any]) -> str:
@@ -92,6 +92,11 @@ def rows_of_decks(model: Tree) -> Mapping[str, tuple[str, tuple[str, ...]]]:
 
 def local_identities(model: Tree, owner: str = "") -> Mapping[str, Identity]:
     """Return path -> `Identity` of every value, with a name for the uppermost deck in place of its hash, which takes a while to find."""
+    out: Mapping[str, Identity] = model.memo.made(("identities", owner), lambda: _local_identities(model, owner))
+    return out
+
+
+def _local_identities(model: Tree, owner: str) -> dict[str, Identity]:
     rows = _rows(model, owner)
     classes = _classes(rows)
     states = Counter(key[:2] for key in classes)
@@ -140,7 +145,12 @@ def cut(model: M, places: Sequence[str]) -> M:
     for raw in places:
         place = model.canonical(raw)
         refuse_unknown([place], known, model.title, f"cut names '{raw}', which is not a submodel or parameter.", NameNotFoundError)
-        cuts[place], layers = None, _cut_layers(layers, place)
+        cuts[place] = None
+        parted = []  # layers in which no group reaches from inside the place to outside of it
+        for layer in layers:
+            halves = [tuple(p for p in group if inside(p, place) is side) for group in layer.ties for side in (True, False)]
+            parted.append(replace(layer, ties=tuple(h for h in halves if len(h) > 1)) if layer.ties else layer)
+        layers = tuple(parted)
     return replace(model, cuts=tuple(cuts), layers=layers)
 
 
@@ -167,15 +177,6 @@ def _laid_ties(model: Tree, layer: Mapping[str, Parameter], groups: Sequence[Seq
         if not (one and len(given) == len(paths)):
             cuts += given
     return cuts, tuple(ties)
-
-
-def _cut_layers(layers: Iterable[Layer], place: str) -> tuple[Layer, ...]:
-    """Return layers in which no group reaches from inside a place to outside of it."""
-    out = []
-    for layer in layers:
-        halves = [tuple(p for p in group if inside(p, place) is side) for group in layer.ties for side in (True, False)]
-        out.append(replace(layer, ties=tuple(h for h in halves if len(h) > 1)) if layer.ties else layer)
-    return tuple(out)
 
 
 @dataclass(frozen=True)
@@ -296,7 +297,9 @@ def written(given: Parameter) -> Any:
     of = given.expression.literal.unit if given.expression.literal else unit("1")
     for key, bound in (("min", given.minimum), ("max", given.maximum)):
         if bound is not None:
-            table[key] = _in_unit(bound, of)
+            # an SI value in a unit, as the shortest number that converts back to the same float
+            plain = from_si(bound, of)
+            table[key] = next((short for digits in range(1, 18) if in_si(short := float(f"{plain:.{digits}g}"), of) == bound), plain)
     table |= {k: v for k, v in (("source", given.source), ("note", given.note), ("basis", given.basis)) if v}
     return table if len(table) > 1 else table["value"]
 
@@ -307,12 +310,6 @@ def _plain(text: str) -> str | float:
         return float(text) if repr(float(text)) == text else text
     except ValueError:
         return text
-
-
-def _in_unit(value: float, of: Unit) -> float:
-    """Return an SI value in a unit, as the shortest number that converts back to the same float."""
-    plain = from_si(value, of)
-    return next((short for digits in range(1, 18) if in_si(short := float(f"{plain:.{digits}g}"), of) == value), plain)
 
 
 def _grouped(fields: Mapping[str, Parameter]) -> dict[str, Any]:

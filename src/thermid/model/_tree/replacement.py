@@ -244,13 +244,22 @@ def _joints(model: Tree, after: Tree, path: str, values: ParameterSet, keep: fro
             kind = row.removeprefix(f"{element}.")
             if kind not in INTERFACE or row not in known.table or inside(row, path):
                 continue
-            root = _own_root(values, row, beside.shared)
+            # the number behind a field if it acts on nothing elsewhere; empty where the field needs a number of its own
+            own = [p for p in _roots(values, row) if not any(q in beside.shared for q in values.downstream([p]))]
+            root = own[0] if len(own) == 1 else ""
             at = root or row
             if at in done or row in done:
                 continue
             done.add(at)
             also = (
-                _sharing(values, beside.shared, row, kind) if not root else {p.removesuffix(f".{kind}") for p in ties[at].paths if p != at}
+                {
+                    beside.shared[q]
+                    for p in _roots(values, row)
+                    for q in values.downstream([p])
+                    if q in beside.shared and q == f"{beside.shared[q]}.{kind}"
+                }
+                if not root
+                else {p.removesuffix(f".{kind}") for p in ties[at].paths if p != at}
             )
             literal = values.table[at].parameter.expression.literal
             text = values.table[at].parameter.text if literal is not None else f"{float(numbers[row]):.9g} [{INTERFACE[kind]}]"
@@ -262,17 +271,6 @@ def _roots(values: ParameterSet, field: str) -> list[str]:
     conducting = {unit(text).dimension for text in INTERFACE.values()}
     literals = (p for p in values.order if values.table[p].parameter.is_literal and values.dimension(p) in conducting)
     return [p for p in literals if field in values.downstream([p])]
-
-
-def _own_root(values: ParameterSet, field: str, shared: Mapping[str, str]) -> str:
-    """Return the number behind a field if it acts on nothing elsewhere; empty where the field needs a number of its own."""
-    own = [p for p in _roots(values, field) if not any(q in shared for q in values.downstream([p]))]
-    return own[0] if len(own) == 1 else ""
-
-
-def _sharing(values: ParameterSet, shared: Mapping[str, str], field: str, kind: str) -> set[str]:
-    """Return the elements elsewhere that a number behind a field acts on by a field of the same name."""
-    return {shared[q] for p in _roots(values, field) for q in values.downstream([p]) if q in shared and q == f"{shared[q]}.{kind}"}
 
 
 def _with_twins(model: Tree, path: str) -> list[str]:

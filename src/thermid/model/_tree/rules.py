@@ -22,6 +22,7 @@ from thermid.model._parts.takes import exposed_area
 from thermid.model._tree.flat import Flat, FlatConductor, FlatLoad, FlatNode, bare, flatten, into_gas, radiates_into, still, unclosed, unfed
 from thermid.model._tree.identity import APART, cuts_of, local_identities
 from thermid.model._tree.tree import Tree
+from thermid.physics.constants import AMBIENT_DEFAULT
 
 Severity = Literal["error", "warning", "note"]
 SEVERITIES: Final = ("error", "warning", "note")
@@ -33,8 +34,6 @@ PEERS: Final = 5
 """So many values of one field show what is usual."""
 READINGS: Final = ("psi_JT", "psi_JB")
 """Values that only tables of results use: what a reading of a package's top or board adds to its temperature per watt."""
-ROOM: Final = 293.15
-"""Temperature at which a table of power is read for a rate. [K]"""
 
 
 @dataclass(frozen=True)
@@ -114,7 +113,7 @@ class _View:
         """Return the heat that a load gives, averaged over its cycle; a controlled heater at full power. [W]"""
         f = {name: self.values[path] for name, path in load.fields.items()}
         if load.curve is not None:
-            return float(f.get("scale", 1.0) * evaluate(load.curve, np.array([ROOM]))[0])
+            return float(f.get("scale", 1.0) * evaluate(load.curve, np.array([AMBIENT_DEFAULT]))[0])
         cycle = load.cycle.mean_over(0.0, load.cycle.cycle or 1.0) if load.cycle is not None else 1.0
         return float(f["power"] * f.get("periodic.duty", 1.0) * cycle)
 
@@ -564,7 +563,7 @@ def _carried(view: _View) -> Iterator[Finding]:
     around = set(view.flat.names.boundaries)
     leaving = {c.path: c for c in view._conducting() if around & {*c.ends} and not around >= {*c.ends}}
     # radiation is made linear at room temperature, a law with an exponent stands as at 1 K
-    size = {p: view.conductances[p] * (4.0 * ROOM**3 if c.kind == "radiation" else 1.0) for p, c in leaving.items()}
+    size = {p: view.conductances[p] * (4.0 * AMBIENT_DEFAULT**3 if c.kind == "radiation" else 1.0) for p, c in leaving.items()}
     constant = [p for p, c in leaving.items() if c.kind == "effective" or (c.kind == "convection" and "htc" in c.fields)]
     unsaid = [p for p in constant if CARRIED_BY not in leaving[p].words]
     if unsaid and sum(size[p] for p in unsaid) > 0.5 * sum(size.values()):

@@ -179,7 +179,12 @@ def without_spikes(record: Record) -> Record:
         values = c.values[known]
         steps = np.abs(np.diff(values))
         least = SPIKES * max(float(np.median(steps)) / 0.6745, noise_of(record, c.name))
-        far = np.abs(_beside_median(values)) > least
+        # readings (samples,) less the median of twice `ROW` others about each, of fewer at the ends
+        beside = np.zeros(values.size)
+        for half in range(1, ROW + 1):
+            about = np.lib.stride_tricks.sliding_window_view(values, 2 * half + 1)
+            beside[half : values.size - half] = values[half : values.size - half] - np.median(about, axis=1)
+        far = np.abs(beside) > least
         if far.mean() > RARE:
             continue
         late = np.flatnonzero(steps[-ROW:] > least)  # whether what jumped last comes back is not known yet
@@ -188,15 +193,6 @@ def without_spikes(record: Record) -> Record:
         if far.any():
             made.append(c.masked(np.isin(np.arange(c.values.size), known[far]), "spike"))
     return record.with_channels(*made) if made else record
-
-
-def _beside_median(values: Array) -> Array:
-    """Return readings (samples,) less the median of twice `ROW` others about each, of fewer at the ends."""
-    out = np.zeros(values.size)
-    for half in range(1, ROW + 1):
-        about = np.lib.stride_tricks.sliding_window_view(values, 2 * half + 1)
-        out[half : values.size - half] = values[half : values.size - half] - np.median(about, axis=1)
-    return out
 
 
 def smoothed(record: Record) -> Record:

@@ -285,10 +285,10 @@ def _lines(drawing: _Drawing, plan: MapPlaces) -> Iterator[str]:
 
 def _way(points: Sequence[Point]) -> str:
     """Return a line through points with rounded corners, as SVG writes it."""
-    out, soft = [f"M{points[0][0]:.1f} {points[0][1]:.1f}"], 30.0 if len(points) == 3 else 8.0
+    out = [f"M{points[0][0]:.1f} {points[0][1]:.1f}"]
     for before, here, after in zip(points, points[1:], points[2:], strict=False):
         a, p, b = np.array(before), np.array(here), np.array(after)
-        ways = [(q - p) / max(float(np.hypot(*(q - p))), 1e-9) * min(soft, 0.5 * float(np.hypot(*(q - p)))) for q in (a, b)]
+        ways = [(q - p) / max(float(np.hypot(*(q - p))), 1e-9) * min(8.0, 0.5 * float(np.hypot(*(q - p)))) for q in (a, b)]
         (x1, y1), (x2, y2) = p + ways[0], p + ways[1]
         out.append(f"L{x1:.1f} {y1:.1f}Q{p[0]:.1f} {p[1]:.1f} {x2:.1f} {y2:.1f}")
     return "".join([*out, f"L{points[-1][0]:.1f} {points[-1][1]:.1f}"])

@@ -326,16 +326,12 @@ class _Router:
     def line(self, a: int, b: int) -> tuple[Point, ...]:
         """Return the points of a line between two cards. [px]"""
         one, two = self.cards[a], self.cards[b]
+        (left, *_, right), (top, *_, bottom) = self.lanes.across, self.lanes.down  # the outer gutters
         for bend in BENDS:
             points = _bent(one, two, bend)
-            if self._on_page(points) and not self._meets(np.array(points), (a, b)):
+            if all(left <= x <= right and top <= y <= bottom for x, y in points) and not self._meets(np.array(points), (a, b)):
                 return points
         return self._through(a, b)
-
-    def _on_page(self, points: Sequence[Point]) -> bool:
-        """Whether a line keeps within the outer gutters."""
-        (left, *_, right), (top, *_, bottom) = self.lanes.across, self.lanes.down
-        return all(left <= x <= right and top <= y <= bottom for x, y in points)
 
     def _meets(self, points: Array, ends: tuple[int, int]) -> bool:
         """Whether a line passes over or near a card that is not one of its ends, or over one of these behind its edge."""

@@ -18,8 +18,8 @@ from thermid.simulation.runs import Solution
 INK, SOFT, GRID, MEASURED, SIMULATED, RESIDUAL = "#1a2230", "#556172", "#e3e8ee", "#8e9aa8", "#0072b2", "#c04a00"
 SERIES = ("#0072b2", "#cd6100", "#4c9c69", "#964d6a", "#5c4700", "#7295ab", "#590084", "#1d2632")
 """From Okabe and Ito's colours (Color Universal Design, 2008), moved until every two differ for colour-blind eyes too (decision 208)."""
-DASHES: tuple[tuple[float, ...], ...] = ((), (6, 2), (2, 1.5), (7, 2, 2, 2), (9, 3), (1, 2.5), (5, 1.5, 1, 1.5, 1, 1.5), (3, 3))
-"""As many as colours, so that no two lines differ by colour alone."""
+DASHES: tuple[tuple[float, ...], ...] = ((), *((dash, 2.0) for dash in (7.0, 1.0, 4.0, 16.0, 2.0, 11.0, 28.0)))
+"""As many as colours, so that no two lines differ by colour alone; neighbours differ most. [px]"""
 MARKS = "●■▲◆▼✚✖★"
 SHAPES = (
     "M-3.2 0a3.2 3.2 0 1 0 6.4 0a3.2 3.2 0 1 0-6.4 0z",

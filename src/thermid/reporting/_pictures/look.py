@@ -13,7 +13,6 @@ from typing import Any, Final
 import numpy as np
 
 from thermid.base.errors import ThermidError
-from thermid.base.linear_algebra import Array
 from thermid.base.results import Result
 from thermid.base.units import counted, from_si, in_si, unit
 from thermid.measure.amounts import duration_text, short
@@ -84,7 +83,14 @@ class Look(Result):
 
     def lines(self, width: int = 110) -> list[str]:
         """Return what is in the log, its columns as a table with a small picture of each, and the lines for a campaign."""
-        out = [self._headline(), *(f"  check: {question}" for question in self.questions)]
+        rows = counted(len(self.cells.lines), "row")
+        synthetic = ", SYNTHETIC" if self.cells.synthetic else ""
+        kinds = [f"{sum(c.guess == kind for c in self.columns)} {kind}" for kind in _SHOWN if any(c.guess == kind for c in self.columns)]
+        columns = f"{counted(len(self.columns), 'column')} ({', '.join(kinds) or 'none known'})"
+        out = [
+            f"{self.path.name}: {self.cells.layout.format}{synthetic}, {rows}, {columns}",
+            *(f"  check: {question}" for question in self.questions),
+        ]
         if self.problem:
             out.append(f"  NOT READABLE YET: {self.problem}")
         out += [f"  {line}" for line in (self._layout(), *self._clock())]
@@ -105,13 +111,6 @@ class Look(Result):
             out += () if self.times.zone else lost_hour(times, self.clock.texts, warm)
             out += hidden_switches(times, {n: v for n, v in columns.items() if n not in warm})
         return tuple(out)
-
-    def _headline(self) -> str:
-        rows = counted(len(self.cells.lines), "row")
-        synthetic = ", SYNTHETIC" if self.cells.synthetic else ""
-        kinds = [f"{sum(c.guess == kind for c in self.columns)} {kind}" for kind in _SHOWN if any(c.guess == kind for c in self.columns)]
-        columns = f"{counted(len(self.columns), 'column')} ({', '.join(kinds) or 'none known'})"
-        return f"{self.path.name}: {self.cells.layout.format}{synthetic}, {rows}, {columns}"
 
     def _layout(self) -> str:
         at = self.cells.layout
@@ -294,7 +293,15 @@ class Look(Result):
             for c in (c for c in self.columns if c.guess in guesses and c.good.any()):
                 k = len(legend)
                 colour, dash = SERIES[k % len(SERIES)], " ".join(f"{v:g}" for v in DASHES[k // len(SERIES) % len(DASHES)])
-                lines.append(Stroke(c.name, x[c.good], _in(c, shown)[c.good], (f"--s{k % len(SERIES)}", colour), dash=dash))
+                lines.append(
+                    Stroke(
+                        c.name,
+                        x[c.good],
+                        from_si(in_si(c.values, c.unit), {"°C": "degC"}.get(shown, shown))[c.good],
+                        (f"--s{k % len(SERIES)}", colour),
+                        dash=dash,
+                    )
+                )
                 legend.append((c.name, colour, dash))
             if lines:
                 panels.append(Panel(name, shown, lines, share=2.0 if name == "temperature" else 1.0))
@@ -415,11 +422,6 @@ def _standing(panels: Sequence[Panel], legend: Sequence[tuple[str, str, str]], n
         f'style="font:12px system-ui,sans-serif"><rect width="100%" height="100%" style="fill:#fff"/>'
         f'<text x="52" y="20" style="font-weight:600">{escape(name)}</text>{entries}{inner}</svg>'
     )
-
-
-def _in(column: Column, shown: str) -> Array:
-    """Return readings in the unit of a panel."""
-    return from_si(in_si(column.values, column.unit), {"°C": "degC"}.get(shown, shown))
 
 
 def _drawn(column: Column, width: int) -> str:

@@ -294,18 +294,14 @@ def draw_run(figure: Figure, run: ProfileRun) -> None:
     axis.set_ylabel("temperature, degC")
     handles, labels = axis.get_legend_handles_labels()
     axis.legend(handles + list(seen.values()), labels + list(seen), loc="upper center", bbox_to_anchor=(0.5, -0.14), ncols=4, fontsize=8)
-    strip.set_title(_title(run), loc="left")
+    long, waited = run.duration / 3600.0, run.waited / 3600.0
+    strip.set_title(
+        f"{run.profile.title} on {run.solution.title}\n{long:.1f} h, {waited:.1f} h of it waiting for the unit; weakest number: {run.mark}",
+        loc="left",
+    )
     if not run.decides:
         look: dict[str, Any] = {"color": SOFT, "alpha": 0.16, "fontsize": 24, "rotation": 24, "weight": "bold"}
         figure.text(0.5, 0.5, "NUMBERS FROM MEMORY", ha="center", va="center", **look)
-
-
-def _title(run: ProfileRun) -> str:
-    """Return what was run, for how long, and how much of it was waiting."""
-    long, waited = run.duration / 3600.0, run.waited / 3600.0
-    return (
-        f"{run.profile.title} on {run.solution.title}\n{long:.1f} h, {waited:.1f} h of it waiting for the unit; weakest number: {run.mark}"
-    )
 
 
 def _strip(strip: Axes, run: ProfileRun, length: float) -> None:

@@ -12,7 +12,7 @@ import numpy as np
 from thermid.base.arguments import takes_objects
 from thermid.base.sourced import VERDICTS, weigh
 from thermid.base.units import counted
-from thermid.campaign.verdicts import Correlation, Limits, Overlay, heading, spans
+from thermid.campaign.verdicts import Correlation, Limits, heading, spans
 from thermid.model.tree import flatten
 from thermid.physics.constants import ICE_POINT
 from thermid.qualify.plans import Qualification, Trial
@@ -399,16 +399,19 @@ def _files(q: Qualification) -> Table:
 
 def all_overlays(c: Correlation, key: str, synthetic: bool) -> Figures:
     """Return the readings of every sensor over what is simulated in their place."""
-    drawn = [(o, overlay(o, f"{key}-{k}", f"{o.sensor} in {o.case}")) for k, o in enumerate(c.overlays)]
+    drawn = [
+        (
+            o,
+            compared(
+                o.times, o.measured, o.simulated, f"{key}-{k}", f"{o.sensor} in {o.case}", below="difference", wide=tables.half_width(o)
+            ),
+        )
+        for k, o in enumerate(c.overlays)
+    ]
     tag = SYNTHETIC if synthetic else ""
     return Figures(
         tuple(Plot(d, f"{o.sensor} in {o.case}" + (f", at {o.node}" if o.node else ""), tag) for o, d in drawn), drawn[0][1].legend
     )
-
-
-def overlay(o: Overlay, key: str, label: str) -> Graphic:
-    """Return readings with the band of their sensor's error (95 %), the simulation over them, and the difference below."""
-    return compared(o.times, o.measured, o.simulated, key, label, below="difference", wide=tables.half_width(o))
 
 
 LOOKS = {"operating": "bound", "non-operating": "bound off", "start-up": "bound start"}

@@ -21,7 +21,7 @@ from thermid.base.memo import Memo
 from thermid.model.elements import ACCOMMODATION, Law, MadeIn, degrees
 from thermid.model.laws import Constant, Curve, Mixed, Signal, Sine, TableSignal, literal
 from thermid.model.tree import Flat, FlatConductor, bare, gas_nodes, still, surrounding
-from thermid.physics.constants import ATMOSPHERE, STANDARD_GRAVITY
+from thermid.physics.constants import AMBIENT_DEFAULT, ATMOSPHERE, STANDARD_GRAVITY
 from thermid.physics.convection import duct_nusselt, fin_efficiency
 from thermid.physics.correlations import forced_plate_nusselt, signed_gap, signed_nusselt
 from thermid.physics.gas import MolecularGas, free_molecular_htc, gas_named
@@ -60,8 +60,6 @@ def sampled(pressure: Signal, end: float) -> TableSignal:
 
 VACUUM_LIMIT = 1e-2
 """Pressure below which gas carries no heat worth counting between walls of equipment. [Pa]"""
-ROOM = 293.15
-"""Temperature of the density by which a volume flow through a duct is a mass. [K]"""
 LEVELS = 12
 """Streams between which a wind that changes is interpolated, denser where it is light: within 2 % of a blend at its own speed. [-]"""
 
@@ -278,7 +276,7 @@ def ducted(c: FlatConductor, law: Law, state: GasState) -> ConductorRow:
         return ConductorRow(c.path, c.ends, Law("linear", (0.0 * base,)))
     gas, fluid = state.gas, state.gas.at(ANCHOR)
     if value_of(by_volume):
-        flux = flux * (state.pressure / (gas.constant * ROOM))
+        flux = flux * (state.pressure / (gas.constant * AMBIENT_DEFAULT))
     reynolds = flux * diameter / float(gas.mu(ANCHOR))
     nusselt = duct_nusselt(reynolds, float(fluid.prandtl), diameter / length, developed)
     htc = nusselt * float(gas.k(ANCHOR)) / diameter

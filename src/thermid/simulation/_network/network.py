@@ -16,7 +16,7 @@ import numpy as np
 
 from thermid.base.arguments import takes_objects
 from thermid.base.codes import CodedText
-from thermid.base.dual import Dual, Number, value_of
+from thermid.base.dual import Number, value_of
 from thermid.base.errors import DeckError, errors_at
 from thermid.base.memo import Memo
 from thermid.model.elements import COMPLEMENT, Law, exposed_area
@@ -350,6 +350,18 @@ def compile_network(model: Model, *, media: Media | None = None, prescribed: Ite
     ThermidError   With file and key path of the first thing that does not fit: surfaces that radiate into a gas, or that say nothing of
                    what is left to them in the gas of a run.
     """
+    if media is not None and (media.environments or media.irradiation):
+        return _compiled(model, media, tuple(prescribed))
+    key = tuple(prescribed), media and (media.as_printed, media.seconds)
+    network: Network = model.memo.made("networks", Memo).made(key, lambda: _compiled(model, media, key[0]), KEPT_NETWORKS)
+    return network
+
+
+KEPT_NETWORKS: Final = 8
+"""Networks that a model keeps, in air as it is or where nobody says in what: a plan asks for as many durations."""
+
+
+def _compiled(model: Model, media: Media | None, prescribed: tuple[str, ...]) -> Network:
     flat = flatten(model)
     if media is not None and media.irradiation:
         flat = replace(flat, loads=(*flat.loads, *absorbers(flat, media.irradiation)))
@@ -371,12 +383,6 @@ def compile_network(model: Model, *, media: Media | None = None, prescribed: Ite
     for gas, radiating in into_gas(flat, values).items():
         raise DeckError(radiates_into(gas, radiating), next(n.where for n in flat.nodes if n.path == gas))
     return network
-
-
-def free_numbers(paths: tuple[str, ...], values: Mapping[str, float]) -> dict[str, Dual]:
-    """Return path -> `Dual` with unit gradients, in order."""
-    eye = np.eye(len(paths))
-    return {p: Dual(values[p], eye[k]) for k, p in enumerate(paths)}
 
 
 @dataclass(frozen=True, eq=False)

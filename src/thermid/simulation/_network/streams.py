@@ -9,7 +9,7 @@ from __future__ import annotations
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from functools import cached_property
-from typing import Any, Final
+from typing import Any
 
 import numpy as np
 
@@ -20,13 +20,10 @@ from thermid.base.memo import Memo
 from thermid.model.elements import Law
 from thermid.model.laws import Constant, Drawn, Mixed, Signal
 from thermid.model.tree import Flat, FlatConductor, by_volume, flow_of, fluid_of, streams_of, unfed
-from thermid.physics.constants import ATMOSPHERE, ICE_POINT
+from thermid.physics.constants import AMBIENT_DEFAULT, ATMOSPHERE, ICE_POINT
 from thermid.physics.gas import GASES
 from thermid.simulation._network.medium import AIR_RANGE, VACUUM_LIMIT, Media
 from thermid.simulation._network.rows import ConductorRow
-
-STANDARD: Final = 293.15
-"""Temperature of the density of a gas whose source has no temperature of its own, and of its specific heat. [K]"""
 
 
 @dataclass(frozen=True, eq=False)
@@ -93,7 +90,7 @@ class Streams:
             present = np.all([p > VACUUM_LIMIT for p in given[: len(pressures)]], axis=0)
             if not sources:
                 return 1.0 * present
-            dense = [given[place[n]] / ATMOSPHERE * (STANDARD / given[place_of[n]] if n in place_of else 1.0) for n in sources]
+            dense = [given[place[n]] / ATMOSPHERE * (AMBIENT_DEFAULT / given[place_of[n]] if n in place_of else 1.0) for n in sources]
             return sum(share * each for share, each in zip(sources.values(), dense, strict=True)) * present
 
         return Mixed(flow, (*pressures, *warm.values())).drawn(self.media.seconds)
@@ -119,8 +116,8 @@ class Streams:
     def _standard(c: FlatConductor) -> float:
         """Return what a flow as written lacks with its gas at one atmosphere and 20 degC: density and specific heat, multiplied."""
         gas = GASES[fluid_of(c)]
-        density = ATMOSPHERE / (gas.constant * STANDARD) if by_volume(c) else 1.0
-        return density * (1.0 if "specific_heat" in c.fields else float(gas.cp(STANDARD)))
+        density = ATMOSPHERE / (gas.constant * AMBIENT_DEFAULT) if by_volume(c) else 1.0
+        return density * (1.0 if "specific_heat" in c.fields else float(gas.cp(AMBIENT_DEFAULT)))
 
     def written(self, path: str, rate: float, specific_heat: float) -> tuple[str, float]:
         """Return the field of a stream and its flow [m^3/s or kg/s] at which it has a heat capacity rate [W/K]; none where it stands still.
@@ -133,7 +130,7 @@ class Streams:
         """
         c, course = self._named[path], self.still(path)
         gas, factor = GASES[fluid_of(c)], course.value if isinstance(course, Constant) else 1.0
-        density = ATMOSPHERE / (gas.constant * STANDARD) if by_volume(c) else 1.0
+        density = ATMOSPHERE / (gas.constant * AMBIENT_DEFAULT) if by_volume(c) else 1.0
         return ("volume_flow" if by_volume(c) else "mass_flow"), rate / (factor * density * specific_heat) if factor else 0.0
 
     def signals(self) -> dict[str, Signal]:
@@ -157,7 +154,7 @@ class Streams:
             boundary = boundaries[n]
             mean = boundary.mean_over(0.0, self.media.seconds)
             now = offsets[n] if isinstance(boundary, Constant) else offsets[n] + mean
-            before, after = before + share / mean * STANDARD, after + share * STANDARD / now
+            before, after = before + share / mean * AMBIENT_DEFAULT, after + share * AMBIENT_DEFAULT / now
         return after / before
 
     def remarks(self, end: float) -> Iterator[str]:
@@ -178,9 +175,9 @@ class Streams:
             )
         loops = [c.path for c in self.conductors if by_volume(c) and set(self.sources(c.path)) <= self._inner]
         if loops:
-            density = "their density is that" if len(loops) > 1 else "its density is that"
+            come, their = ("come", "their") if len(loops) > 1 else ("comes", "its")
             yield CodedText(
-                f"{quoted(loops)} {'come' if len(loops) > 1 else 'comes'} from no boundary: {density} at {STANDARD - ICE_POINT:g} degC",
+                f"{quoted(loops)} {come} from no boundary: {their} density is that at {AMBIENT_DEFAULT - ICE_POINT:g} degC",
                 "run.density-assumed",
             )
         for c in self.conductors:

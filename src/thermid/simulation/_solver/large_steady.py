@@ -9,7 +9,7 @@ import numpy as np
 
 from thermid.base.errors import SolverError
 from thermid.base.extensions import missing
-from thermid.base.linear_algebra import Array, Indices
+from thermid.base.linear_algebra import Array
 from thermid.physics.constants import ICE_POINT
 from thermid.simulation._solver.problem import unsettled
 from thermid.simulation._solver.sparse import NONE, SparseNetwork
@@ -128,7 +128,8 @@ class _Matrix:
 
         self.links = (links + diags_array(total)).tocsr()
         self.links.sort_indices()
-        self.where = _diagonal_places(self.links)
+        rows = np.repeat(np.arange(self.links.shape[0], dtype=np.int32), np.diff(self.links.indptr))
+        self.where = np.flatnonzero(self.links.indices == rows)
 
     def at(self, slope: Array, pair: Array) -> Any:
         """Return the matrix as CSR at the slopes of the rows."""
@@ -144,12 +145,6 @@ class _Matrix:
             rows, columns = np.concatenate((a, b, a, b)), np.concatenate((b, a, a, b))
             jacobian = (jacobian + coo_array((np.concatenate((-g, -g, g, g)), (rows, columns)), shape=jacobian.shape)).tocsr()
         return jacobian
-
-
-def _diagonal_places(matrix: Any) -> Indices:
-    """Return the places of the diagonal among the stored values of a CSR matrix whose diagonal is full."""
-    rows = np.repeat(np.arange(matrix.shape[0], dtype=np.int32), np.diff(matrix.indptr))
-    return np.flatnonzero(matrix.indices == rows)
 
 
 def _held(matrix: Any, slope: Array) -> bool:

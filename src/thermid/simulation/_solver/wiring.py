@@ -145,14 +145,6 @@ SAME = (1e-9, 1e-12)
 """How far a coefficient over its reference may lie from its course, relative and absolute. [-]"""
 
 
-def _with_zeros(times: Array, columns: Array) -> Array:
-    """Return times (times,) with the instants at which straight lines between samples (times, signals) pass zero."""
-    before, after = columns[:-1], columns[1:]
-    rows, which = np.nonzero(before * after < 0.0)
-    share = before[rows, which] / (before[rows, which] - after[rows, which])
-    return np.union1d(times, times[rows] + share * (times[rows + 1] - times[rows]))
-
-
 class Schedule:
     """Parameters that follow signals.
 
@@ -169,7 +161,11 @@ class Schedule:
         self.times, self.hold = together(drawn, duration)
         columns = np.column_stack([s.at(self.times) for s in drawn])
         if not self.hold:  # a flow that turns has a knot where it is zero
-            self.times = _with_zeros(self.times, columns)
+            # times (times,) with the instants at which straight lines between samples (times, signals) pass zero
+            before, after = columns[:-1], columns[1:]
+            rows, which = np.nonzero(before * after < 0.0)
+            share = before[rows, which] / (before[rows, which] - after[rows, which])
+            self.times = np.union1d(self.times, self.times[rows] + share * (self.times[rows + 1] - self.times[rows]))
             columns = np.column_stack([s.at(self.times) for s in drawn])
             columns[np.abs(columns) < ROUNDING * np.abs(columns).max(axis=0, initial=0.0)] = 0.0
         self.rows, self.index = np.unique(columns, axis=0, return_inverse=True)
@@ -603,15 +599,12 @@ class Wiring:
         values = np.zeros(0) if x is None else np.asarray(x, dtype=float)
         asked = (values.tobytes(), gradients)
         if self._last is None or self._last[0] != asked:
-            self._last = (asked, self._assemble(values, gradients))
+            free: dict[str, Number] = dict(zip(self.free, values.tolist(), strict=True)) if values.size else {}
+            if gradients and values.size:
+                eye = np.eye(values.size)
+                free = {name: Dual(value_of(v), eye[k]) for k, (name, v) in enumerate(free.items())}
+            self._last = (asked, self.assembled_at(free, values.size if gradients else 0))
         return self._last[1]
-
-    def _assemble(self, values: Array, gradients: bool) -> Assembled:
-        free: dict[str, Number] = dict(zip(self.free, values.tolist(), strict=True)) if values.size else {}
-        if gradients and values.size:
-            eye = np.eye(values.size)
-            free = {name: Dual(value_of(v), eye[k]) for k, (name, v) in enumerate(free.items())}
-        return self.assembled_at(free, values.size if gradients else 0)
 
     def assembled_at(self, values: Mapping[str, Number], free: int = 0) -> Assembled:
         """Return the numbers at values of some free names; `free` is the length of their gradients, zero for none. [SI]"""

@@ -10,11 +10,11 @@ import pytest
 from hypothesis import given, settings, strategies as st
 from numpy.typing import NDArray
 
-from thermid.base.dual import gradient_of, value_of
+from thermid.base.dual import Dual, gradient_of, value_of
 from thermid.base.errors import DeckError
 from thermid.model.deck import model_from_dict
 from thermid.model.tree import Model
-from thermid.simulation._network.network import Network, Numbers, Reduced, compile_network, eliminable, free_numbers, reduce_network
+from thermid.simulation._network.network import Network, Numbers, Reduced, compile_network, eliminable, reduce_network
 
 Array = NDArray[np.float64]
 
@@ -61,7 +61,7 @@ def test_against_the_schur_complement(seed: int, states: int, massless: int) -> 
     network = compile_network(random_model(seed, states, massless))
     paths = tuple(p for p in network.flat.parameters.order if p.endswith("conductance"))[:4]
     base = network.numbers()
-    numbers = network.numbers(free_numbers(paths, {p: base.values[p] for p in paths}))
+    numbers = network.numbers({p: Dual(base.values[p], unit) for p, unit in zip(paths, np.eye(len(paths)), strict=True)})
     gone = eliminable(numbers)
     assert sorted(gone) == sorted(n for n in network.nodes if n.startswith("m"))
     kept = tuple(n for n in (*network.nodes, *network.boundaries) if n not in gone)

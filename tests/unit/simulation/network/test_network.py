@@ -7,8 +7,9 @@ from typing import Any
 import numpy as np
 import pytest
 
+import thermid as td
 from by_code import raises_code
-from thermid.base.dual import gradient_of, value_of
+from thermid.base.dual import Dual, gradient_of, value_of
 from thermid.base.errors import DeckError, NameNotFoundError, ScenarioError, ThermidError
 from thermid.model.deck import model_from_dict
 from thermid.model.laws import Constant, Sine, TableSignal
@@ -16,7 +17,7 @@ from thermid.model.tree import Model
 from thermid.physics.constants import ATMOSPHERE
 from thermid.simulation._network.environment import Environment
 from thermid.simulation._network.medium import Media
-from thermid.simulation._network.network import compile_network, free_numbers
+from thermid.simulation._network.network import KEPT_NETWORKS, compile_network
 from thermid.simulation._network.rows import ConductorRow
 
 EMPTY = Environment(Constant(0.0))
@@ -106,7 +107,7 @@ def test_derivatives_against_finite_differences() -> None:
             + [c for r in found.loads for c in r.coefficients]
         )
 
-    dual = flatly(dict(free_numbers(paths, point)))
+    dual = flatly({p: Dual(point[p], unit) for p, unit in zip(paths, np.eye(len(paths)), strict=True)})
     for k, path in enumerate(paths):
         h = 1e-5 * point[path]
         up, down = flatly({**point, path: point[path] + h}), flatly({**point, path: point[path] - h})
@@ -333,3 +334,16 @@ def test_humidity_changes_nothing() -> None:
     """Acceptance sheet, H1: it does not enter the classical equations."""
     dry, wet = (rows(box(htc="5 [W/(m^2 K)]"), Environment(humidity=h)) for h in (0.1, 0.9))
     assert [r.coefficients for r in dry.values()] == [r.coefficients for r in wet.values()]
+
+
+def test_a_network_is_kept_with_its_model_until_the_duration_or_what_is_driven_is_another() -> None:
+    link = {"kind": "conduction", "between": ["a", "b"], "conductivity": "1 [W/(m K)]", "area": "1 [m^2]", "thickness": "1 [m]"}
+    model = td.model_from_dict({"title": "two", "nodes": {n: {"capacitance": "1 [J/K]"} for n in "ab"}, "conductors": {"k": link}})
+    hour = td.Scenario("hour", start="20 [degC]", duration="1 [h]")
+    first = compile_network(model, media=hour.media())
+    assert compile_network(model, media=hour.media()) is first
+    assert compile_network(model, media=hour.with_(duration=60.0).media()).media.seconds == 60.0
+    assert compile_network(model, media=hour.media(), prescribed=["a"]).nodes == ("b",)
+    for k in range(2 * KEPT_NETWORKS):
+        compile_network(model, media=hour.with_(duration=100.0 + k).media())
+    assert compile_network(model, media=hour.media()) is not first, "old ones give way"

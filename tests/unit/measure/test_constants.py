@@ -1,0 +1,50 @@
+"""Numbers of the readers, by the formats that they come from."""
+
+import io
+from pathlib import Path
+from types import SimpleNamespace
+
+import numpy as np
+import pytest
+
+from thermid.base.errors import RecordError
+from thermid.measure._readers.binary import _matlab_size, _tdms_times
+from thermid.measure._readers.common_step import LogCourse, _rows
+from thermid.measure._readers.guess import _by_name
+from thermid.measure.readers import read_record
+
+
+def test_a_matlab_file_without_compression_unpacks_to_its_own_length() -> None:
+    """Its header has 128 bytes, of which the last two tell the order of bytes; each element says its length."""
+    savemat = pytest.importorskip("scipy.io").savemat
+    held = io.BytesIO()
+    savemat(held, {"t": np.arange(50.0), "T": np.linspace(20.0, 30.0, 50)}, do_compression=False)
+    assert _matlab_size(held.getvalue()) == len(held.getvalue())
+
+
+def test_a_tdms_channel_without_increment_has_the_times_of_its_clock_or_none() -> None:
+    assert _tdms_times(SimpleNamespace(properties={}), None, None) is None
+    assert _tdms_times(SimpleNamespace(properties={}), np.array([0.0, 2.0]), None) == [0.0, 2.0]
+
+
+@pytest.mark.parametrize("day", [25569.0, 29221.0, 45000.0, 73050.0])
+def test_days_of_a_spreadsheet_are_those_of_1970_to_2100(day: float, tmp_path: Path) -> None:
+    """Day 25569 is 1970-01-01, 29221 is 1980-01-01, 73050 is 2099-12-31 (a spreadsheet counts from 1899-12-30)."""
+    path = tmp_path / "log.csv"
+    rows = [f"{day + k / 1440.0:.6f},{20.0 + k:.1f}" for k in range(20)]
+    path.write_text("\n".join(["time,T_case [degC]", *rows]) + "\n")
+    with pytest.raises(RecordError, match="spreadsheet's day"):
+        read_record(path, {"T_case": {"node": "a"}})
+
+
+def test_three_rows_that_count_are_a_counter_and_two_are_not() -> None:
+    assert _by_name("n", np.array([1.0, 2.0, 3.0]))[2] == "counts rows or states"
+    assert _by_name("n", np.array([1.0, 2.0]))[2] != "counts rows or states"
+
+
+def test_readings_are_explained_where_both_clocks_ran() -> None:
+    """A log that began 30 s before another, which lasted 40 s: the samples from 30 s to 70 s."""
+    seen = LogCourse("T", False, np.arange(0.0, 101.0, 10.0), np.arange(11.0))
+    rows, target = _rows(seen, (np.array([0.0, 40.0]), np.array([[0.0], [40.0]])), 30.0)
+    assert target.tolist() == [3.0, 4.0, 5.0, 6.0, 7.0]
+    assert rows[:, 2].tolist() == [0.0, 10.0, 20.0, 30.0, 40.0]
