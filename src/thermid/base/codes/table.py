@@ -217,6 +217,7 @@ CODES: Final[Mapping[str, CodeMeaning]] = {
         "error",
         "Units of a fleet have different free values.",
         "Use one model and one list of free values.",
+    ),
     "fmu.changed": CodeMeaning(
         "error",
         "The file of an FMU is another than when it was read and trusted.",
