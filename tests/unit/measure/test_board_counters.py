@@ -58,3 +58,13 @@ def test_of_a_counter_that_begins_again_and_stamps_the_stamps_are_the_clock(tmp_
     assert (seen.problem, [c.name for c in seen.columns if c.guess == "time"]) == ("", ["stamp"])
     assert seen.times.values[-1] - seen.times.values[0] == pytest.approx(59 * 60.0)
     assert any("the board restarted at 30 min: its counter 'ms' begins again" in q for q in seen.questions)
+
+
+def test_a_counter_in_seconds_is_a_clock_and_its_restart_is_named(tmp_path: Path) -> None:
+    """A board that prints `s` counts seconds: the restart is the fault, no missing time column."""
+    lines = [f"{20 * k},{22 + 0.01 * k:.2f}" for k in range(60)]
+    path = tmp_path / "e.txt"
+    path.write_text("\n".join(["s,T1", *lines]) + "\n")
+    assert look(path).times.values[-1] == pytest.approx(1180.0)
+    path.write_text("\n".join(["s,T1", *lines, "s,T1", *lines, "1200,23.1"]) + "\n")
+    assert "the counter begins again here, at 0 after 1180: the board restarted" in look(path).problem

@@ -13,6 +13,7 @@ from typer.testing import CliRunner
 import thermid as td
 from thermid.app.cli.app import app
 from thermid.base.errors import ThermidError
+from thermid.campaign.start import roles_of
 
 HEAD = "Logger;7\nsite;lab\n\n"
 
@@ -163,3 +164,33 @@ def test_look_proposes_no_noise_of_a_computed_course(tmp_path: Path) -> None:
     path = tmp_path / "run.csv"
     path.write_text("time_s,case [degC]\n" + "".join(f"{10 * k},{20.0 + 0.1 * k!r}\n" for k in range(20)))
     assert "noise" not in td.look(path).campaign()
+
+
+def test_a_sink_beside_a_room_is_a_part(tmp_path):
+    """A drive on a heat sink has a column Sink and one of the room: only the room is surroundings, for `init` too."""
+    path = tmp_path / "drive.csv"
+    path.write_text("t,Sink (C),Room (C),Fan power (W)\n" + "".join(f"{k},{20.1 + k},20.2,{k % 2}\n" for k in range(9)))
+    assert [(c.name, c.guess) for c in td.look(path).columns[1:3]] == [("Sink", "temperature"), ("Room", "boundary")]
+    roles = roles_of(path)
+    assert (roles.parts, roles.surroundings) == ({"Sink": "sink"}, "Room")
+
+
+def test_a_column_that_holds_the_code_of_a_lost_sensor_is_a_temperature(tmp_path):
+    """The -127 of a DS18B20 says what a column without a unit measures."""
+    path = tmp_path / "board.txt"
+    path.write_text("t;board;shaft\n" + "".join(f"{k};{-127.0 if k == 4 else 22.5 + 0.1 * k};{22 + k % 3}\n" for k in range(12)))
+    (board, shaft) = td.look(path).columns[1:]
+    assert (board.guess, board.unit, board.assumed, board.faults) == ("temperature", "degC", True, {"sensor lost (-127)": 1})
+    assert shaft.guess == "ignored"
+
+
+def test_the_log_without_stamps_is_named(tmp_path):
+    """Of two logs the message names the one whose clock is missing, and a time column of one log is not asked of the other."""
+    (tmp_path / "a.csv").write_text("stamp,T1\n" + "".join(f"2026-03-10 09:{k:02d}:06,20.{k}\n" for k in range(20)))
+    (tmp_path / "b.csv").write_text("n,T2\n" + "".join(f"{20 * k},20.{k}\n" for k in range(20)))
+    done = CliRunner().invoke(app, ["look", str(tmp_path / "a.csv"), str(tmp_path / "b.csv"), "--time", "n"], catch_exceptions=False)
+    assert done.exit_code == 0
+    assert "  b.csv has no time stamps, and there is no common step: give the offset" in done.stdout
+    assert '{ record = "b", offset = "... [s]" }' in done.stdout
+    done = CliRunner().invoke(app, ["look", str(tmp_path / "a.csv"), str(tmp_path / "b.csv"), "--time", "when"], catch_exceptions=False)
+    assert (done.exit_code, done.stdout.count("no column 'when'")) == (2, 2)

@@ -42,7 +42,10 @@ def look(
         raise RecordError("one log is drawn as one SVG. Give one log.", "--svg")
     if to is not None:
         check_ending(to, DRAWING)
-    looks = [picture.look(log, time=time, separator=separator, decimal=decimal, clock=clock, unit=unit) for log in logs]
+    given = {"separator": separator, "decimal": decimal, "clock": clock, "unit": unit}
+    looks = [picture.look(log, time=time, **given) for log in logs]
+    if any(each.has(time) for each in looks):  # a log without that column has another clock, which may be told
+        looks = [each if each.has(time) else picture.look(each.path, **given) for each in looks]
     if to is not None:
         write_text(to, looks[0].svg() + "\n", DRAWING)
     width = shutil.get_terminal_size((110, 24)).columns

@@ -116,10 +116,13 @@ def init(
 def _known(
     roles: Roles, accuracy: str, masses: Sequence[str], materials: Sequence[str], paths: Sequence[str], deck: Path | None
 ) -> tuple[Roles, StatedFacts]:
-    """Return the roles, seated in the deck where there is one, and what is known beside the log."""
+    """Return the roles, seated in the deck where there is one, and what is known beside the log; a part may be named by its column."""
     parts = list(roles.parts.values())
-    weights, made_of = pairs(masses, "--mass"), pairs(materials, "--material")
-    joined = tuple((a.strip(), b.strip()) for a, _, b in (text.partition("=") for text in paths))
+    weights, made_of = (
+        {roles.parts.get(n, n): v for n, v in pairs(*given).items()} for given in ((masses, "--mass"), (materials, "--material"))
+    )
+    ends = ([end.strip() for end in text.partition("=")[::2]] for text in paths)
+    joined = tuple((roles.parts.get(a, a), roles.parts.get(b, b)) for a, b in ends)
     for option, names in (("--mass", weights), ("--material", made_of), ("--path", [n for pair in joined for n in pair])):
         refuse_unknown(names, parts, option, "no part '{}'. Parts: {known}.")
     size = amount(accuracy, "K", "--accuracy") if accuracy else ACCURACY

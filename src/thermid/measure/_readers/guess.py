@@ -15,7 +15,7 @@ from thermid.measure._readers.columns import kelvin_sized, numbers
 from thermid.measure._readers.headers import name_and_unit
 from thermid.measure._readers.questions import begins_again, counts_time
 from thermid.measure._readers.textfile import Cells
-from thermid.measure._record.channel import OVERLOAD, BoolArray, FloatArray, codes_of
+from thermid.measure._record.channel import LOST, OVERLOAD, BoolArray, FloatArray, codes_of
 
 _SURROUNDINGS: Final = re.compile(
     r"room|amb|air\b|_air|luft|raum|umgebung|sala|ambiente|\bar\b|shroud|bath|coolant|water|chamber|outdoor|outside|inlet|sky|"
@@ -91,7 +91,17 @@ def columns_of(cells: Cells, decimal: str, times: tuple[int, ...]) -> list[Colum
         guess, unit_text, why = _guess(name, text, parsed)
         assumed = text is None and bool(unit_text) and "ends in" not in why
         out.append(_with_faults(Column(header, name, unit_text, assumed, guess, why, parsed, int(np.isnan(parsed).sum()))))
-    return out
+    rooms = [c.name for c in out if c.guess == "boundary" and not _is_sink(c)]
+    return [
+        replace(c, guess="temperature", why=f"a heat sink, as '{rooms[0]}' is the surroundings") if rooms and _is_sink(c) else c
+        for c in out
+    ]
+
+
+def _is_sink(column: Column) -> bool:
+    """Whether a column is of the surroundings by the word sink alone, which a heat sink has too."""
+    match = _SURROUNDINGS.search(column.name)
+    return column.guess == "boundary" and match is not None and match[0].lower() == "sink"
 
 
 def _guess(name: str, text: str | None, values: FloatArray) -> tuple[str, str, str]:
@@ -142,6 +152,8 @@ def _by_name(name: str, known: FloatArray) -> tuple[str, str, str]:
     if _TEMPERATURE.match(name) or _SURROUNDINGS.search(name):
         hot = kelvin_sized(known)
         return _temperature(name, "K" if hot else "degC", "by its name" + (" and size" if hot else ""))
+    if LOST in codes_of(known):
+        return _temperature(name, "degC", f"by the {LOST:g} of a lost sensor")
     return "ignored", "", "no unit, and its name gives none"
 
 

@@ -77,7 +77,7 @@ DATED: Final = frozenset(
 )
 """Names that are taken where no column has one of the usual ones and the cells are stamps."""
 COUNTED: Final = frozenset(
-    "time stamp|time_ms|t_ms|ms|millis|millis()|elapsed|elapsed time|elapsed_s|uptime|epoch|unix|unixtime|unix_time|scan sweep time|"
+    "time stamp|time_ms|t_ms|s|ms|millis|millis()|elapsed|elapsed time|elapsed_s|uptime|epoch|unix|unixtime|unix_time|scan sweep time|"
     "x_value|zeit|tempo|tempo_s|tiempo".split("|")
 )
 """Names that are taken where the cells are numbers that rise; up to three letters count as written, because Ts and mS are none."""

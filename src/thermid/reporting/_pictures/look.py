@@ -68,6 +68,10 @@ class Look(Result):
     columns: tuple[Column, ...]
     problem: str = ""
 
+    def has(self, column: str | None) -> bool:
+        """Return whether it has a column, by its header as written or by the name before its unit."""
+        return any(column in (c.header, c.name) for c in self.columns)
+
     @property
     def gaps(self) -> list[tuple[float, float]]:
         """Starts and lengths of intervals far longer than the usual one [s]."""
@@ -366,8 +370,8 @@ def clock_lines(looks: Sequence[Look]) -> list[str]:
     lines += [
         f"  {f['file']} begins {abs(f['offset']):.6g} s {'after' if f['offset'] >= 0 else 'before'} {looks[0].path.name}" for f in known
     ]
-    for f in found:
-        lines += _by_step(f, looks[0].path.name)
+    for f, each in zip(found, looks[1:], strict=True):
+        lines += _by_step(f, looks[0], each)
     pairs = ", ".join(f'{{ record = "{f["record"]}", offset = {_offset(f)} }}' for f in found)
     return [
         *lines,
@@ -377,26 +381,29 @@ def clock_lines(looks: Sequence[Look]) -> list[str]:
     ]
 
 
-def _by_step(found: dict[str, Any], first: str) -> list[str]:
+def _by_step(found: dict[str, Any], first: Look, other: Look) -> list[str]:
     """Return what a common step says of a clock, and whether the stamps agree with it."""
     if "step" not in found:
-        return (
-            [] if found["offset"] is not None else [f"  {found['file']} or {first} has no time stamps, and no common step: give the offset"]
-        )
+        bare = [f"{each.path.name} {_bare(each)}" for each in (first, other) if _time_of_day(each) is None]
+        return [f"  {', '.join(bare)}, and there is no common step: give the offset"] if bare else []
     step = found["step"]
     late, error = step["offset"], step["error"]
     a, b = step["columns"]
     side = "after" if late >= 0 else "before"
-    said = f"  by a common step of {a} and {b}, {found['file']} begins {abs(late):.4g} s {side} {first}, +- {error:.2g} s"
+    said = f"  by a common step of {a} and {b}, {found['file']} begins {abs(late):.4g} s {side} {first.path.name}, +- {error:.2g} s"
     if found["offset"] is not None and abs(late - found["offset"]) > APART * error:
         said += f"; its stamps are {abs(late - found['offset']):.3g} s away from that: one of the clocks is wrong, or heat arrives late"
     return [said]
 
 
+def _bare(look: Look) -> str:
+    return "is not readable yet" if look.times is None else "has no time stamps"
+
+
 def _offset(found: dict[str, Any]) -> str:
-    """Return the offset of a further log as a campaign writes it: that of the stamps, or a range about a common step."""
+    """Return the offset of a further log as a campaign writes it: that of the stamps, a range about a common step, or a gap to fill."""
     if found["offset"] is not None or "step" not in found:
-        return f'"{0.0 if found["offset"] is None else found["offset"]:.6g} [s]"'
+        return '"... [s]"' if found["offset"] is None else f'"{found["offset"]:.6g} [s]"'
     late, error = found["step"]["offset"], found["step"]["error"]
     return f'["{late - APART * error:.4g} [s]", "{late + APART * error:.4g} [s]"]'
 

@@ -105,7 +105,7 @@ def test_a_mass_from_a_scale_gives_the_scale_of_a_duty(tmp_path: Path) -> None:
     log = plate(tmp_path / "log.csv", "T_plate [degC],T_room [degC],heater [%]", scale=100.0 / 12.0)
     _, ratios = said("init", str(log), "--to", str(tmp_path / "p"))
     assert "--mass plate=" in ratios["assumed"]
-    _, made = said("init", str(log), "--to", str(tmp_path / "q"), "--mass", "plate=0.167 [kg]", "--material", "plate=aluminium 6061")
+    _, made = said("init", str(log), "--to", str(tmp_path / "q"), "--mass", "T_plate=0.167 [kg]", "--material", "plate=aluminium 6061")
     assert made["assumed"] == ""
     (stage,) = tomllib.loads((tmp_path / "q" / "campaign.toml").read_text())["stages"]
     assert stage["priors"] == {"plate.capacitance": {"mean": "149.6 [J/K]", "sd": "10 [%]"}}
