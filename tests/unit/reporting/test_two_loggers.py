@@ -71,6 +71,43 @@ def test_two_thermometers_of_one_room_show_the_offset_with_its_sign() -> None:
     assert found.error < 20.0
 
 
+def test_a_rise_is_not_matched_with_a_fall() -> None:
+    """A board logged until its restart, so without the cooling: upside down, the cooling of the case would fit its rise better."""
+    rng, t = np.random.default_rng(4), np.arange(0.0, 24000.0, 30.0)
+
+    def warm(times: np.ndarray, lag: float, rise: float) -> np.ndarray:
+        made = sum(p * (1.0 - np.exp(-np.clip(times - s, 0.0, None) / lag)) for s, p in ((1500.0, 0.7), (9000.0, -0.3), (13000.0, 0.6)))
+        made = made - 1.0 * (1.0 - np.exp(-np.clip(times - 19000.0, 0.0, None) / lag))
+        return 295.0 + rise * made + 0.04 * rng.standard_normal(times.size)
+
+    case = LogCourse("case", False, t, warm(t, 1500.0, 15.0))
+    own = np.arange(0.0, 5000.0, 20.0)
+    found = common_step([case], [LogCourse("board", False, own, warm(own + 85.0, 1500.0, 30.0))])
+    assert found is not None
+    assert found.offset == pytest.approx(85.0, abs=4.0 * found.error)
+    # a board that only cools in what was logged has no step in common with a case that only warms
+    rise, fall = (LogCourse(n, False, t[:300], v) for n, v in (("rise", case.values[:300]), ("fall", 590.0 - case.values[:300])))
+    assert common_step([rise], [fall]) is None
+
+
+def test_what_pairs_of_places_disagree_by_is_an_error_of_the_offset() -> None:
+    """A case and a sink in one log, a board and a coil in the other, and no power: each follows the step with a lag of its own."""
+    t = np.arange(0.0, 24000.0, 30.0)
+    rng = np.random.default_rng(8)
+
+    def warm(name: str, times: np.ndarray, late: float, lag: float) -> LogCourse:
+        heat = np.where(times + late < 1500.0, 0.0, 1.0 - np.exp(-(times + late - 1500.0) / lag))
+        cool = np.where(times + late < 14000.0, 0.0, 1.0 - np.exp(-(times + late - 14000.0) / lag))
+        return LogCourse(name, False, times, 295.0 + 15.0 * (heat - cool) + 0.04 * rng.standard_normal(times.size))
+
+    first = [warm("case", t, 0.0, 1500.0), warm("sink", t, 0.0, 1000.0)]
+    found = common_step(first, [warm("board", t[:700], 85.0, 600.0), warm("coil", t[:700], 85.0, 1300.0)])
+    assert found is not None
+    assert abs(found.offset - 85.0) < 2.0 * found.error
+    room = LogCourse("room", False, t, first[0].values, heated=False)
+    assert common_step([room], [warm("board", t[:700], 85.0, 600.0)]) is None  # surroundings are not what a power heats
+
+
 def test_logs_without_a_common_course_have_no_step() -> None:
     rng, t = np.random.default_rng(0), np.arange(0.0, 3600.0, 10.0)
     a = LogCourse("a", False, t, 295.0 + 0.1 * rng.standard_normal(t.size))

@@ -8,7 +8,7 @@ of first-order responses with time constants from seconds to the length of the l
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -93,18 +93,26 @@ class CommonStep:
 def common_step(first: Sequence[LogCourse], second: Sequence[LogCourse]) -> CommonStep | None:
     """Return the offset that two logs show with the least error; None where no course of one explains a course of the other.
 
-    An error above a tenth of the shorter log is no step either.
+    An error above a tenth of the shorter log is no step either. Temperatures of two places follow a step at different times: what the
+    pairs of places disagree by is an error of an offset that two of them show.
     """
-    found = [f for a in first for b in second if a.moves and b.moves and (f := _compared(a, b)) is not None]
+    found, places = [], []
+    for a, b in ((a, b) for a in first for b in second if a.moves and b.moves):
+        if (one := _compared(a, b)) is not None:
+            found.append(one)
+            places += [one] if a.heated and b.heated and not a.power and not b.power else []
     length = min((c.times[-1] for c in (*first, *second) if c.moves), default=0.0)
+    if places:
+        spread = float(np.std([f.offset for f in places]))
+        found = [replace(f, error=float(np.hypot(f.error, spread))) if f in places else f for f in found]
     best = min(found, key=lambda f: f.error, default=None)
     return best if best is not None and best.error <= VAGUE * length else None
 
 
 def _compared(a: LogCourse, b: LogCourse) -> CommonStep | None:
     """Return the offset between two courses, the second one's clock late on that of the first."""
-    if a.power != b.power and not (a.heated and b.heated):
-        return None
+    if not (a.heated and b.heated) and (a.power != b.power or a.heated != b.heated):
+        return None  # no power and no heated part acts on the surroundings
     forward = a.power <= b.power  # what explains is the power, or the second of a kind
     seen, cause, sign = (a, b, 1.0) if forward else (b, a, -1.0)
     shorter = SHARED * min(a.times[-1], b.times[-1])
@@ -149,8 +157,10 @@ def _left(seen: LogCourse, made: Made, offset: float) -> float:
     rows, target = _rows(seen, made, offset)
     if target.size < 4 * rows.shape[1] or float(np.ptp(rows[:, 2])) == 0.0:
         return 1.0
-    without = _squares(rows[:, :1], target)
-    return _squares(rows, target) / without if without > 0.0 else 1.0
+    (without, _), (left, shares) = _solved(rows[:, :1], target), _solved(rows, target)
+    if without <= 0.0 or (shares.size == 3 and shares[-1] <= 0.0):  # of one kind: what warms one place does not cool the other
+        return 1.0
+    return left / without
 
 
 def _rows(seen: LogCourse, made: Made, offset: float) -> tuple[FloatArray, FloatArray]:
@@ -164,11 +174,13 @@ def _rows(seen: LogCourse, made: Made, offset: float) -> tuple[FloatArray, Float
     return np.column_stack([np.ones(times.size), times / max(seen.times[-1], 1e-9), *moved]), target
 
 
-def _squares(rows: FloatArray, target: FloatArray) -> float:
+def _solved(rows: FloatArray, target: FloatArray) -> tuple[float, FloatArray]:
+    """Return the squares that a linear model leaves, and the shares of its columns."""
     scale = np.linalg.norm(rows, axis=0)
     scale[scale == 0.0] = 1.0
-    left = target - rows @ (np.linalg.lstsq(rows / scale, target, rcond=None)[0] / scale)
-    return float(left @ left)
+    shares = np.linalg.lstsq(rows / scale, target, rcond=None)[0] / scale
+    left = target - rows @ shares
+    return float(left @ left), shares
 
 
 def _error(seen: LogCourse, made: Made, best: float, step: float) -> float:
