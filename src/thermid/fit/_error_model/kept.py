@@ -162,6 +162,7 @@ class KeptWay:
                 "pivots": _short(s.pivots),
                 "centre": _short(s.centre),
                 "thinned": list(s.thinned),
+                "outside": s.outside,
             }
             for p, s in self.departures.smooth.items()
         }
@@ -197,6 +198,7 @@ class KeptWay:
                 np.array(s["pivots"], dtype=float).reshape(-1, 2),
                 np.array(s["centre"], dtype=float),
                 tuple(map(bool, s["thinned"])),
+                float(s["outside"]),
             )
             for p, s in data["smooth"].items()
         }
