@@ -1,4 +1,4 @@
-"""A synthetic log of a board in a case, with headings as a person writes them."""
+"""Synthetic logs with headings as a person writes them: a board in a case, a pair, two heaters on a board, a part with a fan."""
 
 from __future__ import annotations
 
@@ -65,4 +65,64 @@ def write_log(path: Path, seed: int = 3) -> Path:
     board, case = (solution[n].celsius + rng.normal(0.0, 0.05, times.size) for n in ("board", "case"))
     rows = [f"{t:.0f},{a:.3f},{b:.3f},23.000,{5.0 * (t < HEATING):.3f}" for t, a, b in zip(times, board, case, strict=True)]
     path.write_text("\n".join(["time_s,board C,case C,room C,heater W", *rows, ""]), encoding="utf-8")
+    return path
+
+
+HEATERS = {
+    "title": "lab",
+    "needs": ["room"],
+    "nodes": {"T1": {"capacitance": "2 [J/K]"}, "T2": {"capacitance": "2 [J/K]"}, "board": {"capacitance": "15 [J/K]"}},
+    "conductors": {
+        "T1_board": {"kind": "conduction", "between": ["T1", "board"], "conductance": "0.0052 [W/K]"},
+        "T2_board": {"kind": "conduction", "between": ["T2", "board"], "conductance": "0.0041 [W/K]"},
+        "board_room": {"kind": "conduction", "between": ["board", "room"], "conductance": "0.02 [W/K]"},
+    },
+    "surfaces": {
+        "T1_room": {"of": "T1", "to": "room", "area": "10 [cm^2]", "effective_htc": "12.5 [W/(m^2 K)]"},
+        "T2_room": {"of": "T2", "to": "room", "area": "10 [cm^2]", "effective_htc": "9.1 [W/(m^2 K)]"},
+    },
+    "loads": {"Q1": {"into": "T1", "power": "1.2 [W]"}, "Q2": {"into": "T2", "power": "0.6 [W]"}},
+}
+"""Two heaters on a board in the way of TCLab: commands in per cent, and no column of the room."""
+
+
+def write_heaters_log(path: Path) -> Path:
+    """Write twenty minutes of both heaters in the columns of TCLab, with noise of 0.1 K; return the file."""
+    times, rng = np.arange(0.0, 1201.0, 4.0), np.random.default_rng(7)
+    first, second = np.where(times < 700.0, 60.0, 0.0), np.where((times >= 240.0) & (times < 960.0), 80.0, 0.0)
+    steps = {"Q1": (["0 [s]", "700 [s]"], ["0.6", "0"]), "Q2": (["0 [s]", "240 [s]", "960 [s]"], ["0", "0.8", "0"])}
+    commands = {name: {"times": t, "values": v, "hold": True} for name, (t, v) in steps.items()}
+    scenario = Scenario("lab", boundaries={"room": "23 [degC]"}, commands=commands, start="23 [degC]", duration="20 [min]")
+    solution = simulate(model_from_dict(HEATERS), scenario, times=times)
+    read = [solution[n].celsius + rng.normal(0.0, 0.1, times.size) for n in ("T1", "T2")]
+    rows = [f"{t:.0f},{p:.0f},{q:.0f},{a:.2f},{b:.2f}" for t, p, q, a, b in zip(times, first, second, *read, strict=True)]
+    path.write_text("\n".join(["# SYNTHETIC", "time_s,Q1_pct,Q2_pct,T1_C,T2_C", *rows, ""]), encoding="utf-8")
+    return path
+
+
+def _turns(on: str, off: str, share: str) -> dict[str, object]:
+    turns = {"ends": {"from": "on", "to": "off", "after": on}, "begins": {"from": "off", "to": "on", "after": off}}
+    return {"modes": {"on": 1, "off": share}, "starts": "on", "transitions": turns}
+
+
+COOLED = {
+    "title": "cooled",
+    "needs": ["air"],
+    "nodes": {"chip": {"capacitance": "300 [J/K]"}, "sink": {"capacitance": "200 [J/K]"}},
+    "conductors": {"pad": {"kind": "conduction", "between": ["chip", "sink"], "conductance": "0.9 [W/K]"}},
+    "surfaces": {"fins": {"of": "sink", "to": "air", "area": "400 [cm^2]", "effective_htc": "24 [W/(m^2 K)]", "htc_control": "fan"}},
+    "loads": {"work": {"into": "chip", "power": "9 [W]", "control": "shift"}},
+    "controls": {"fan": _turns("40 [min]", "20 [min]", "0.3"), "shift": _turns("30 [min]", "15 [min]", "0")},
+}
+"""A part that works by a schedule on a sink whose fan runs by another."""
+
+
+def write_cooled_log(path: Path) -> Path:
+    """Write four hours of the part with its fan, with noise of 0.05 K and no column of power; return the file."""
+    times, rng = np.arange(0.0, 14401.0, 60.0), np.random.default_rng(9)
+    scenario = Scenario("cooled", boundaries={"air": "23 [degC]"}, start="23 [degC]", duration="4 [h]")
+    solution = simulate(model_from_dict(COOLED), scenario, times=times)
+    chip, sink = (solution[n].celsius + rng.normal(0.0, 0.05, times.size) for n in ("chip", "sink"))
+    rows = [f"{t:.0f},{a:.3f},{b:.3f},23.0" for t, a, b in zip(times, chip, sink, strict=True)]
+    path.write_text("\n".join(["# SYNTHETIC", "time_s,chip C,sink C,air C", *rows, ""]), encoding="utf-8")
     return path

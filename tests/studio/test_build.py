@@ -7,7 +7,7 @@ from __future__ import annotations
 
 import os
 import time
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -19,7 +19,7 @@ from thermid.measure.readers import read_record
 from thermid.model.deck import load_model
 from thermid.simulation.runs import simulate
 from thermid.simulation.scenarios import Scenario
-from two_masses import PAIR, write_log, write_pair_log
+from two_masses import COOLED, HEATERS, PAIR, write_cooled_log, write_heaters_log, write_log, write_pair_log
 
 from .browser import Page, needed, studio
 
@@ -120,18 +120,29 @@ def page(folder: Path) -> Iterator[Page]:
             made.close()
 
 
-def check_result(page: Page, folder: Path, actions: float) -> None:
+BOX_COLUMNS = {
+    **{f"{n} C": {"node": n, "unit": "degC"} for n in ("board", "case")},
+    **{"room C": {"boundary": "room", "unit": "degC"}, "heater W": {"load": "heater", "unit": "W"}},
+}
+BOX_FREE = ("board_case.contact_conductance", "case_room.effective_htc")
+
+
+def check_result(
+    page: Page,
+    folder: Path,
+    actions: float,
+    name: str = "box",
+    channels: Mapping[str, Any] = BOX_COLUMNS,
+    free: Sequence[str] = BOX_FREE,
+    scenario: Scenario | None = None,
+) -> None:
     """Fail unless the files are without errors and say what `calibrate` finds, within one per cent, in few actions."""
-    print(f"{actions:.1f} actions")
+    print(f"{name}: {actions:.1f} actions")
     assert actions <= MOST_ACTIONS
-    campaign = folder / "box_campaign.toml"
-    findings, _ = check_campaign(campaign, None)
+    findings, _ = check_campaign(folder / f"{name}_campaign.toml", None)
     assert [f for f in findings if f.severity == "error"] == []
-    model = load_model(folder / "box.toml")
-    channels = {"board C": {"node": "board", "unit": "degC"}, "case C": {"node": "case", "unit": "degC"}}
-    channels |= {"room C": {"boundary": "room", "unit": "degC"}, "heater W": {"load": "heater", "unit": "W"}}
-    free = ["board_case.contact_conductance", "case_room.effective_htc"]
-    found = calibrate(model, read_record(next(folder.glob("logs/*.csv")), channels), free).values
+    model = load_model(folder / f"{name}.toml")
+    found = calibrate(model, read_record(next(folder.glob("logs/*.csv")), channels), free, scenario=scenario).values
     for path in free:
         name, _, field = path.partition(".")
         table = model.surfaces[name].fields if name in model.surfaces else model.conductors[name].fields
@@ -218,6 +229,165 @@ def test_two_masses_are_built_and_fitted_by_keys_alone(page: Page, folder: Path)
     person.press(Keys.ENTER)
     page.until("document.getElementById('save').disabled", 15)
     check_result(page, folder, person.actions)
+
+
+class ByMouse:
+    """Builds by clicks; a place of the text marks what a value is called in its sheet.
+
+    Parameters
+    ----------
+    person : Person
+    log : Path      What is dropped.
+    """
+
+    def __init__(self, person: Person, log: Path) -> None:
+        self.person, self.log = person, log
+
+    def begin(self, name: str) -> None:
+        self.person.fill("#new-name", name)
+        self.person.page.until("window.studio && window.studio.ready", 15)
+
+    def add(self, shape: str, *ends: str, name: str = "", **values: str) -> None:
+        self.person.click(f"[data-shape={shape}]", *(f"[data-node={n}] rect" for n in ends))
+        if name:
+            self.person.fill("#sheet-name", name)
+        for field, value in values.items():
+            self.person.fill(f"#field-{field}", value)
+
+    def schedule(self, on: str, off: str, share: str = "") -> None:
+        self.person.click("#schedule")
+        for name, value in (("on", on), ("off", off), ("share", share)):
+            if value:
+                self.person.fill(f"#schedule-{name}", value)
+
+    def take_log(self) -> None:
+        self.person.give("#log-file", self.log)
+
+    def hold(self, boundary: str, value: str) -> None:
+        self.person.fill(f"[data-held={boundary}]", value)
+
+    def fit(self, free: Sequence[str]) -> None:
+        page = self.person.page
+        self.person.click(*(f"[data-path='{path}']" for path in free), "#fit")
+        page.until("document.querySelector('#fitted')", 40)
+        self.person.click("#take-fit", "#save", "#write")
+        page.until("document.getElementById('save').disabled", 15)
+
+
+class ByKeys(ByMouse):
+    """Builds by keys alone: letters of the palette, Tab, arrows and Enter."""
+
+    def begin(self, name: str) -> None:
+        self.log.rename(Path("logs") / self.log.name)
+        self.person.page.driver.refresh()
+        self.person.page.until("document.querySelector('[data-ready]')", 15)
+        self.person.press(name, "\ue007")
+        self.person.page.until("window.studio && window.studio.ready", 15)
+
+    def enter(self, selector: str, value: str, back: bool = False) -> None:
+        self.person.go(selector, back)
+        self.person.chord("\ue009", "a", 0.0)
+        self.person.press(value, "\ue007")
+
+    def add(self, shape: str, *ends: str, name: str = "", **values: str) -> None:
+        key = self.person.page.run("return document.querySelector(`[data-shape=${arguments[0]}] kbd`).textContent", shape).lower()
+        self.person.press("\ue00c", count=0.1)
+        if ends:
+            self.person.go(f"[data-node={ends[0]}]")
+        self.person.press(key)
+        for end in ends[1:]:
+            self.person.go(f"[data-node={end}]")
+            self.person.press("\ue007")
+        if name:
+            self.person.press(name, "\ue007")
+        for field, value in values.items():
+            self.enter(f"#field-{field}", value)
+
+    def schedule(self, on: str, off: str, share: str = "") -> None:
+        self.person.go("#schedule")
+        self.person.press("\ue007")
+        for name, value in (("on", on), ("off", off), ("share", share)):
+            if value:
+                self.enter(f"#schedule-{name}", value)
+
+    def take_log(self) -> None:
+        self.person.go("#log-known")
+        self.person.press("\ue015", "\ue007")
+
+    def hold(self, boundary: str, value: str) -> None:
+        self.enter(f"[data-held={boundary}]", value)
+
+    def fit(self, free: Sequence[str]) -> None:
+        page, order = self.person.page, "return [...document.querySelectorAll('[data-path]')].map((e) => e.dataset.path)"
+        for path in sorted(free, key=page.run(order).index):
+            self.person.go(f"[data-path='{path}']")
+            self.person.press(" ")
+        self.person.go("#fit")
+        self.person.press("\ue007")
+        page.until("document.querySelector('#fitted')", 40)
+        self.person.go("#take-fit")
+        self.person.press("\ue007")
+        self.person.chord("\ue009", "s")
+        self.person.press("\ue007")
+        page.until("document.getElementById('save').disabled", 15)
+
+
+@pytest.fixture(params=[ByMouse, ByKeys])
+def build(request: pytest.FixtureRequest, page: Page, folder: Path, tmp_path: Path) -> Callable[[Callable[[Path], Path]], ByMouse]:
+    (folder / "logs").mkdir()
+    return lambda write: request.param(Person(page), write(tmp_path / "run.csv"))
+
+
+@pytest.mark.campaign
+def test_two_heaters_of_a_board_are_built_and_fitted(build: Callable[..., ByMouse], page: Page, folder: Path) -> None:
+    """In the way of TCLab: commands in per cent multiply the powers of the deck, and nobody logged the room."""
+    by = build(write_heaters_log)
+    by.begin("lab")
+    for name, heat in (("T1", "2"), ("T2", "2"), ("board", "15")):
+        by.add("mass", name=name, capacitance=heat)
+    by.add("boundary", name="room")
+    for node in ("T1", "T2"):
+        by.add("conduction", node, "board")
+        by.add("convection", node, "room", area="10")
+    by.add("conduction", "board", "room", conductance="0.02")
+    for node, name, power in (("T1", "Q1", "1.2"), ("T2", "Q2", "0.6")):
+        by.add("load", node, name=name, power=power)
+    by.take_log()
+    page.until("document.querySelector('#columns')", 15)
+    by.hold("room", "23")
+    free = [f"{n}_board.conductance" for n in ("T1", "T2")] + [f"{n}_room.effective_htc" for n in ("T1", "T2")]
+    by.fit(free)
+    channels: dict[str, Any] = {f"T{k}_C": {"node": f"T{k}", "unit": "degC"} for k in (1, 2)}
+    channels |= {f"Q{k}_pct": {"command": f"Q{k}"} for k in (1, 2)}
+    check_result(page, folder, by.person.actions, "lab", channels, free, Scenario(boundaries={"room": "23 [degC]"}))
+    fitted = load_model(folder / "lab.toml").surfaces["T1_room"].fields["effective_htc"].expression.literal
+    assert fitted is not None
+    assert fitted.value == pytest.approx(float(HEATERS["surfaces"]["T1_room"]["effective_htc"].split()[0]), rel=0.1)  # type: ignore[index]
+
+
+@pytest.mark.campaign
+def test_a_part_with_a_fan_and_a_schedule_is_built_and_fitted(build: Callable[..., ByMouse], page: Page, folder: Path) -> None:
+    by = build(write_cooled_log)
+    by.begin("cooled")
+    for name, heat in (("chip", "300"), ("sink", "200")):
+        by.add("mass", name=name, capacitance=heat)
+    by.add("boundary", name="air")
+    by.add("conduction", "chip", "sink")
+    by.add("convection", "sink", "air", area="400")
+    by.schedule("40", "20", "0.3")
+    by.add("load", "chip", name="work", power="9")
+    by.schedule("30", "15")
+    by.take_log()
+    page.until("document.querySelector('#columns')", 15)
+    free = ["chip_sink.conductance", "sink_air.effective_htc"]
+    by.fit(free)
+    channels = {f"{n} C": {"node": n, "unit": "degC"} for n in ("chip", "sink")} | {"air C": {"boundary": "air", "unit": "degC"}}
+    check_result(page, folder, by.person.actions, "cooled", channels, free)
+    model = load_model(folder / "cooled.toml")
+    assert set(model.controls) == {"sink_air_schedule", "work_schedule"}
+    fitted = model.surfaces["sink_air"].fields["effective_htc"].expression.literal
+    assert fitted is not None
+    assert fitted.value == pytest.approx(float(COOLED["surfaces"]["fins"]["effective_htc"].split()[0]), rel=0.01)  # type: ignore[index]
 
 
 @pytest.mark.campaign

@@ -141,7 +141,7 @@ export function Canvas() {
     const found = nodes.value.find((n) => n.name === node), one = state!.log?.columns.find((c) => c.name === column);
     if (!found || !one) return;
     const heat = ["power", "duty"].includes(one.guess) ? state!.elements.find((l) => l.table === "loads" && top(l.ends[0] ?? "") === node) : undefined;
-    const role = heat ? { load: heat.name } : found.table === "needs" ? { boundary: node } : { node };
+    const role = heat ? { [one.guess === "duty" ? "command" : "load"]: heat.name } : found.table === "needs" ? { boundary: node } : { node };
     void command({ do: "bind", channels: { [column]: { ...role, ...(one.assumed && one.unit ? { unit: one.unit } : {}) } } });
   }
 

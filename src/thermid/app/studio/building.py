@@ -13,7 +13,7 @@ from thermid.app.studio.desk import Desk
 from thermid.app.studio.draft import CAMPAIGN, DECK, PLACES, VIEW, Draft, keep, parsed_line, recalled
 from thermid.app.studio.follow import Follower
 from thermid.app.studio.orders import curves_object
-from thermid.app.studio.shapes import PALETTE, SOURCES, added, palette, removed, renamed, sheets, stored, valued
+from thermid.app.studio.shapes import PALETTE, SOURCES, added, palette, removed, renamed, scheduled, sheets, stored, valued
 from thermid.app.studio.work import Jobs, JobState
 from thermid.base.errors import DeckError, MissingDataError, NameNotFoundError, ThermidError, refuse_unknown
 from thermid.base.files import OWN, read_bytes, write_bytes
@@ -75,7 +75,7 @@ class Building:
             "logs": Follower(draft.documents[CAMPAIGN].path.parent).offered()["logs"],
             "missing": sum(f["missing"] for e in elements for f in e["fields"]),
             **{"stages": [s["name"] for s in draft.documents[CAMPAIGN].content["stages"]], "stage": self._stage()["name"]},
-            "inherited": self._inherited(),
+            **{"inherited": self._inherited(), "held": self._held(log)},
         }
 
     @property
@@ -159,6 +159,19 @@ class Building:
         except ThermidError as error:
             looked = {"problem": error.message, "rows": 0, "columns": [], "questions": [], "notes": []}
         return {"record": name, "file": table["file"], "channels": table["channels"], "others": len(content["records"]) - 1, **looked}
+
+    def _held(self, log: Mapping[str, Any] | None) -> dict[str, str]:
+        """Return the temperature that the stage gives each boundary that no column of the log is; empty where nobody gave one."""
+        if log is None:
+            return {}
+        logged = {c.get("boundary") for c in log["channels"].values() if isinstance(c, Mapping)}
+        given = self._stage().get("scenario", {}).get("boundaries", {})
+        return {n: str(given.get(n, "")) for n in self.draft.deck.content.get("needs", []) if n not in logged}
+
+    def _hold(self, body: Body) -> Draft:
+        """Return the draft with a boundary at a temperature for the whole of the stage; without a text it has none."""
+        text, keys = text_of(body, "value").strip(), ("stages", self._place_of_stage(), "scenario", "boundaries", text_of(body, "name"))
+        return self.draft.edited({CAMPAIGN: [Edit(keys, text) if text else Edit(keys)]})
 
     def _inside(self, name: str) -> Path:
         return resolve_inside(self.draft.documents[CAMPAIGN].path.parent, name, "log")
@@ -280,7 +293,8 @@ class Building:
         """Return column -> binding where a name of the deck stands in the column's name and its unit fits."""
         content, out = self.draft.deck.content, {}
         warm = {"node": content.get("nodes", {}), "boundary": content.get("needs", [])}
-        rooms = {"temperature": warm, "boundary": warm, "power": (heats := {"load": content.get("loads", {})}), "duty": heats}
+        rooms = {"temperature": warm, "boundary": warm, "power": (heats := {"load": content.get("loads", {})})}
+        rooms["duty"] = {"command": content.get("loads", {})}  # a share of the deck's power
         for column in columns:
             words, unit = word(column["name"]), column["unit"] if column["assumed"] else ""
             stem, _, letter = words.rpartition("_")
@@ -306,6 +320,10 @@ class Building:
             {DECK: valued(s.draft.deck.content, texts_of(b, "keys"), text_of(b, "value"), text_of(b, "source"))}
         ),
         "stored": lambda s, b: s.draft.edited({DECK: stored(s.draft.deck.content, text_of(b, "name"), text_of(b, "how"))}),
+        "schedule": lambda s, b: s.draft.edited(
+            {DECK: scheduled(s.draft.deck.content, texts_of(b, "keys"), *(text_of(b, k) for k in ("on", "off", "share")))}
+        ),
+        "hold": _hold,
         "sensor": lambda s, b: s.draft.edited({DECK: [Edit(("nodes", text_of(b, "name"), "reference_point"), bool(b.get("on")))]}),
         "use part": lambda s, b: s.draft.edited(
             {DECK: [Edit(("submodels", text_of(b, "name"), k), v) for k, v in s._part(text_of(b, "deck")).items()]}
