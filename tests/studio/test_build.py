@@ -86,7 +86,9 @@ class Person:
 
     def go(self, selector: str) -> None:
         """Press Tab, or Shift and Tab where the element comes before, until the focus is on an element."""
-        before = "const e = document.querySelector(arguments[0]); return Boolean(e && document.activeElement.compareDocumentPosition(e) & 2)"
+        before = (
+            "const e = document.querySelector(arguments[0]); return Boolean(e && document.activeElement.compareDocumentPosition(e) & 2)"
+        )
         back = self.page.run(before, selector)
         for _ in range(120):
             if self.at(selector):

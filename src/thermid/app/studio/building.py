@@ -13,7 +13,7 @@ from thermid.app.studio.desk import Desk
 from thermid.app.studio.draft import CAMPAIGN, DECK, PLACES, VIEW, Draft, keep, parsed_line, recalled
 from thermid.app.studio.follow import Follower
 from thermid.app.studio.orders import curves_object
-from thermid.app.studio.shapes import PALETTE, SOURCES, added, palette, removed, renamed, scheduled, sheets, stored, valued
+from thermid.app.studio.shapes import PALETTE, SOURCES, added, palette, removed, renamed, scheduled, schedules, sheets, stored, valued
 from thermid.app.studio.work import Jobs, JobState
 from thermid.base.errors import DeckError, MissingDataError, NameNotFoundError, ThermidError, refuse_unknown
 from thermid.base.files import OWN, read_bytes, write_bytes
@@ -66,7 +66,8 @@ class Building:
         log = self._bound()
         elements = [self._logged(e, log) for e in sheets(draft.deck)]
         content = draft.deck.content
-        others = {t: len(v) for t, v in content.items() if isinstance(v, Mapping) and t not in _SHOWN and v}
+        unseen = {t: {*v} - schedules(content) if t == "controls" else v for t, v in content.items() if isinstance(v, Mapping)}
+        others = {t: len(v) for t, v in unseen.items() if t not in _SHOWN and v}
         return {
             **{"file": draft.deck.path.name, "title": content["title"], "text": text.removeprefix("\ufeff"), "notice": self.notice},
             **{"elements": elements, "others": others, "places": self._places(elements), "palette": palette(), "sources": SOURCES},
@@ -120,12 +121,12 @@ class Building:
 
     def _parameters(self) -> list[dict[str, Any]]:
         """Return the values that a fit may find, and whether it is asked to."""
-        free = set(self._stage().get("free", []))
+        free, turned = set(self._stage().get("free", [])), schedules(self.draft.deck.content)
         table = parameter_table(self.model)
         return [
             {"path": path, "text": e.parameter.text, "free": path in free}
             for path, e in table.items()
-            if (literal := e.parameter.expression.literal) is not None and literal.value > 0 and not path.startswith("loads.")
+            if (literal := e.parameter.expression.literal) is not None and literal.value > 0 and path.partition(".")[0] not in turned
         ]
 
     def _decks(self) -> list[str]:

@@ -203,6 +203,12 @@ def _schedule_of(content: Mapping[str, Any], table: str, name: str) -> dict[str,
         return None
 
 
+def schedules(content: Mapping[str, Any]) -> set[str]:
+    """Return the names of controls that are schedules of an element and that its sheet says."""
+    pairs = ((t, n) for t in SWITCHED for n in content.get(t, {}))
+    return {str(content[t][n][SWITCHED[t]]) for t, n in pairs if (s := _schedule_of(content, t, n)) and s["on"]}
+
+
 def names_of(content: Mapping[str, Any]) -> set[str]:
     """Return the names that are taken: of nodes, boundaries and everything that may be joined or fitted."""
     return {*content.get("needs", []), *(name for table in ("nodes", "parameters", *TABLES) for name in content.get(table, {}))}
@@ -306,7 +312,12 @@ def sheets(document: DeckDocument) -> Iterator[dict[str, Any]]:
             slots = KINDS[kind].slots if table == "conductors" and kind in KINDS else {}
             slots = {"surfaces": SURFACE_FIELDS, "loads": LOAD_SLOTS}.get(table, slots)
             out = {"table": table, "name": name, "shape": kind, "ends": ends_of(element), "fields": _fields(element, slots)}
-            yield out | {"sensor": False, "use": element.get("use", ""), "bind": element.get("bind", {}), "schedule": _schedule_of(content, table, name)}
+            yield out | {
+                "sensor": False,
+                "use": element.get("use", ""),
+                "bind": element.get("bind", {}),
+                "schedule": _schedule_of(content, table, name),
+            }
 
 
 def _fields(element: Mapping[str, Any], slots: Mapping[str, str]) -> list[dict[str, Any]]:
