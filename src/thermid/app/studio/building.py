@@ -121,12 +121,12 @@ class Building:
 
     def _parameters(self) -> list[dict[str, Any]]:
         """Return the values that a fit may find, and whether it is asked to."""
-        free, turned = set(self._stage().get("free", [])), schedules(self.draft.deck.content)
+        free, switching = set(self._stage().get("free", [])), schedules(self.draft.deck.content)
         table = parameter_table(self.model)
         return [
             {"path": path, "text": e.parameter.text, "free": path in free}
             for path, e in table.items()
-            if (literal := e.parameter.expression.literal) is not None and literal.value > 0 and path.partition(".")[0] not in turned
+            if (literal := e.parameter.expression.literal) is not None and literal.value > 0 and path.partition(".")[0] not in switching
         ]
 
     def _decks(self) -> list[str]:
@@ -168,11 +168,6 @@ class Building:
         logged = {c.get("boundary") for c in log["channels"].values() if isinstance(c, Mapping)}
         given = self._stage().get("scenario", {}).get("boundaries", {})
         return {n: str(given.get(n, "")) for n in self.draft.deck.content.get("needs", []) if n not in logged}
-
-    def _hold(self, body: Body) -> Draft:
-        """Return the draft with a boundary at a temperature for the whole of the stage; without a text it has none."""
-        text, keys = text_of(body, "value").strip(), ("stages", self._place_of_stage(), "scenario", "boundaries", text_of(body, "name"))
-        return self.draft.edited({CAMPAIGN: [Edit(keys, text) if text else Edit(keys)]})
 
     def _inside(self, name: str) -> Path:
         return resolve_inside(self.draft.documents[CAMPAIGN].path.parent, name, "log")
@@ -324,7 +319,9 @@ class Building:
         "schedule": lambda s, b: s.draft.edited(
             {DECK: scheduled(s.draft.deck.content, texts_of(b, "keys"), *(text_of(b, k) for k in ("on", "off", "share")))}
         ),
-        "hold": _hold,
+        "hold": lambda s, b: s.draft.edited(
+            {CAMPAIGN: valued({}, ("stages", s._place_of_stage(), "scenario", "boundaries", text_of(b, "name")), text_of(b, "value"), "")}
+        ),
         "sensor": lambda s, b: s.draft.edited({DECK: [Edit(("nodes", text_of(b, "name"), "reference_point"), bool(b.get("on")))]}),
         "use part": lambda s, b: s.draft.edited(
             {DECK: [Edit(("submodels", text_of(b, "name"), k), v) for k, v in s._part(text_of(b, "deck")).items()]}

@@ -177,13 +177,13 @@ def scheduled(content: Mapping[str, Any], keys: Sequence[str], on: str, off: str
     """
     table, name = keys
     refuse_unknown([table], SWITCHED, name, "what stands in '{}' is not switched.", NameNotFoundError)
-    where = (table, name, SWITCHED[table])
+    naming = (table, name, SWITCHED[table])
     control = content[table][name].get(SWITCHED[table]) or _free_name(f"{name}_schedule", set(content.get("controls", {})))
     if not on.strip():
-        return [Edit(where), Edit(("controls", control))]
+        return [Edit(naming), Edit(("controls", control))]
     turns = {"ends": {"from": "on", "to": "off", "after": on}, "begins": {"from": "off", "to": "on", "after": off or on}}
     course = {"modes": {"on": 1, "off": share or "0"}, "starts": "on", "transitions": turns}
-    return [Edit(("controls", control), course), Edit(where, control)]
+    return [Edit(("controls", control), course), Edit(naming, control)]
 
 
 def _schedule_of(content: Mapping[str, Any], table: str, name: str) -> dict[str, str] | None:
@@ -276,7 +276,7 @@ def _replaced(value: Any, old: str, new: str) -> Any:
     return {k: _replaced(v, old, new) for k, v in value.items()} if isinstance(value, Mapping) else value
 
 
-def valued(content: Mapping[str, Any], keys: Sequence[str], text: str, source: str) -> list[Edit]:
+def valued(content: Mapping[str, Any], keys: Sequence[str | int], text: str, source: str) -> list[Edit]:
     """Return the edits that give a field a value and say where it comes from; without a text it is taken away."""
     here: Any = content
     for key in keys:
