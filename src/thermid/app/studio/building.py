@@ -66,6 +66,9 @@ class Building:
         log = self._bound()
         elements = [self._logged(e, log) for e in sheets(draft.deck)]
         content = draft.deck.content
+        logged = {c.get("boundary") for c in (log or {"channels": {}})["channels"].values() if isinstance(c, Mapping)}
+        course = self._stage().get("scenario", {}).get("boundaries", {})
+        held = {n: str(course.get(n, "")) for n in content.get("needs", []) if n not in logged}
         unseen = {t: {*v} - schedules(content) if t == "controls" else v for t, v in content.items() if isinstance(v, Mapping)}
         others = {t: len(v) for t, v in unseen.items() if t not in _SHOWN and v}
         return {
@@ -76,7 +79,7 @@ class Building:
             "logs": Follower(draft.documents[CAMPAIGN].path.parent).offered()["logs"],
             "missing": sum(f["missing"] for e in elements for f in e["fields"]),
             **{"stages": [s["name"] for s in draft.documents[CAMPAIGN].content["stages"]], "stage": self._stage()["name"]},
-            **{"inherited": self._inherited(), "held": self._held(log)},
+            **{"inherited": self._inherited(), "held": held if log is not None else {}},
         }
 
     @property
@@ -160,14 +163,6 @@ class Building:
         except ThermidError as error:
             looked = {"problem": error.message, "rows": 0, "columns": [], "questions": [], "notes": []}
         return {"record": name, "file": table["file"], "channels": table["channels"], "others": len(content["records"]) - 1, **looked}
-
-    def _held(self, log: Mapping[str, Any] | None) -> dict[str, str]:
-        """Return the temperature that the stage gives each boundary that no column of the log is; empty where nobody gave one."""
-        if log is None:
-            return {}
-        logged = {c.get("boundary") for c in log["channels"].values() if isinstance(c, Mapping)}
-        given = self._stage().get("scenario", {}).get("boundaries", {})
-        return {n: str(given.get(n, "")) for n in self.draft.deck.content.get("needs", []) if n not in logged}
 
     def _inside(self, name: str) -> Path:
         return resolve_inside(self.draft.documents[CAMPAIGN].path.parent, name, "log")
