@@ -376,7 +376,6 @@ def predict(
     every: str | float | None = None,
     times: Any = None,
     nodes: Sequence[str] | None = None,
-    discrepancy: bool = True,
     without: Sequence[str] = (),
     draws: int = 0,
     seed: int = 0,
@@ -405,7 +404,6 @@ def predict(
     spread : dict, Spread       What else is not known exactly: name -> spread as text, or `Spread`, or several of these.
     every, times                When to store, as in `simulate`.
     nodes : sequence of str     Nodes to predict; all by default.
-    discrepancy : bool          False for ``without=("structural", "misfit")``.
     without : sequence of str   Sources that are not counted: kinds (``structural``, ``misfit``) or causes; the result states this.
     draws : int                 Members drawn from the sources; bands are then quantiles. 0 for derivatives, as long as they do.
     seed : int                  Of the draws.
@@ -420,8 +418,7 @@ def predict(
     known = fit if isinstance(fit, Known) else Known.of(fit)
     if draws < 0:
         raise IdentificationError(f"{draws} members are too few. Give 0 for derivatives alone, or some hundred.", known.model.title)
-    off = (*without, *(() if discrepancy else ("structural", "misfit")))
-    asked = Asked(scenario, spread, off, every, times, draws, seed, options, as_logged)
+    asked = Asked(scenario, spread, without, every, times, draws, seed, options, as_logged)
     plain = asked.of(known.on(model) if model is not None else known, nodes)
     if known.fit is None or model is not None or draws or DEFECTS in without:
         return plain
@@ -433,7 +430,7 @@ def predict(
 
 @dataclass(frozen=True, eq=False)
 class Asked:
-    """What is asked of `predict`: arguments as there, `without` what `discrepancy` leaves out too."""
+    """What is asked of `predict`: arguments as there."""
 
     scenario: Scenario
     spread: Given | Sequence[Given]

@@ -76,7 +76,6 @@ def test_a_source_that_is_left_out_is_gone_from_every_consumer(tmp_path: Path) -
     off = ("structural", "misfit")
     routes = {
         "predict": td.predict(fit, far, nodes=[node], without=off),
-        "discrepancy=False": td.predict(fit, far, nodes=[node], discrepancy=False),
         "foresee": foresee(td.design.Known.of(fit), far, nodes=[node], without=off).prediction,
     }
     runs = td.qualify.uncertain_runs(fit.model, far, fit, n=400, nodes=[node], without=off)
