@@ -20,8 +20,8 @@ from thermid.base.linear_algebra import Array, null_space, symmetric_inverse
 from thermid.base.units import NAMES, counted, unit
 from thermid.fit._calibration import FAR, FIRST, TIMES, Calibration, Local, contradicted, far_from_sheet, loudly
 from thermid.fit._discrepancy.discrepancy import with_discrepancy
-from thermid.fit._discrepancy.doubts import with_doubts
-from thermid.fit._error_model.kept import KEY as ERRORS, error_table
+from thermid.fit._error_model.kept import KEY as ERRORS, ErrorModel, error_table
+from thermid.fit._error_model.structural import with_structural_errors
 from thermid.fit._inputs import inputs_of
 from thermid.fit._minimisation import Fit, KeptFit, covariances, ended, minimise
 from thermid.fit._problem.experiment import UNSAID_NOISE, Experiment
@@ -805,14 +805,17 @@ def _fitted(request: Request, problem: Problem, progress: Progress | None, known
     errors = responses(request, problem, found, spread.variance_factor, random, weights)
     _refuse_without_errors(request, problem, errors.total)
     made = with_discrepancy(replace(summarise(request, problem, found, errors, random, spread), kept=kept))
-    return _with_errors(with_doubts(made) if request.doubts or _suspect(made, spread) else made)
+    errors = None
+    if request.structural_errors or _suspect(made, spread):
+        made, errors = with_structural_errors(made)
+    return _with_errors(made, errors)
 
 
-def _with_errors(fit: Calibration) -> Calibration:
-    """Return a fit whose values keep its model of error, which is made when somebody asks for it."""
+def _with_errors(fit: Calibration, errors: ErrorModel | None) -> Calibration:
+    """Return a fit whose values keep its model of error, which is made when somebody asks for it if it is not there."""
     if fit.stopped or fit.problem is None or not any(u.kind == "parameter" for u in fit.problem.unknowns):
         return fit
-    provenance = {**fit.values.provenance, ERRORS: LaterTable(partial(error_table, fit))}
+    provenance = {**fit.values.provenance, ERRORS: LaterTable(errors.to_dict if errors is not None else partial(error_table, fit))}
     store = replace(fit.store, provenance={**fit.store.provenance, fit.values.stage: provenance})
     return replace(fit, values=replace(fit.values, provenance=provenance), store=store)
 

@@ -12,7 +12,6 @@ from thermid.fit._discrepancy.discrepancy import (
     kept_in as kept_in,
     losing_gas as losing_gas,
 )
-from thermid.fit._discrepancy.doubts import SETTLING_PACES as SETTLING_PACES
 from thermid.fit._discrepancy.own_values import (
     BALANCE as BALANCE,
     OwnValue as OwnValue,

@@ -32,7 +32,7 @@ from thermid.fit._error_model.elements import (
     ways_of,
 )
 from thermid.fit._error_model.gaussian import weights_of
-from thermid.fit._error_model.model import GROUPS, FittedWay, before, fitted_way, points_of
+from thermid.fit._error_model.model import GROUPS, FittedWay, before, evidence_of_structure, fitted_way, log_sum, points_of
 from thermid.fit._error_model.runs import Departures, Smooth, UnknownColumn
 from thermid.fit._error_model.sizes import COUNTED, FAR_SIZE, KEPT_OF_PRIOR, OUTSIDE, SIZES
 from thermid.fit._problem.residuals import Problem, Unknown
@@ -229,6 +229,7 @@ class ErrorModel(Result):
     ways : tuple of KeptWay     The posterior for each way in which heat of surfaces may be carried; none where elements are not followed.
     misfit : float              Root mean square of the readings over what is allowed of them; one is expected. [-]
     why : str                   Why elements are not followed; empty where they are.
+    gain : float                By how much ln of the evidence of the readings grows with what departs; not kept in files.
     """
 
     stage: str
@@ -236,6 +237,7 @@ class ErrorModel(Result):
     ways: tuple[KeptWay, ...] = ()
     misfit: float = 1.0
     why: str = ""
+    gain: float = 0.0
 
     @classmethod
     def of(cls, fit: Calibration) -> ErrorModel:
@@ -271,7 +273,9 @@ class ErrorModel(Result):
         ways = [KeptWay.of(w, share, bounds) for w, share in zip(found, shares, strict=True) if share.sum() > COUNTED]
         total = sum(w.weight for w in ways)
         seen = {n: SeenValue.of(named[n]) for n in ways[0].values}
-        return cls(fit.stage, seen, tuple(replace(w, weight=w.weight / total) for w in ways), misfit)
+        gain = log_sum(np.concatenate([w.members.log_evidence for w in found])) - float(np.log(len(found)))
+        ways = [replace(w, weight=w.weight / total) for w in ways]
+        return cls(fit.stage, seen, tuple(ways), misfit, gain=gain - evidence_of_structure(problem, fitted))
 
     @property
     def carriers(self) -> dict[str, float]:
@@ -302,13 +306,17 @@ class ErrorModel(Result):
         """Values of the fit that its runs share, in the order of `covariance`."""
         return tuple(self.seen)
 
+    @property
+    def mean(self) -> Array:
+        """Expected values (values,) of the fit, in their fitted form."""
+        return np.sum([w.weight * np.array([*w.values.values()]) for w in self.ways], axis=0)
+
     @cached_property
     def covariance(self) -> Array:
         """Covariance (values, values) of the values of the fit, in their fitted form."""
         size = len(self.seen)
-        means = np.array([list(w.values.values()) for w in self.ways])
         weights = np.array([w.weight for w in self.ways])
-        apart = means - weights @ means
+        apart = np.array([list(w.values.values()) for w in self.ways]) - self.mean
         within = sum(w.weight * w.root[:size, :size] @ w.root[:size, :size].T for w in self.ways)
         return np.asarray(within + (weights[:, None] * apart).T @ apart)
 

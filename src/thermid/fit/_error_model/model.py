@@ -265,14 +265,27 @@ def _averaged(runs: RunsOfFit, way: Way, laws: Mapping[str, ElementLaw], centre:
     prior, sizes = left_prior(), drawn_sizes(sets)
     few = drawn_sizes(max(sets * FIRST_SETS // SETS, 1))
     first = {left: runs.posterior(centre, few, left).log_evidence for left in prior}
-    logs = {left: log + first[left].max() + float(np.log(np.mean(np.exp(first[left] - first[left].max())))) for left, log in prior.items()}
+    logs = {left: log + log_sum(first[left]) - float(np.log(len(few))) for left, log in prior.items()}
     likely = [left for left, share in zip(logs, weights_of(list(logs.values())), strict=True) if share > LIKELY]
     parts = [runs.posterior(centre, sizes, left) for left in likely]
-    parts = [replace(p, log_evidence=p.log_evidence + prior[left]) for p, left in zip(parts, likely, strict=True)]
+    parts = [replace(p, log_evidence=p.log_evidence + prior[left] - np.log(sets)) for p, left in zip(parts, likely, strict=True)]
     members = Members(*(np.concatenate([getattr(p, name) for p in parts]) for name in ("log_evidence", "mean", "root", "square")))
     sizes_left = np.repeat([(SIZES["left"].value * size, time) for size, time in likely], sets, axis=0)
     values = {runs.problem.unknowns[k].name: float(runs.fitted[k]) for k in runs.values}
     return FittedWay(way, laws, values, runs.departures, runs.columns, members, np.tile(sizes, (len(parts), 1)), sizes_left)
+
+
+def evidence_of_structure(problem: Problem, fitted: Array) -> float:
+    """Return ln of the evidence of the readings where nothing departs from the structure of a fit, with what no element explains."""
+    runs, nothing = RunsOfFit.of(problem, fitted, Way(""), {}, {}, Departures({}, ())), np.zeros((1, len(GROUPS)))
+    centre = np.zeros(len(runs.values))
+    return log_sum([runs.posterior(centre, nothing, left).log_evidence[0] + log for left, log in left_prior().items()])
+
+
+def log_sum(logs: Sequence[float] | Array) -> float:
+    """Return ln of the sum of numbers by their logarithms."""
+    most = float(np.max(logs))
+    return most + float(np.log(np.sum(np.exp(np.asarray(logs) - most))))
 
 
 def left_prior() -> dict[tuple[float, float], float]:
