@@ -830,7 +830,7 @@ def _suspect(fit: Calibration, spread: Autocorrelation) -> bool:
     seen = _seen_noise(fit.problem)
     taken = {(e.record.name, o.sensor): o.noise or fit.problem.noise[o.sensor] for e in fit.problem.experiments for o in e.observations}
     stated = all(o.noise is not None for o in fit.problem.observations())
-    slow = _slow(spread)
+    slow = _slow(spread) if _wandering(spread) else []
     # squares of what wanders in units of the noise that the readings show
     more = [max(taken[key] / seen[key], 1.0) ** 2 if (key := (t.record, t.sensor)) in seen else float(stated) for t in slow]
     squares = [t.samples * (t.white_variance + t.correlated_variance) * m for t, m in zip(slow, more, strict=True)]
