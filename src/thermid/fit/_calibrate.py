@@ -19,7 +19,7 @@ from thermid.base.errors import IdentificationError, SolverError
 from thermid.base.linear_algebra import Array, null_space, symmetric_inverse
 from thermid.base.units import NAMES, counted, unit
 from thermid.fit._calibration import FAR, FIRST, TIMES, Calibration, Local, contradicted, far_from_sheet, loudly
-from thermid.fit._discrepancy.discrepancy import with_discrepancy
+from thermid.fit._error_model.discrepancy import with_discrepancy
 from thermid.fit._error_model.kept import KEY as ERRORS, ErrorModel, error_table
 from thermid.fit._error_model.structural import with_structural_errors
 from thermid.fit._inputs import inputs_of
@@ -805,10 +805,9 @@ def _fitted(request: Request, problem: Problem, progress: Progress | None, known
     errors = responses(request, problem, found, spread.variance_factor, random, weights)
     _refuse_without_errors(request, problem, errors.total)
     made = with_discrepancy(replace(summarise(request, problem, found, errors, random, spread), kept=kept))
-    errors = None
     if request.structural_errors or _suspect(made, spread):
-        made, errors = with_structural_errors(made)
-    return _with_errors(made, errors)
+        return _with_errors(*with_structural_errors(made))
+    return _with_errors(made, None)
 
 
 def _with_errors(fit: Calibration, errors: ErrorModel | None) -> Calibration:

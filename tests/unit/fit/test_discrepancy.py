@@ -11,7 +11,7 @@ from thermid.base.errors import IdentificationError
 from thermid.base.expression import quantity
 from thermid.fit._calibrate import calibrate
 from thermid.fit._calibration import Calibration
-from thermid.fit._discrepancy.discrepancy import Discrepancy, discrepancy, operating_points
+from thermid.fit._error_model.discrepancy import Discrepancy, discrepancy, operating_points
 from thermid.measure.records import Channel, Record
 from thermid.model.tree import Model
 from thermid.prediction._known import values_at

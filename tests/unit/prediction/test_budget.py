@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 import thermid as td
-from thermid.fit._discrepancy import discrepancy
+from thermid.fit._error_model import discrepancy
 from thermid.prediction import _budget as budget, _predict as predict
 from thermid.prediction._budget import Budget, budget_of, first_line
 from thermid.prediction._predict import foresee

@@ -18,9 +18,9 @@ from thermid.base.extensions import grammar_of
 from thermid.bench.bench_files import MappedSensor, load_sensors, save_sensor
 from thermid.campaign._judge.verdict import look, looks_at
 from thermid.campaign.stages import recall, remember
-from thermid.fit._discrepancy.own_values import Beside
 from thermid.fit._error_model.elements import JointLaw, SurfaceLaw
 from thermid.fit._error_model.kept import ErrorModel, KeptWay, SeenValue
+from thermid.fit._error_model.own_values import Beside
 from thermid.fit._error_model.runs import Departures, Smooth, UnknownColumn
 from thermid.fit.calibration import KeptFit, calibrate
 from thermid.fit.discrepancy import Discrepancy, OperatingPoint, OwnValue

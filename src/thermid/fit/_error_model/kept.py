@@ -19,7 +19,7 @@ from thermid.base.errors import IdentificationError, ThermidError
 from thermid.base.linear_algebra import Array
 from thermid.base.results import Result, Row
 from thermid.fit._calibration import Calibration
-from thermid.fit._discrepancy.discrepancy import FREE_AIR, OperatingPoint, coefficient_path, constant_coefficients
+from thermid.fit._error_model.courses import FREE_AIR, OperatingPoint, coefficient_path, constant_coefficients
 from thermid.fit._error_model.elements import (
     EXPONENT_OF,
     SHARE_OF,
@@ -309,7 +309,7 @@ class ErrorModel(Result):
     @property
     def mean(self) -> Array:
         """Expected values (values,) of the fit, in their fitted form."""
-        return np.sum([w.weight * np.array([*w.values.values()]) for w in self.ways], axis=0)
+        return np.asarray(np.sum([w.weight * np.array([*w.values.values()]) for w in self.ways], axis=0))
 
     @cached_property
     def covariance(self) -> Array:

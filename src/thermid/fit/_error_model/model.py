@@ -9,15 +9,12 @@ from typing import Any
 import numpy as np
 
 from thermid.base.linear_algebra import Array
-from thermid.fit._discrepancy.discrepancy import OperatingPoint
+from thermid.fit._error_model.courses import ElementCourse, OperatingPoint, course_of, point_of
 from thermid.fit._error_model.elements import (
     DepartureHeat,
-    ElementCourse,
     ElementLaw,
     Way,
     conductors_of,
-    course_of,
-    point_of,
     with_heats,
     with_laws,
 )
