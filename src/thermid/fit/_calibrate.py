@@ -20,8 +20,7 @@ from thermid.base.linear_algebra import Array, null_space, symmetric_inverse
 from thermid.base.units import NAMES, counted, unit
 from thermid.fit._calibration import FAR, FIRST, TIMES, Calibration, Local, contradicted, far_from_sheet, loudly
 from thermid.fit._error_model.discrepancy import with_discrepancy
-from thermid.fit._error_model.kept import KEY as ERRORS, ErrorModel, error_table
-from thermid.fit._error_model.structural import with_structural_errors
+from thermid.fit._error_model.kept import KEY as ERRORS, ErrorModel, error_table, with_structural_errors
 from thermid.fit._inputs import inputs_of
 from thermid.fit._minimisation import Fit, KeptFit, covariances, ended, minimise
 from thermid.fit._problem.experiment import UNSAID_NOISE, Experiment
