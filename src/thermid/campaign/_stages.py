@@ -99,7 +99,7 @@ def request_of(source: CampaignSource, stage: StageTable, k: int, done: Mapping[
         readings=readings_of(stage.readings),
         adequate=literal(stage.adequate, "K", f"{where}.adequate") if stage.adequate else 0.0,
         accepted=stage.name in source.accepted,
-        doubts=stage.doubts,
+        structural_errors=stage.structural_errors,
     )
     return with_courses(asked, stage, where)
 

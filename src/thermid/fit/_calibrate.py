@@ -19,9 +19,8 @@ from thermid.base.errors import IdentificationError, SolverError
 from thermid.base.linear_algebra import Array, null_space, symmetric_inverse
 from thermid.base.units import NAMES, counted, unit
 from thermid.fit._calibration import FAR, FIRST, TIMES, Calibration, Local, contradicted, far_from_sheet, loudly
-from thermid.fit._discrepancy.discrepancy import with_discrepancy
-from thermid.fit._discrepancy.doubts import with_doubts
-from thermid.fit._error_model.kept import KEY as ERRORS, error_table
+from thermid.fit._error_model.discrepancy import with_discrepancy
+from thermid.fit._error_model.kept import KEY as ERRORS, ErrorModel, error_table, with_structural_errors
 from thermid.fit._inputs import inputs_of
 from thermid.fit._minimisation import Fit, KeptFit, covariances, ended, minimise
 from thermid.fit._problem.experiment import UNSAID_NOISE, Experiment
@@ -824,14 +823,16 @@ def _fitted(request: Request, problem: Problem, progress: Progress | None, known
     errors = responses(request, problem, found, spread.variance_factor, random, weights)
     _refuse_without_errors(request, problem, errors.total)
     made = with_discrepancy(replace(summarise(request, problem, found, errors, random, spread), kept=kept))
-    return _with_errors(with_doubts(made) if request.doubts or _suspect(made, spread) else made)
+    if request.structural_errors or _suspect(made, spread):
+        return _with_errors(*with_structural_errors(made))
+    return _with_errors(made, None)
 
 
-def _with_errors(fit: Calibration) -> Calibration:
-    """Return a fit whose values keep its model of error, which is made when somebody asks for it."""
+def _with_errors(fit: Calibration, errors: ErrorModel | None) -> Calibration:
+    """Return a fit whose values keep its model of error, which is made when somebody asks for it if it is not there."""
     if fit.stopped or fit.problem is None or not any(u.kind == "parameter" for u in fit.problem.unknowns):
         return fit
-    provenance = {**fit.values.provenance, ERRORS: LaterTable(partial(error_table, fit))}
+    provenance = {**fit.values.provenance, ERRORS: LaterTable(errors.to_dict if errors is not None else partial(error_table, fit))}
     store = replace(fit.store, provenance={**fit.store.provenance, fit.values.stage: provenance})
     return replace(fit, values=replace(fit.values, provenance=provenance), store=store)
 
@@ -846,7 +847,7 @@ def _suspect(fit: Calibration, spread: Autocorrelation) -> bool:
     seen = _seen_noise(fit.problem)
     taken = {(e.record.name, o.sensor): o.noise or fit.problem.noise[o.sensor] for e in fit.problem.experiments for o in e.observations}
     stated = all(o.noise is not None for o in fit.problem.observations())
-    slow = _slow(spread)
+    slow = _slow(spread) if _wandering(spread) else []
     # squares of what wanders in units of the noise that the readings show
     more = [max(taken[key] / seen[key], 1.0) ** 2 if (key := (t.record, t.sensor)) in seen else float(stated) for t in slow]
     squares = [t.samples * (t.white_variance + t.correlated_variance) * m for t, m in zip(slow, more, strict=True)]

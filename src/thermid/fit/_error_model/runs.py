@@ -9,10 +9,9 @@ from typing import Any
 import numpy as np
 
 from thermid.base.linear_algebra import Array
-from thermid.fit._discrepancy.discrepancy import OperatingPoint
+from thermid.fit._error_model.courses import ElementCourse, OperatingPoint
 from thermid.fit._error_model.elements import (
     DepartureHeat,
-    ElementCourse,
     ElementLaw,
     Way,
     class_of,
