@@ -7,9 +7,8 @@ have gone alone.
 
 from __future__ import annotations
 
-import json
 import os
-from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from functools import partial
 from itertools import chain
@@ -27,6 +26,7 @@ from thermid.base.results import PlottedTrace, Result
 from thermid.model.laws import Constant
 from thermid.model.tree import Model
 from thermid.physics.constants import ICE_POINT
+from thermid.simulation._many.counted import Counted, added, gathered
 from thermid.simulation._many.kept import JobFolder, digest
 from thermid.simulation._many.tally import PILOT, CountGrid, Tally
 from thermid.simulation._many.tasks import Workers, in_tasks
@@ -243,7 +243,6 @@ CHUNK = 64_000_000
 """Bytes of traces held at once while members are counted."""
 LANES = 8
 """Members that the kernel runs together; groups of whole lanes run as all members would."""
-TALLIED = ("counts", "sums", "keys", "beyond")
 TASKS = 12
 """Shares into which members are divided for workers, so that these end at about the same time."""
 
@@ -579,8 +578,8 @@ class _Runs:
         """How many members run together where their traces are not kept."""
         return max(min(CHUNK // (8 * self.times.size * len(self.wanted)), PILOT) // LANES, 1) * LANES
 
-    def counted(self, group: _GroupRun, grids: Mapping[str, CountGrid]) -> _Counted:
-        """Return what is kept of a group."""
+    def counted(self, group: _GroupRun, grids: Mapping[str, CountGrid]) -> Counted:
+        """Return what is kept of a group: the tallies, and by node the extremes of each member beside the first centre of its grid."""
         members = group.recovery.numbers.coefficients.shape[1]
         good = np.setdiff1d(np.arange(members), list(group.failed))
         tallies, extremes = {}, {}
@@ -590,81 +589,20 @@ class _Runs:
             points = group.turnings.get(node) or MemberTurnings.joined([])
             ends = [points.furthest(kelvin.T, sign) - grid.centre[0] for sign in (1.0, -1.0)]
             extremes[node] = np.array(ends, dtype=np.float32)
-        return _Counted(members, tallies, extremes, group.failed, group.statistics)
+        return Counted(members, tallies, extremes, group.failed, group.statistics)
 
 
-@dataclass(frozen=True, eq=False)
-class _Counted:
-    """What is kept of members that were counted, numbered from zero.
-
-    Parameters
-    ----------
-    members : int
-    tallies : dict          Node -> counts of those that reached the end; empty where none did before.
-    extremes : dict         Node -> highest and lowest (2, members) beside the first centre of its grid, NaN where a member failed. [K]
-    failed, statistics      As of an `Ensemble`.
-    """
-
-    members: int
-    tallies: Mapping[str, Tally]
-    extremes: Mapping[str, NDArray[np.float32]]
-    failed: Mapping[int, str]
-    statistics: Mapping[str, Any]
-
-    def arrays(self) -> dict[str, Any]:
-        """Return it as arrays for a file; grids come from the pilot, which is run again."""
-        kept = {f"{part}_{k}": getattr(t, part) for k, t in enumerate(self.tallies.values()) for part in TALLIED}
-        ends = {f"extremes_{k}": e for k, e in enumerate(self.extremes.values())}
-        about = [self.members, {str(m): why for m, why in self.failed.items()}, dict(self.statistics)]
-        return {**kept, **ends, "about": np.array(json.dumps(about))}
-
-    @classmethod
-    def read(cls, arrays: Mapping[str, Any] | None, grids: Mapping[str, CountGrid]) -> _Counted | None:
-        """Return what arrays of a file hold; None where they do not."""
-        try:
-            if arrays is None:
-                return None
-            members, failed, statistics = json.loads(str(arrays["about"]))
-            good = members - len(failed)
-            tallies = {n: Tally(g, good, *(arrays[f"{part}_{k}"] for part in TALLIED)) for k, (n, g) in enumerate(grids.items())}
-            extremes = {n: arrays[f"extremes_{k}"] for k, n in enumerate(grids)}
-            return cls(members, tallies, extremes, {int(m): why for m, why in failed.items()}, statistics)
-        except (ValueError, KeyError):
-            return None
-
-
-def _gathered(parts: Iterable[tuple[int, _Counted]], members: int) -> _Counted:
-    """Return members in parts, each with the place of its first, in whatever order they come."""
-    tallies: dict[str, Tally] = {}
-    extremes: dict[str, NDArray[np.float32]] = {}
-    failed: dict[int, str] = {}
-    statistics = []
-    for first, part in parts:
-        for n, tally in part.tallies.items():
-            tallies[n] = tallies[n].joined(tally) if n in tallies else tally
-            extremes.setdefault(n, np.full((2, members), np.nan, dtype=np.float32))[:, first : first + part.members] = part.extremes[n]
-        failed |= {first + m: why for m, why in part.failed.items()}
-        statistics.append(part.statistics)
-    return _Counted(members, tallies, extremes, dict(sorted(failed.items())), _added(statistics))
-
-
-def _count(runs: _Runs, values: Mapping[str, Array], grids: Mapping[str, CountGrid]) -> _Counted:
+def _count(runs: _Runs, values: Mapping[str, Array], grids: Mapping[str, CountGrid]) -> Counted:
     """Return what is kept of members, of which few run together; a task of a worker."""
     groups = _shares_of(values, runs.at_once)
     parts = ((k * runs.at_once, runs.counted(runs.group(v), grids)) for k, v in enumerate(groups))
-    return _gathered(parts, next(iter(values.values())).size)
+    return gathered(parts, next(iter(values.values())).size)
 
 
 def _shares_of(values: Mapping[str, Array], size: int) -> list[dict[str, Array]]:
     """Return the values (members,) of so many members after another."""
     members = next(iter(values.values())).size
     return [{n: v[first : first + size] for n, v in values.items()} for first in range(0, members, size)]
-
-
-def _added(parts: Sequence[Mapping[str, Any]]) -> dict[str, Any]:
-    """Return the statistics of several groups together."""
-    counts = {k: sum(p[k] for p in parts) for k in ("steps", "rejected", "one_by_one")}
-    return {**counts, "simd": " and ".join(sorted({str(p["simd"]) for p in parts}))}
 
 
 def run_members(
@@ -702,9 +640,7 @@ def run_members(
     ensemble = partial(Ensemble, *titles, times, wanted, members, values)
     if shares:
         found = _all_counted(runs, values, members, executor, job)
-        known = {
-            n: Summary(*t.quantiles(shares), t.mean, t.sd, float(t.grid.centre[0]), found.extremes[n]) for n, t in found.tallies.items()
-        }
+        known = {n: Summary(*t.quantiles(shares), t.mean, t.sd, float(t.grid.centre[0]), found.rows[n]) for n, t in found.tallies.items()}
         return ensemble(found.failed, shares, found.statistics, network.find, _no_traces, known, {}, warnings)
     if job is not None:
         raise ScenarioError("a job keeps counts of members, not their traces. Give 'quantiles', or use td.qualify.uncertain_runs.", where)
@@ -713,7 +649,7 @@ def run_members(
         return ensemble(group.failed, (), group.statistics, network.find, group.temperature, {}, group.turnings, warnings)
     parts = _all_run(runs, values, members, executor)
     failed, turnings = _one_after_another(parts)
-    return ensemble(failed, (), _added([p.statistics for p in parts]), network.find, partial(_traces_of, parts), {}, turnings, warnings)
+    return ensemble(failed, (), added([p.statistics for p in parts]), network.find, partial(_traces_of, parts), {}, turnings, warnings)
 
 
 def _all_run(runs: _Runs, values: Mapping[str, Array], members: int, executor: Workers) -> list[_GroupRun]:
@@ -722,7 +658,7 @@ def _all_run(runs: _Runs, values: Mapping[str, Array], members: int, executor: W
     return [group for _, group in sorted(in_tasks(_Runs.group, tasks, executor), key=itemgetter(0))]
 
 
-def _all_counted(runs: _Runs, values: Mapping[str, Array], members: int, executor: Workers, job: str | os.PathLike[str] | None) -> _Counted:
+def _all_counted(runs: _Runs, values: Mapping[str, Array], members: int, executor: Workers, job: str | os.PathLike[str] | None) -> Counted:
     """Return what is kept of all members: the first that reach the end say what grids the others are counted on."""
     pilots, at = [], 0
     grids: dict[str, CountGrid] = {}
@@ -738,25 +674,25 @@ def _all_counted(runs: _Runs, values: Mapping[str, Array], members: int, executo
     open_ = [at + first for first, _ in tasks if at + first not in done]
     others = in_tasks(_count, [(f"members from {at + first} on", (runs, v, grids)) for first, v in tasks if at + first in open_], executor)
 
-    def counted() -> Iterator[tuple[int, _Counted]]:
+    def counted() -> Iterator[tuple[int, Counted]]:
         for k, part in others:
             if folder is not None:
                 folder.save(_file_of(open_[k], part.members), part.arrays())
             yield open_[k], part
 
-    return _gathered(chain(pilots, done.items(), counted()), members)
+    return gathered(chain(pilots, done.items(), counted()), members)
 
 
 def _file_of(first: int, members: int) -> str:
     return f"counts_{first:07d}_{members}"
 
 
-def _left_in(folder: JobFolder | None, tasks: Mapping[int, Mapping[str, Array]], grids: Mapping[str, CountGrid]) -> dict[int, _Counted]:
+def _left_in(folder: JobFolder | None, tasks: Mapping[int, Mapping[str, Array]], grids: Mapping[str, CountGrid]) -> dict[int, Counted]:
     """Return first member -> what an earlier run of a job left of the tasks."""
     if folder is None:
         return {}
     sizes = {first: next(iter(v.values())).size for first, v in tasks.items()}
-    loaded = {first: _Counted.read(folder.load(_file_of(first, size)), grids) for first, size in sizes.items()}
+    loaded = {first: Counted.read(folder.load(_file_of(first, size)), grids) for first, size in sizes.items()}
     return {first: part for first, part in loaded.items() if part is not None}
 
 

@@ -15,7 +15,8 @@ import thermid as td
 from thermid.app.cli.app import main
 from thermid.base.errors import DeckError, ScenarioError
 from thermid.prediction._monte_carlo import chunks as campaign_runs
-from thermid.prediction._monte_carlo.hold import HoldQuestion, clock, first_crossings, hold, hold_time, proportion
+from thermid.prediction._monte_carlo.chunks import first_crossings
+from thermid.prediction._monte_carlo.hold import HoldQuestion, clock, hold, hold_time, proportion
 
 POWER, G, C = 10.0, 0.5, 500.0
 TAU = C / G
