@@ -15,7 +15,7 @@ from thermid.base.linear_algebra import Array, Indices
 from thermid.model.tree import Model
 from thermid.prediction._budget import Budget
 from thermid.prediction._setting import Setting
-from thermid.simulation.runs import PILOT, Counted, CountGrid, JobFolder, Tally, Workers, digest, gathered, in_tasks
+from thermid.simulation.runs import PILOT, Counted, CountGrid, JobFolder, Tally, Workers, digest, gathered, in_tasks, rows_of
 from thermid.simulation.scenarios import Scenario
 from thermid.simulation.solver import MemberTurnings, Options
 
@@ -119,9 +119,8 @@ class Chunk:
         return np.setdiff1d(np.arange(self.temperatures.shape[0]), np.array(list(self.failed), dtype=np.int64) - self.first)
 
     def rows(self, nodes: Sequence[str], node: str) -> Array:
-        """Return the temperatures (times + 2, members) of a node: at the times, the highest and the lowest of the run. [K]"""
-        samples, points = self.temperatures[:, nodes.index(node)], self.turnings.get(node) or MemberTurnings.joined([])
-        return np.concatenate([samples.T, [points.furthest(samples, sign) for sign in (1.0, -1.0)]])
+        """Return the rows (times + 2, members) of one of the nodes, see `rows_of`. [K]"""
+        return rows_of(self.temperatures[:, nodes.index(node)].T, self.turnings.get(node))
 
 
 def first_crossings(times: Array, above: Array, turnings: MemberTurnings | None = None) -> Array:

@@ -318,8 +318,7 @@ class UncertainRuns(Result):
     def _counted(self, node: str, share: Any) -> tuple[Array, Array]:
         """Return quantiles of the rows of a node, and by how much each may be wrong. [K]"""
         self._kept(node)
-        found, error = self.counts[self.job.model.canonical(node)].quantiles(np.atleast_1d(share).tolist())
-        return (found, error) if np.ndim(share) else (found[0], error[0])
+        return self.counts[self.job.model.canonical(node)].read(share)
 
     def turnings_of(self, node: str) -> MemberTurnings | None:
         """Return the turning points of a node between samples in the members that reached the end; None where they were not followed."""

@@ -10,7 +10,9 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from thermid.base.linear_algebra import Array
 from thermid.simulation._many.tally import CountGrid, Tally
+from thermid.simulation._solver.extremes import MemberTurnings
 
 TALLIED = ("counts", "sums", "keys", "beyond")
 
@@ -56,6 +58,12 @@ class Counted:
             return None
 
 
+def rows_of(kelvin: Array, turnings: MemberTurnings | None) -> Array:
+    """Return what is counted of a node (times + 2, members): its temperatures (times, members), the highest and the lowest. [K]"""
+    points = turnings or MemberTurnings.joined([])
+    return np.concatenate([kelvin, [points.furthest(kelvin.T, sign) for sign in (1.0, -1.0)]])
+
+
 def gathered(parts: Iterable[tuple[int, Counted]], members: int) -> Counted:
     """Return members in parts, each with the place of its first, in whatever order they come."""
     tallies: dict[str, Tally] = {}
@@ -69,6 +77,7 @@ def gathered(parts: Iterable[tuple[int, Counted]], members: int) -> Counted:
             rows.setdefault(n, np.full((*own.shape[:-1], members), np.nan, dtype=own.dtype))[..., first : first + part.members] = own
         failed |= {first + m: why for m, why in part.failed.items()}
         statistics.append(part.statistics)
+        del part  # megabytes, while the next is made
     return Counted(members, tallies, rows, dict(sorted(failed.items())), added(statistics))
 
 

@@ -42,7 +42,11 @@ def counted_ensemble(executor: object = None) -> bytes:
     draws = td.simulation.draw(model, day(), SPREAD, MEMBERS, seed=3)
     many = td.ensemble(model, day(), draws, every="10 [min]", quantiles=(0.025, 0.5, 0.975), executor=executor)  # type: ignore[arg-type]
     assert not many.failed
-    told = [x for n in many.nodes for x in (many.quantile(n, [0.025, 0.5]), many.mean(n), many.sd(n), many.highest(n), many.lowest(n))]
+    told = [
+        x
+        for n in many.nodes
+        for x in (many.quantile(n, [0.025, 0.5]), many.mean(n), many.sd(n), many.highest_quantile(n, 0.5), many.lowest_quantile(n, 0.5))
+    ]
     return b"".join(np.asarray(x).tobytes() for x in told)
 
 
