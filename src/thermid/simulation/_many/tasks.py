@@ -9,6 +9,7 @@ import signal
 from collections.abc import Callable, Iterator, Sequence
 from concurrent.futures import BrokenExecutor, CancelledError, Executor, Future, as_completed
 from contextlib import ExitStack, contextmanager
+from math import inf
 from time import sleep
 from typing import Any, TypeVar
 
@@ -22,6 +23,8 @@ Dask scheduler, ``tcp://host:8786``; ``"joblib"``, the backend of `joblib.parall
 this process alone."""
 PATIENCE = "20s"
 """How long a cluster may take to answer."""
+SHORT = 20.0
+"""Processor time below which processes of this machine cost more than they save. [s]"""
 ONE_THREAD = dict.fromkeys(("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS"), "1")
 """Environment of processes of this machine: they share its cores already."""
 HANDED, AGAIN = 5, 0.1
@@ -29,7 +32,9 @@ HANDED, AGAIN = 5, 0.1
 Call = tuple[Callable[..., Any], str, str, tuple[Any, ...]]
 
 
-def in_tasks(function: Callable[..., Made], tasks: Sequence[tuple[str, tuple[Any, ...]]], workers: Workers) -> Iterator[tuple[int, Made]]:
+def in_tasks(
+    function: Callable[..., Made], tasks: Sequence[tuple[str, tuple[Any, ...]]], workers: Workers, seconds: float = inf
+) -> Iterator[tuple[int, Made]]:
     """Yield the position of each task and its result, as they are done; what is not wanted any more is not begun.
 
     Parameters
@@ -37,6 +42,7 @@ def in_tasks(function: Callable[..., Made], tasks: Sequence[tuple[str, tuple[Any
     function : callable     At the top level of a module, so that a worker finds it.
     tasks : sequence        What each is, for messages, and the arguments.
     workers : see `Workers`
+    seconds : float         What all will take one after the other, as far as it is known: processes are not begun for less than `SHORT`.
 
     Raises
     ------
@@ -49,7 +55,7 @@ def in_tasks(function: Callable[..., Made], tasks: Sequence[tuple[str, tuple[Any
     calls = [(function, version("thermid"), name, arguments) for name, arguments in tasks]
     if isinstance(workers, int) and workers < 1:
         raise ScenarioError(f"{workers} processes cannot do anything. Give at least one.")
-    if workers is None or (isinstance(workers, int) and min(workers, len(tasks)) <= 1):
+    if workers is None or (isinstance(workers, int) and (min(workers, len(tasks)) <= 1 or seconds < SHORT)):
         yield from map(_done, enumerate(calls))
     elif workers == "joblib":
         joblib = optional("joblib", "a run on several processes")
