@@ -13,6 +13,7 @@ from dataclasses import dataclass, field, replace
 from functools import partial
 from itertools import chain
 from operator import itemgetter
+from time import process_time
 from typing import Any, cast
 
 import numpy as np
@@ -646,18 +647,20 @@ def _all_run(runs: _Runs, values: Mapping[str, Array], members: int, executor: W
 
 def _all_counted(runs: _Runs, values: Mapping[str, Array], members: int, executor: Workers, job: str | os.PathLike[str] | None) -> Counted:
     """Return what is kept of all members: the first that reach the end say what grids the others are counted on."""
-    pilots, at = [], 0
+    pilots, at, begun = [], 0, process_time()
     grids: dict[str, CountGrid] = {}
     while at < members and not grids:
         group = runs.group({n: v[at : at + runs.at_once] for n, v in values.items()})
         grids = {n: CountGrid.of(group.rows(n)) for n in runs.wanted} if len(group.failed) < group.members else {}
         pilots.append((at, runs.counted(group, grids)))
         at += pilots[-1][1].members
+    ahead = (process_time() - begun) * (members - at) / at
     tasks = _tasks({n: v[at:] for n, v in values.items()}, members - at, runs.at_once)
     folder = JobFolder.of(job, runs.key(values)) if job is not None else None
     done = _left_in(folder, {at + first: v for first, v in tasks}, grids)
     open_ = [at + first for first, _ in tasks if at + first not in done]
-    others = in_tasks(_count, [(f"members from {at + first} on", (runs, v, grids)) for first, v in tasks if at + first in open_], executor)
+    calls = [(f"members from {at + first} on", (runs, v, grids)) for first, v in tasks if at + first in open_]
+    others = in_tasks(_count, calls, executor, seconds=ahead)
 
     def counted() -> Iterator[tuple[int, Counted]]:
         for k, part in others:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from operator import itemgetter
@@ -356,12 +357,19 @@ class Campaign:
         if open_:
             self.say(0)
         calls = [(f"members from {first} on", tasks[first, size]) for first, size in open_]
-        for k, made in in_tasks(function, calls, self.executor) if calls else ():
+        for k, made in in_tasks(function, calls, self.executor, seconds=self._ahead(open_)) if calls else ():
             first, size = open_[k]
             if self.folder is not None:
                 self.folder.save(name(first, size), arrays(made))
             self.say(size)
             yield first, made
+
+    def _ahead(self, open_: Sequence[tuple[int, int]]) -> float:
+        """Return the processor time that members take; asked where it decides whether processes are begun. [s]"""
+        if not isinstance(self.executor, int):
+            return math.inf
+        each, besides, _ = pace_of(self.job)
+        return sum(size * each + besides * math.ceil(size / self.job.chunk) for _, size in open_)
 
     def say(self, more: int) -> None:
         """Say how many members are done; of nothing new once alone, before the first begins or where all were kept."""
@@ -375,6 +383,18 @@ TABLES = 4
 """Tables of counts that are held at once: one that is made, one that arrives, and what they are joined with and to."""
 TRIED = (8, 64)
 """Members of two chunks that are run to see what one costs, and what a chunk costs besides."""
+
+
+def pace_of(job: Job) -> tuple[float, float, Chunk]:
+    """Return what a member takes, and a chunk besides [s of processor time], and a chunk that was run to see it."""
+    work(job, 0, TRIED[0])  # loads what is loaded once
+    took = []
+    for tried in TRIED:
+        begun = process_time()
+        chunk = work(job, 0, tried)
+        took.append(process_time() - begun)
+    each = max(took[1] - took[0], 0.0) / (TRIED[1] - TRIED[0])
+    return each, max(took[0] - TRIED[0] * each, 0.0), chunk
 
 
 @dataclass(frozen=True)
@@ -403,16 +423,10 @@ class RunCost:
     @classmethod
     def of(cls, job: Job, members: int, kept: int, keep: bool = False) -> RunCost:
         """Return what so many members take, from two small chunks that are run for it."""
-        work(job, 0, TRIED[0])  # loads what is loaded once
-        took = []
-        for tried in TRIED:
-            begun = process_time()
-            chunk = work(job, 0, tried)
-            took.append(process_time() - begun)
-        each = max(took[1] - took[0], 0.0) / (TRIED[1] - TRIED[0])
+        each, besides, chunk = pace_of(job)
         left, whole = members - kept, members if keep else job.whole(members)
         points = sum(getattr(t, part).nbytes for t in chunk.turnings.values() for part in PARTS)
         size = whole * 2.0 * (chunk.temperatures.nbytes + points) / TRIED[1]  # as chunks, and all together
         if whole < members:
             size += TABLES * sum(8.0 * g.bins.sum() for g in Table.of(job, (), [chunk]).grids.values())
-        return cls(members, kept, left * each + len(job.parts(0, left)) * max(took[0] - TRIED[0] * each, 0.0), size)
+        return cls(members, kept, left * each + len(job.parts(0, left)) * besides, size)
