@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import math
+import re
 import sys
 from dataclasses import replace
 from pathlib import Path
@@ -219,6 +220,13 @@ def test_mistakes_are_told_before_anything_runs(folder: Path, capsys: pytest.Cap
     assert "curve.gif: the ending '.gif' promises a picture in GIF, but the picture is written as .png or .svg or .pdf." in said
     assert "of 400 members" not in said
     assert not (folder / "results").exists()
+
+
+def test_a_question_that_needs_more_memory_than_allowed_is_refused(folder: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    assert command("hold", folder / "hold.toml", "--members", 20_000, "--memory", 5) == 2
+    assert re.search(r"20000 members: about .* processor time and \d+ MB beside the program, more than 5 MB", capsys.readouterr().err)
+    assert not (folder / "results").exists() or not list((folder / "results").rglob("*.npz"))
+    assert command("hold", folder / "hold.toml", "--memory", 500) == 0
 
 
 def test_a_mistake_on_the_command_line_is_an_object_too(folder: Path, capsys: pytest.CaptureFixture[str]) -> None:

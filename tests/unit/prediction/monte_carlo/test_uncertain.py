@@ -16,6 +16,7 @@ from thermid.prediction._monte_carlo import chunks as campaign_runs
 from thermid.prediction._monte_carlo.drivers import drivers_of
 from thermid.prediction._monte_carlo.hold import hold
 from thermid.prediction._monte_carlo.uncertain import begun_at
+from thermid.simulation._many import tasks
 from thermid.simulation.runs import Counted
 from thermid.values.fitted import FittedValue, FittedValues
 from thermid.values.store import Cut, Shifted, Uniform, uniforms
@@ -321,7 +322,8 @@ def test_threads_give_the_same_numbers() -> None:
 
 
 @pytest.mark.campaign
-def test_processes_give_the_same_numbers() -> None:
+def test_processes_give_the_same_numbers(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(tasks, "SHORT", 0.0)
     assert np.array_equal(runs(executor=2).temperatures, runs().temperatures)
 
 
