@@ -474,9 +474,8 @@ def run_stages(
             with errors_at(place, ": "):
                 request, ingredients[name] = keyed(request_of(source, left[k], k, done), left[k], keys)
             requests[name], keys[name] = request, request.key
-            progress = progress_of(notice, name) if executor is None or len(ready) == 1 else None
-            own = executor if len(ready) == 1 else None
-            tasks.append((place, (request, source.path.name, place, recall(folder, name, request.key), progress, own)))
+            own = (progress_of(notice, name), executor) if len(ready) == 1 else (None, None)
+            tasks.append((place, (request, source.path.name, place, recall(folder, name, request.key), *own)))
         for _, (found, new) in in_tasks(_fitted, tasks, executor if len(ready) > 1 else None):
             name = found.stage
             if new:

@@ -27,7 +27,7 @@ from thermid.base.results import PlottedTrace, Result
 from thermid.model.laws import Constant
 from thermid.model.tree import Model
 from thermid.physics.constants import ICE_POINT
-from thermid.simulation._many.counted import Counted, added, gathered, rows_of
+from thermid.simulation._many.counted import Counted, added
 from thermid.simulation._many.kept import JobFolder, digest
 from thermid.simulation._many.tally import PILOT, CountGrid, Tally
 from thermid.simulation._many.tasks import Workers, in_tasks
@@ -533,9 +533,9 @@ class _GroupRun:
         return int(self.recovery.numbers.coefficients.shape[1])
 
     def rows(self, node: str) -> Array:
-        """Return the rows (times + 2, members that reached the end) of a node, see `rows_of`. [K]"""
+        """Return the rows (times + 2, members that reached the end) of a node, see `MemberTurnings.rows`. [K]"""
         alive = np.setdiff1d(np.arange(self.members), list(self.failed))
-        return rows_of(self.temperature(node), self.turnings.get(node))[:, alive]
+        return (self.turnings.get(node) or MemberTurnings.joined([])).rows(self.temperature(node))[:, alive]
 
 
 @dataclass(frozen=True, eq=False)
@@ -575,16 +575,15 @@ class _Runs:
 
     def counted(self, group: _GroupRun, grids: Mapping[str, CountGrid]) -> Counted:
         """Return what is kept of a group."""
-        rows = {node: group.rows(node) for node in grids}
-        tallies = {node: Tally.of(grid, rows[node]) for node, grid in grids.items()}
-        return Counted(group.members, tallies, {}, group.failed, group.statistics)
+        counted = {node: group.rows(node) for node in grids}
+        return Counted.of(grids, counted, group.members, group.failed, group.statistics)
 
 
 def _count(runs: _Runs, values: Mapping[str, Array], grids: Mapping[str, CountGrid]) -> Counted:
     """Return what is kept of members, of which few run together; a task of a worker."""
     groups = _shares_of(values, runs.at_once)
     parts = ((k * runs.at_once, runs.counted(runs.group(v), grids)) for k, v in enumerate(groups))
-    return gathered(parts, next(iter(values.values())).size)
+    return Counted.gathered(parts, next(iter(values.values())).size)
 
 
 def _shares_of(values: Mapping[str, Array], size: int) -> list[dict[str, Array]]:
@@ -651,7 +650,7 @@ def _all_counted(runs: _Runs, values: Mapping[str, Array], members: int, executo
     grids: dict[str, CountGrid] = {}
     while at < members and not grids:
         group = runs.group({n: v[at : at + runs.at_once] for n, v in values.items()})
-        grids = {n: CountGrid.of(group.rows(n)) for n in runs.wanted} if len(group.failed) < group.members else {}
+        grids = Counted.grids({n: group.rows(n) for n in runs.wanted})
         pilots.append((at, runs.counted(group, grids)))
         at += pilots[-1][1].members
     ahead = (process_time() - begun) * (members - at) / at
@@ -669,7 +668,7 @@ def _all_counted(runs: _Runs, values: Mapping[str, Array], members: int, executo
             yield open_[k], part
             del part  # megabytes, while the next is made
 
-    return gathered(chain(pilots, done.items(), counted()), members)
+    return Counted.gathered(chain(pilots, done.items(), counted()), members)
 
 
 def _file_of(first: int, members: int) -> str:

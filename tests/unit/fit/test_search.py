@@ -80,7 +80,7 @@ class TestValleys:
 
     @pytest.mark.parametrize("workers", [ThreadPoolExecutor(2), pytest.param(2, marks=pytest.mark.campaign)])
     def test_descents_by_workers_end_at_the_same_values(self, workers: Any, monkeypatch: pytest.MonkeyPatch) -> None:
-        monkeypatch.setattr(tasks, "SHORT", 0.0)
+        monkeypatch.setattr(tasks, "PROCESSES_PAY", 0.0)
         found = td.calibrate(case(1.5, 0.08), log(), PATHS, scenario=BENCH, search="multistart", executor=workers)
         alone = fitted("multistart")
         assert (found.fitted, found.evaluations, found.search) == (alone.fitted, alone.evaluations, alone.search)

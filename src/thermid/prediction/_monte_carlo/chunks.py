@@ -16,7 +16,7 @@ from thermid.base.linear_algebra import Array, Indices
 from thermid.model.tree import Model
 from thermid.prediction._budget import Budget
 from thermid.prediction._setting import Setting
-from thermid.simulation.runs import PILOT, Counted, CountGrid, JobFolder, Tally, Workers, digest, gathered, in_tasks, rows_of
+from thermid.simulation.runs import PILOT, Counted, JobFolder, Workers, digest, in_tasks
 from thermid.simulation.scenarios import Scenario
 from thermid.simulation.solver import MemberTurnings, Options
 
@@ -120,8 +120,8 @@ class Chunk:
         return np.setdiff1d(np.arange(self.temperatures.shape[0]), np.array(list(self.failed), dtype=np.int64) - self.first)
 
     def rows(self, nodes: Sequence[str], node: str) -> Array:
-        """Return the rows (times + 2, members) of one of the nodes, see `rows_of`. [K]"""
-        return rows_of(self.temperatures[:, nodes.index(node)].T, self.turnings.get(node))
+        """Return the rows (times + 2, members that reached the end) of one of the nodes, see `MemberTurnings.rows`. [K]"""
+        return (self.turnings.get(node) or MemberTurnings.joined([])).rows(self.temperatures[:, nodes.index(node)].T)[:, self.reached()]
 
 
 def first_crossings(times: Array, above: Array, turnings: MemberTurnings | None = None) -> Array:
@@ -178,14 +178,14 @@ class Limit:
         return first_crossings(times, self.side * (samples - self.kelvin), above)
 
 
-def work(job: Job, first: int, members: int, threads: int = 1, settings: Settings | None = None) -> Chunk:
+def work(job: Job, first: int, members: int, settings: Settings | None = None) -> Chunk:
     """Return the runs of a chunk of members."""
-    chunk = run_members_of(job, job.budget.numbers(job.seed, first, members), threads, settings)
+    chunk = run_members_of(job, job.budget.numbers(job.seed, first, members), settings)
     return replace(chunk, first=first, failed={first + m: why for m, why in chunk.failed.items()})
 
 
 @dataclass(frozen=True, eq=False)
-class Table:
+class CountTable:
     """On which grids members are counted, and the limits whose crossings are kept of each.
 
     Parameters
@@ -194,41 +194,40 @@ class Table:
     limits : tuple of Limit
     """
 
-    grids: Mapping[str, CountGrid]
+    grids: Mapping[str, Any]
     limits: tuple[Limit, ...]
 
     @classmethod
-    def of(cls, job: Job, limits: tuple[Limit, ...], pilot: Sequence[Chunk]) -> Table:
+    def of(cls, job: Job, limits: tuple[Limit, ...], pilot: Sequence[Chunk]) -> CountTable:
         """Return the table for what the first members did; without grids where none reached the end."""
-        rows = {n: np.concatenate([c.rows(job.nodes, n)[:, c.reached()] for c in pilot], axis=1) for n in job.nodes}
-        return cls({n: CountGrid.of(x[:, :PILOT]) for n, x in rows.items() if x.size}, limits)
+        return cls(Counted.grids({n: np.concatenate([c.rows(job.nodes, n) for c in pilot], axis=1) for n in job.nodes}), limits)
 
     def counted(self, job: Job, chunk: Chunk) -> Counted:
         """Return what is kept of a chunk."""
-        tallies = {n: Tally.of(grid, chunk.rows(job.nodes, n)[:, chunk.reached()]) for n, grid in self.grids.items()}
+        counted = {n: chunk.rows(job.nodes, n) for n in self.grids}
         samples = {x.node: chunk.temperatures[:, job.nodes.index(x.node)] for x in self.limits}
         crossings = [x.crossings(job.times, samples[x.node], chunk.turnings.get(x.node)) for x in self.limits]
         failed = {m - chunk.first: why for m, why in chunk.failed.items()}
         rows = {"crossings": np.array(crossings)} if crossings else {}
-        return Counted(len(chunk.temperatures), tallies, rows, failed, {"simd": chunk.simd})
+        return Counted.of(self.grids, counted, len(chunk.temperatures), failed, {"simd": chunk.simd}, rows)
 
     def name(self, first: int, members: int) -> str:
         """Return the name of the file of a task."""
         return f"counts_{first:07d}_{members}_{digest((self.limits, self.grids))}"
 
 
-def count(job: Job, table: Table, first: int, members: int, threads: int = 1) -> Counted:
+def count(job: Job, table: CountTable, first: int, members: int) -> Counted:
     """Return what is kept of members that are run chunk by chunk; their traces are dropped."""
     settings: Settings = {}
-    parts = ((at - first, table.counted(job, work(job, at, size, threads, settings))) for at, size in job.parts(first, first + members))
-    return gathered(parts, members)
+    parts = ((at - first, table.counted(job, work(job, at, size, settings))) for at, size in job.parts(first, first + members))
+    return Counted.gathered(parts, members)
 
 
 Settings = dict[tuple[int, int], Setting]
 """Scenario and way of carrying heat -> the budget made ready for them."""
 
 
-def run_members_of(job: Job, numbers: Array, threads: int = 1, settings: Settings | None = None) -> Chunk:
+def run_members_of(job: Job, numbers: Array, settings: Settings | None = None) -> Chunk:
     """Return the runs of members at numbers (sources, members), counted from zero."""
     ready = {} if settings is None else settings
     sources = job.budget.drawn(numbers)
@@ -243,7 +242,7 @@ def run_members_of(job: Job, numbers: Array, threads: int = 1, settings: Setting
         members = np.flatnonzero((chosen == v) & (way == w))
         if (v, w) not in ready:
             ready[v, w] = Setting.of(job.budget.each[w][1], scenario=job.scenarios[v], times=job.times, options=job.options)
-        drawn = ready[v, w].temperatures(sources[:, members], job.nodes, threads)
+        drawn = ready[v, w].temperatures(sources[:, members], job.nodes)
         if drawn.runs is not None:
             failed |= {int(members[m]): why for m, why in drawn.runs.failed.items()}
             simd = str(drawn.runs.statistics["simd"])
@@ -286,7 +285,7 @@ Progress = Callable[[int, int], None]
 
 
 @dataclass(eq=False)
-class Campaign:
+class MemberRuns:
     """Members that are being run.
 
     Parameters
@@ -295,7 +294,7 @@ class Campaign:
     members, whole : int        In all; how many of these, the first, are kept whole.
     limits : tuple of Limit     Whose crossings are kept of every member.
     folder : JobFolder          Where finished work is left; None for nowhere.
-    executor, threads, progress     As in `uncertain_runs`.
+    executor, progress      As in `uncertain_runs`.
     done, reused : int          Members that are done; of these, taken from the folder.
     """
 
@@ -305,7 +304,6 @@ class Campaign:
     limits: tuple[Limit, ...]
     folder: JobFolder | None
     executor: Workers
-    threads: int
     progress: Progress | None
     done: int = 0
     reused: int = 0
@@ -313,14 +311,14 @@ class Campaign:
 
     def sample(self) -> list[Chunk]:
         """Return the members that are kept whole."""
-        tasks = {(first, size): (self.job, first, size, self.threads) for first, size in self.job.parts(0, self.whole)}
+        tasks = {(first, size): (self.job, first, size) for first, size in self.job.parts(0, self.whole)}
         found = self._each(work, tasks, chunk_name, as_arrays, as_chunk)
         return [chunk for _, chunk in sorted(found, key=itemgetter(0))]
 
-    def others(self, table: Table) -> Iterator[tuple[int, Counted]]:
+    def others(self, table: CountTable) -> Iterator[tuple[int, Counted]]:
         """Yield what is kept of the other members, with the first of each part."""
         parts = self.job.counted(self.whole, self.members)[:: 1 if self.executor is None else -1]  # workers begin with the longest
-        tasks = {(first, size): (self.job, table, first, size, self.threads) for first, size in parts}
+        tasks = {(first, size): (self.job, table, first, size) for first, size in parts}
         return self._each(count, tasks, table.name, Counted.arrays, lambda arrays, _: Counted.read(arrays, table.grids))
 
     def kept(self) -> int:
@@ -332,7 +330,7 @@ class Campaign:
         kept = sum(len(c.temperatures) for c in found)
         if len(found) < len(parts):
             return kept
-        table = Table.of(self.job, self.limits, found)
+        table = CountTable.of(self.job, self.limits, found)
         others = self.job.counted(self.whole, self.members)
         return kept + sum(size for first, size in others if self.folder.load(table.name(first, size)) is not None)
 
@@ -428,5 +426,5 @@ class RunCost:
         points = sum(getattr(t, part).nbytes for t in chunk.turnings.values() for part in PARTS)
         size = whole * 2.0 * (chunk.temperatures.nbytes + points) / TRIED[1]  # as chunks, and all together
         if whole < members:
-            size += TABLES * sum(8.0 * g.bins.sum() for g in Table.of(job, (), [chunk]).grids.values())
+            size += TABLES * sum(8.0 * g.bins.sum() for g in CountTable.of(job, (), [chunk]).grids.values())
         return cls(members, kept, left * each + len(job.parts(0, left)) * besides, size)

@@ -24,12 +24,12 @@ from thermid.model.tree import Model
 from thermid.physics.constants import ICE_POINT
 from thermid.prediction._budget import AVERAGED, Budget, Spread, assumed_left_out, budget_of, check_variants, first_line, in_order
 from thermid.prediction._known import known_of
-from thermid.prediction._monte_carlo.chunks import Campaign, Chunk, Job, Limit, Progress, Table
+from thermid.prediction._monte_carlo.chunks import Chunk, CountTable, Job, Limit, MemberRuns, Progress
 from thermid.prediction._predict import BENT, WayAnswer, centre_words, mixed_answer
 from thermid.prediction._reduction.macro import assumed
 from thermid.prediction._setting import Setting
 from thermid.simulation.network import compile_network
-from thermid.simulation.runs import Counted, JobFolder, Tally, Workers, gathered, output_times, simulate
+from thermid.simulation.runs import Counted, JobFolder, Workers, output_times, simulate
 from thermid.simulation.scenarios import Scenario
 from thermid.simulation.solver import MemberTurnings, Options
 from thermid.values.fitted import FittedValues
@@ -163,7 +163,7 @@ class UncertainRuns(Result):
     temperatures : array (kept members, nodes, times)   Of those that were kept whole, the first; NaN where a member failed. [K]
     turnings : dict                 Node -> turning points of these between the times; a node is missing where they were not followed.
     failed : dict                   Member -> why it did not reach the end.
-    counts : dict                   Node -> counts of all members at the times, and of their highest and lowest; empty where all were kept.
+    counts : dict                   Node -> `Tally` of all members at the times, and of their highest and lowest; empty where all were kept.
     passed : dict                   Limit -> when each member passes it first (members,), infinite where never; where they were counted. [s]
     reused : int                    Members that were taken from the folder.
     warnings : tuple of str         What a reader must know.
@@ -174,7 +174,7 @@ class UncertainRuns(Result):
     temperatures: Array
     turnings: Mapping[str, MemberTurnings]
     failed: Mapping[int, str]
-    counts: Mapping[str, Tally]
+    counts: Mapping[str, Any]
     passed: Mapping[Limit, Array]
     reused: int = 0
     warnings: tuple[str, ...] = ()
@@ -318,7 +318,8 @@ class UncertainRuns(Result):
     def _counted(self, node: str, share: Any) -> tuple[Array, Array]:
         """Return quantiles of the rows of a node, and by how much each may be wrong. [K]"""
         self._kept(node)
-        return self.counts[self.job.model.canonical(node)].read(share)
+        found, error = self.counts[self.job.model.canonical(node)].read(share)
+        return found, error
 
     def turnings_of(self, node: str) -> MemberTurnings | None:
         """Return the turning points of a node between samples in the members that reached the end; None where they were not followed."""
@@ -398,7 +399,6 @@ def uncertain_runs(
     keep: bool = False,
     folder: str | os.PathLike[str] | None = None,
     executor: Workers = None,
-    threads: int = 1,
     chunk: int = CHUNK,
     progress: Progress | None = None,
     options: Options | None = None,
@@ -427,7 +427,6 @@ def uncertain_runs(
     keep : bool                 Keep every member whole.
     folder : path               Where chunks are kept: what is there is not run again, and a run that was interrupted goes on.
     executor : executor, str or int    Who runs the chunks, as in `ensemble`.
-    threads : int               Threads of one process.
     chunk : int                 Members that run together.
     progress : callable         Called with members done and members in all.
     options : Options           The integrator's.
@@ -447,7 +446,7 @@ def uncertain_runs(
     )
     wanted = _limits_of(job, limits)
     store = JobFolder.of(folder, job.key()) if folder is not None else None
-    campaign = Campaign(job, n, n if keep else job.whole(n), wanted, store, executor, threads, progress)
+    campaign = MemberRuns(job, n, n if keep else job.whole(n), wanted, store, executor, progress)
     return _told(campaign, campaign.sample(), remarks)
 
 
@@ -460,7 +459,7 @@ def _limits_of(job: Job, limits: Mapping[str, Any] | None) -> tuple[Limit, ...]:
     return found
 
 
-def _told(campaign: Campaign, sample: Sequence[Chunk], remarks: tuple[str, ...]) -> UncertainRuns:
+def _told(campaign: MemberRuns, sample: Sequence[Chunk], remarks: tuple[str, ...]) -> UncertainRuns:
     """Return what the members say: the first kept whole, the others run and counted."""
     job, n, whole = campaign.job, campaign.members, campaign.whole
     failed = {m: why for c in sample for m, why in c.failed.items()}
@@ -468,9 +467,9 @@ def _told(campaign: Campaign, sample: Sequence[Chunk], remarks: tuple[str, ...])
     if whole < n and len(failed) == whole:
         n, remarks = whole, (*remarks, f"none of the first {whole} members reached the end, so the other {n - whole} were not run")
     elif whole < n:
-        table = Table.of(job, campaign.limits, sample)
+        table = CountTable.of(job, campaign.limits, sample)
         first = [(c.first, table.counted(job, c)) for c in sample]
-        counted = gathered(chain(first, campaign.others(table)), n)
+        counted = Counted.gathered(chain(first, campaign.others(table)), n)
     if counted.failed:
         why = next(iter(counted.failed.values()))
         remarks = (
@@ -502,5 +501,5 @@ def kept_members(job: Job, members: int, limits: Mapping[str, Any] | None, folde
     """Return how many of the members an earlier run left in a folder."""
     if folder is None:
         return 0
-    campaign = Campaign(job, members, job.whole(members), _limits_of(job, limits), JobFolder.of(folder, job.key()), None, 1, None)
+    campaign = MemberRuns(job, members, job.whole(members), _limits_of(job, limits), JobFolder.of(folder, job.key()), None, None)
     return campaign.kept()

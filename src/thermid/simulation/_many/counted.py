@@ -11,8 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from thermid.base.linear_algebra import Array
-from thermid.simulation._many.tally import CountGrid, Tally
-from thermid.simulation._solver.extremes import MemberTurnings
+from thermid.simulation._many.tally import PILOT, CountGrid, Tally
 
 TALLIED = ("counts", "sums", "keys", "beyond")
 
@@ -36,6 +35,41 @@ class Counted:
     failed: Mapping[int, str]
     statistics: Mapping[str, Any]
 
+    @classmethod
+    def of(
+        cls,
+        grids: Mapping[str, CountGrid],
+        counted: Mapping[str, Array],
+        members: int,
+        failed: Mapping[int, str],
+        statistics: Mapping[str, Any],
+        rows: Mapping[str, NDArray[Any]] | None = None,
+    ) -> Counted:
+        """Return what is kept of members: counts of what those that reached the end did (rows, members), and what is kept of every one."""
+        return cls(members, {n: Tally.of(grid, counted[n]) for n, grid in grids.items()}, rows or {}, failed, statistics)
+
+    @staticmethod
+    def grids(pilot: Mapping[str, Array]) -> dict[str, CountGrid]:
+        """Return the grids for what the first members did (rows, members); none where none reached the end."""
+        return {n: CountGrid.of(x[:, :PILOT]) for n, x in pilot.items() if x.size}
+
+    @classmethod
+    def gathered(cls, parts: Iterable[tuple[int, Counted]], members: int) -> Counted:
+        """Return members in parts, each with the place of its first, in whatever order they come."""
+        tallies: dict[str, Tally] = {}
+        rows: dict[str, NDArray[Any]] = {}
+        failed: dict[int, str] = {}
+        statistics = []
+        for first, part in parts:
+            for n, tally in part.tallies.items():
+                tallies[n] = tallies[n].joined(tally) if n in tallies else tally
+            for n, own in part.rows.items():
+                rows.setdefault(n, np.full((*own.shape[:-1], members), np.nan, dtype=own.dtype))[..., first : first + part.members] = own
+            failed |= {first + m: why for m, why in part.failed.items()}
+            statistics.append(part.statistics)
+            del part  # megabytes, while the next is made
+        return cls(members, tallies, rows, dict(sorted(failed.items())), added(statistics))
+
     def arrays(self) -> dict[str, Any]:
         """Return it as arrays for a file; grids come from the pilot, which is run again."""
         kept = {f"{part}_{k}": getattr(t, part) for k, t in enumerate(self.tallies.values()) for part in TALLIED}
@@ -56,29 +90,6 @@ class Counted:
             return cls(members, tallies, rows, {int(m): why for m, why in failed.items()}, statistics)
         except (ValueError, KeyError):
             return None
-
-
-def rows_of(kelvin: Array, turnings: MemberTurnings | None) -> Array:
-    """Return what is counted of a node (times + 2, members): its temperatures (times, members), the highest and the lowest. [K]"""
-    points = turnings or MemberTurnings.joined([])
-    return np.concatenate([kelvin, [points.furthest(kelvin.T, sign) for sign in (1.0, -1.0)]])
-
-
-def gathered(parts: Iterable[tuple[int, Counted]], members: int) -> Counted:
-    """Return members in parts, each with the place of its first, in whatever order they come."""
-    tallies: dict[str, Tally] = {}
-    rows: dict[str, NDArray[Any]] = {}
-    failed: dict[int, str] = {}
-    statistics = []
-    for first, part in parts:
-        for n, tally in part.tallies.items():
-            tallies[n] = tallies[n].joined(tally) if n in tallies else tally
-        for n, own in part.rows.items():
-            rows.setdefault(n, np.full((*own.shape[:-1], members), np.nan, dtype=own.dtype))[..., first : first + part.members] = own
-        failed |= {first + m: why for m, why in part.failed.items()}
-        statistics.append(part.statistics)
-        del part  # megabytes, while the next is made
-    return Counted(members, tallies, rows, dict(sorted(failed.items())), added(statistics))
 
 
 def added(parts: Sequence[Mapping[str, Any]]) -> dict[str, Any]:

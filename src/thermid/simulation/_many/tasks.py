@@ -23,7 +23,7 @@ Dask scheduler, ``tcp://host:8786``; ``"joblib"``, the backend of `joblib.parall
 this process alone."""
 PATIENCE = "20s"
 """How long a cluster may take to answer."""
-SHORT = 20.0
+PROCESSES_PAY = 20.0
 """Processor time below which processes of this machine cost more than they save. [s]"""
 ONE_THREAD = dict.fromkeys(("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS"), "1")
 """Environment of processes of this machine: they share its cores already."""
@@ -42,7 +42,7 @@ def in_tasks(
     function : callable     At the top level of a module, so that a worker finds it.
     tasks : sequence        What each is, for messages, and the arguments.
     workers : see `Workers`
-    seconds : float         What all will take one after the other, as far as it is known: processes are not begun for less than `SHORT`.
+    seconds : float         What all will take one after the other, if known: below `PROCESSES_PAY` no processes are begun.
 
     Raises
     ------
@@ -55,7 +55,7 @@ def in_tasks(
     calls = [(function, version("thermid"), name, arguments) for name, arguments in tasks]
     if isinstance(workers, int) and workers < 1:
         raise ScenarioError(f"{workers} processes cannot do anything. Give at least one.")
-    if workers is None or (isinstance(workers, int) and (min(workers, len(tasks)) <= 1 or seconds < SHORT)):
+    if workers is None or (isinstance(workers, int) and (min(workers, len(tasks)) <= 1 or seconds < PROCESSES_PAY)):
         yield from map(_done, enumerate(calls))
     elif workers == "joblib":
         joblib = optional("joblib", "a run on several processes")

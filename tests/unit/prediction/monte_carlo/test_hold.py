@@ -8,6 +8,7 @@ import re
 import sys
 from dataclasses import replace
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
@@ -202,10 +203,10 @@ def test_an_interrupted_command_says_how_to_go_on(
 ) -> None:
     honest = campaign_runs.work
 
-    def once(job: campaign_runs.Job, first: int, members: int, threads: int = 1) -> campaign_runs.Chunk:
+    def once(job: campaign_runs.Job, first: int, members: int, *more: Any) -> campaign_runs.Chunk:
         if first:
             raise KeyboardInterrupt
-        return honest(job, first, members, threads)
+        return honest(job, first, members, *more)
 
     monkeypatch.setattr(campaign_runs, "work", once)
     assert command("hold", folder / "hold.toml", "--members", 1000) == 3

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
@@ -208,11 +209,11 @@ def test_an_interrupted_run_goes_on_without_repeating(tmp_path: Path, monkeypatc
     worked: list[int] = []
     honest = campaign_runs.work
 
-    def counted(job: campaign_runs.Job, first: int, members: int, threads: int = 1) -> campaign_runs.Chunk:
+    def counted(job: campaign_runs.Job, first: int, members: int, *more: Any) -> campaign_runs.Chunk:
         if len(worked) == 2:
             raise KeyboardInterrupt
         worked.append(first)
-        return honest(job, first, members, threads)
+        return honest(job, first, members, *more)
 
     monkeypatch.setattr(campaign_runs, "work", counted)
     with pytest.raises(KeyboardInterrupt):
@@ -271,9 +272,9 @@ def test_members_that_are_counted_say_what_kept_ones_say() -> None:
 def test_counted_members_go_on_after_an_interrupt_and_workers_change_no_bit(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     given: dict[str, object] = {"n": 3300, "chunk": 100, "every": "30 [min]", "limits": LIMIT}
     alone, begun, honest = bits(runs(**given)), list[int](), campaign_runs.count
-    assert bits(runs(**given, threads=2)) == bits(runs(**given, executor=ThreadPoolExecutor(3))) == alone
+    assert bits(runs(**given, executor=ThreadPoolExecutor(3))) == alone
 
-    def interrupted(job: campaign_runs.Job, table: campaign_runs.Table, first: int, *more: int) -> Counted:
+    def interrupted(job: campaign_runs.Job, table: campaign_runs.CountTable, first: int, *more: int) -> Counted:
         begun.append(first)
         if len(begun) == 3:
             raise KeyboardInterrupt
@@ -318,12 +319,12 @@ def test_a_spoiled_chunk_is_run_again(tmp_path: Path) -> None:
 
 
 def test_threads_give_the_same_numbers() -> None:
-    assert np.array_equal(runs(threads=2).temperatures, runs().temperatures)
+    assert np.array_equal(runs(executor=ThreadPoolExecutor(2)).temperatures, runs().temperatures)
 
 
 @pytest.mark.campaign
 def test_processes_give_the_same_numbers(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(tasks, "SHORT", 0.0)
+    monkeypatch.setattr(tasks, "PROCESSES_PAY", 0.0)
     assert np.array_equal(runs(executor=2).temperatures, runs().temperatures)
 
 

@@ -79,7 +79,7 @@ def cluster() -> Iterator[tuple[str, list[subprocess.Popen[bytes]]]]:
 
 @pytest.mark.parametrize("asked", [counted_ensemble, uncertain_runs])
 def test_processes_give_the_same_bits(asked: Asked, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(tasks, "SHORT", 0.0)
+    monkeypatch.setattr(tasks, "PROCESSES_PAY", 0.0)
     assert asked(2) == asked()
 
 
