@@ -39,6 +39,7 @@ from thermid.model.identity import identity_of
 from thermid.model.laws import TableSignal
 from thermid.model.parameters import CREDIBLE, UNJUDGED, Standing, worst
 from thermid.model.tree import Model, deck_text, parameter_table, unlumped
+from thermid.simulation.runs import Workers
 from thermid.simulation.scenarios import Scenario
 from thermid.values.fitted import FittedValue, FittedValues, view
 from thermid.values.store import LaterTable, State, Store, ValueOrigin
@@ -693,6 +694,7 @@ def calibrate(
     weights: Mapping[str, float] | str | None = None,
     name: str = "",
     progress: Progress | None = None,
+    executor: Workers = None,
 ) -> Calibration:
     """Return the fit of some parameters of a model to one or several records.
 
@@ -712,6 +714,7 @@ def calibrate(
                                 count as many as residuals that wander are worth, so that priors and local values have the width stated.
     progress : callable         Called with the number of evaluations and the RMS of the weighted residuals; where it has a method
                                 ``ahead(words, seconds)``, that is called before a descent and before a search, with what it will take.
+    executor                    Who makes descents from several starts, as in `ensemble`: the same values from all.
 
     Raises
     ------
@@ -721,7 +724,7 @@ def calibrate(
     request = requested(
         model, many, free, scenario=scenario, local=local, priors=priors, loss=loss, search=search, weights=weights, name=name
     )
-    return fit(request, progress, stoppable=True)
+    return fit(request, progress, stoppable=True, executor=executor)
 
 
 def requested(
@@ -746,7 +749,13 @@ def requested(
     return Request(model, records, tuple(wanted), scenarios, specs, priors=known, loss=loss, search=search, name=name, **weighed)
 
 
-def fit(request: Request, progress: Progress | None = None, known: KeptFit | None = None, stoppable: bool = False) -> Calibration:
+def fit(
+    request: Request,
+    progress: Progress | None = None,
+    known: KeptFit | None = None,
+    stoppable: bool = False,
+    executor: Workers = None,
+) -> Calibration:
     """Return the calibration that a request asks for; see `calibrate`.
 
     `known` is what was kept of the same fit from before; its end is then evaluated and not searched again. `stoppable` says
@@ -754,7 +763,7 @@ def fit(request: Request, progress: Progress | None = None, known: KeptFit | Non
     """
     if request.hand is not None:
         return tuned_by_hand(request, request.hand)
-    return fit_problem(request, build_problem(request), progress, known, stoppable)
+    return fit_problem(request, build_problem(request), progress, known, stoppable, executor)
 
 
 def fit_problem(
@@ -763,15 +772,18 @@ def fit_problem(
     progress: Progress | None = None,
     known: KeptFit | None = None,
     stoppable: bool = False,
+    executor: Workers = None,
 ) -> Calibration:
     """Return the calibration of a problem that was made for a request."""
     from threadpoolctl import threadpool_limits
 
     with threadpool_limits(limits=1):  # matrices of up to some hundred rows: two threads wait for one another a hundred times longer
-        return _fitted(request, problem, progress, known, stoppable)
+        return _fitted(request, problem, progress, known, stoppable, executor)
 
 
-def _fitted(request: Request, problem: Problem, progress: Progress | None, known: KeptFit | None, stoppable: bool) -> Calibration:
+def _fitted(
+    request: Request, problem: Problem, progress: Progress | None, known: KeptFit | None, stoppable: bool, executor: Workers
+) -> Calibration:
     stated = all(o.noise is not None for o in problem.observations())
     if known is not None and not request.effective and list(known.fitted) == [u.name for u in problem.unknowns]:
         found = ended(problem, np.array(list(known.fitted.values())), request.loss, request.loss_scale, known.evaluations)
@@ -781,7 +793,7 @@ def _fitted(request: Request, problem: Problem, progress: Progress | None, known
             if problem.clocked:
                 problem = with_clocks(problem, request.loss, request.loss_scale)
             refuse_before(request, problem, lambda r: fit(r))
-            found = searched(problem, request.search, request.loss, request.loss_scale, progress, stoppable)
+            found = searched(problem, request.search, request.loss, request.loss_scale, progress, stoppable, executor)
             if problem.clocked and not found.stopped:
                 problem, found = in_turns(problem, found, request.loss, request.loss_scale, progress)
         if not stated and not found.stopped:
