@@ -146,7 +146,9 @@ class KeptWay:
         own, members, size = shares / weight, way.members, len(way.values)
         mean = own @ members.mean
         apart = members.mean - mean
-        beside = np.hstack(np.sqrt(own)[:, None, None] * members.root)  # of all members side by side, so that one product sums them
+        beside = np.concatenate(
+            list(np.sqrt(own)[:, None, None] * members.root), axis=1
+        )  # of all members side by side, so that one product sums them
         covariance = beside @ beside.T + (own[:, None] * apart).T @ apart
         at = np.array(list(way.values.values())) + mean[:size]
         low, high = np.array([bounds[n] for n in way.values]).reshape(size, 2).T

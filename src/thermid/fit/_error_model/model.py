@@ -245,8 +245,8 @@ def fitted_way(problem: Problem, fitted: Array, way: Way, points: Mapping[str, O
     they do not explain, and a large one would leave them where they began.
     """
     bounds = np.array([u.fitted_bounds() for u in problem.unknowns]).reshape(fitted.size, 2)
-    at, laws, departures, share, best, least = fitted.copy(), dict(way.laws), None, 1.0, None, np.inf
-    for _ in range(NEWTON_POINTS):
+    at, laws, departures, share, least = fitted.copy(), dict(way.laws), None, 1.0, np.inf
+    for point in range(NEWTON_POINTS):
         runs = RunsOfFit.of(problem, at, way, laws, points, departures)
         departures, values = runs.departures, runs.values
         place = {c.name: len(values) + k for k, c in enumerate(runs.columns)}
@@ -256,7 +256,7 @@ def fitted_way(problem: Problem, fitted: Array, way: Way, points: Mapping[str, O
         for (path, what), k in shapes.items():
             centre[k] = way.laws[path].shape[what] - laws[path].shape[what]
         cost, step, spread = runs.likeliest([*range(len(values)), *shapes.values()], centre)
-        if cost < least:
+        if not point or cost < least:
             least, best, share = cost, (runs, laws, centre, step), min(2.0 * share, 1.0)
             if (np.abs(step) < ARRIVED * spread).all():
                 break

@@ -128,7 +128,7 @@ class Smooth:
 
 def _outside(phi: Array) -> Array:
     """Return what of the variance (times,) lies outside of features (times, r). [-]"""
-    return np.clip(1.0 - np.sum(phi**2, axis=1), 0.0, 1.0)
+    return np.asarray(np.clip(1.0 - np.sum(phi**2, axis=1), 0.0, 1.0))
 
 
 @dataclass(frozen=True, eq=False)
