@@ -16,7 +16,7 @@ from pydantic import BaseModel
 
 from thermid.base.extensions import grammar_of
 from thermid.bench.bench_files import MappedSensor, load_sensors, save_sensor
-from thermid.campaign._judge.verdict import look, looks_at
+from thermid.campaign._judge.verdict import _read, look
 from thermid.campaign.stages import recall, remember
 from thermid.fit._error_model.elements import JointLaw, SurfaceLaw
 from thermid.fit._error_model.kept import ErrorModel, KeptWay, SeenValue
@@ -53,7 +53,7 @@ OWN = OwnValue("air", "AIR", 0.1, 0.2, 3, (Beside("T", 0.3, 0.4, 0.5),))
 AT = OperatingPoint(10.0, 300.0)
 WAY = KeptWay(
     "free air", 1.0, {"a.skin": SurfaceLaw(AT, 0.25, 0.2, None), "a.joint": JointLaw(AT, 0.01, None)}, {"a.x": 0.1},
-    Departures({"a.skin": Smooth(AT, "surface", np.zeros((1, 2)), np.array([0.5]), (True,))}, (60.0,), ("a.n",), 1),
+    Departures({"a.skin": Smooth(AT, "surface", np.zeros((1, 2)), np.array([0.5]), (True,), 0.02)}, (60.0,), ("a.n",), 1),
     (UnknownColumn("exponent of a.skin", "", 0.1, "a.skin"),), np.array([0.1]), np.array([[0.2, 0.0], [0.1, 0.3]]), {"run": 0.02},
     ((1.0, 0.1, 0.3),),
 )  # fmt: skip
@@ -200,7 +200,7 @@ def test_sensors_looks_and_kept_fits_with_every_key_are_read_back(tmp_path: Path
     written = grammar_of("sensors").model_validate(tomllib.loads((tmp_path / "sensors.toml").read_text()))
     assert [(t.__name__, n) for t in keys_of(type(written)) for n in t.model_fields if not given(t, n, written)] == []
     assert look(tmp_path, "r", "ab", "s", "k", False) == ()
-    (seen,) = looks_at(tmp_path, "ab")
+    (seen,) = _read(tmp_path)
     assert (seen.record, seen.stage, seen.key, seen.passed) == ("r", "s", "k", False)
     end = KeptFit({"x": 0.1 + 0.2}, 7, "searched", ("a remark",))
     remember(tmp_path, "s", "k", end, {"deck": "h"})

@@ -203,7 +203,7 @@ class KeptWay:
                 np.array(s["pivots"], dtype=float).reshape(-1, 2),
                 np.array(s["centre"], dtype=float),
                 tuple(map(bool, s["thinned"])),
-                float(s["outside"]),
+                float(s.get("outside", 0.0)),
             )
             for p, s in data["smooth"].items()
         }
