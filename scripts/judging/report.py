@@ -134,8 +134,9 @@ constant contact, the others with a constant contact and one constant coefficien
 skin and a contact that falls, *hidden mass* one that the right deck lacks. The room wanders by 0.2 K unless a row says otherwise, which
 is stated to the rule as a spread of the room.
 
-Logs: a kind of run (of the motor and the boards of another maker: a run; of the cube: a pressure) is left out at a time. *Oracle* knows
-the law and all distributions. *Persistence* holds the first temperature. The *constant width of hindsight* is the one half-width about
+Logs: runs of one condition (of the motor and the boards of another maker: a run; of the cube: a pressure) are left out at a time.
+*Oracle* knows the law and all distributions. *Persistence* holds the first temperature. The *constant width of hindsight* is the one
+half-width about
 the first rule's centre that holds 95 %, known afterwards. Of the three the score stands in the last columns.
 
 """

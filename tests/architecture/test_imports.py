@@ -51,7 +51,6 @@ INSIDE = {
         "_uncertainty",
         "_inputs",
         "_calibration",
-        "_discrepancy",
         "_error_model",
         ".",
         "_power",

@@ -158,7 +158,7 @@ class Masses:
         self.off += scores(found, masses)
         self.half += halves(found, masses)
         self.told += [found.standing.state == "not adequate"] * len(masses)
-        self.widened += found.doubted
+        self.widened += found.structural_errors
         self.inadequate += found.standing.state == "not adequate"
 
 
@@ -182,5 +182,5 @@ def campaign(seeds: range, steps: tuple[str, ...] = tuple(STEPS), matched: bool 
             out[step].take(found, bench.masses)
             if told:
                 off, half = ([round(x, 2) for x in f(found, bench.masses)] for f in (scores, halves))
-                print(seed, step, found.standing.state, found.doubted, round(found.reduced_chi_square, 2), off, half, flush=True)
+                print(seed, step, found.standing.state, found.structural_errors, round(found.reduced_chi_square, 2), off, half, flush=True)
     return out

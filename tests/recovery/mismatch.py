@@ -164,7 +164,7 @@ def campaign(case: str, draws: int, seed: int) -> dict[tuple[str, str], Hits]:
         for which in SCENARIOS:
             given = scenario(study, which)
             truth = simulate(hidden, given)
-            wide, narrow = (predict(found, given, times=[9000.0, 18000.0], discrepancy=d) for d in (True, False))
+            wide, narrow = (predict(found, given, times=[9000.0, 18000.0], without=w) for w in ((), ("structural", "misfit")))
             for node in study.sensors.values():
                 a, b = wide[node].final, narrow[node].final
                 rise = truth[node].final - given.boundaries[study.boundary].value + ICE

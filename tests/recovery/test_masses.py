@@ -20,7 +20,7 @@ BENCHES = range(100, 150)
 def test_a_first_structure_that_residuals_refute_says_so() -> None:
     bench = drawn(101)
     first = td.calibrate(bench.model, bench.record, list(bench.free))
-    assert first.doubted
+    assert first.structural_errors
     wider = [first[p].error / first[p].error_random for p in bench.masses]
     assert max(wider) > 2.0
     head = str(first).splitlines()[:4]

@@ -27,7 +27,8 @@ def test_fits_and_predictions_of_matched_truths(case: str) -> None:
         assert row.coverage >= 0.95 - 3.5 * np.sqrt(0.95 * 0.05 / DRAWS), name
 
 
-def test_without_constant_errors_hardly_any_interval_holds_the_truth() -> None:
+def test_without_constant_errors_hardly_any_interval_holds_the_truth(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr("thermid.fit._calibrate._suspect", lambda *_: False)  # errors of a refuted structure would hide it
     rows = matched.campaign("m_PrE", 10, SEED, biases=False)
     assert np.mean([row.coverage for row in rows.values()]) < 0.5
 

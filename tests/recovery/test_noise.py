@@ -33,6 +33,7 @@ def test_a_sample_of_the_table(consumer: str) -> None:
 
 def test_without_the_noise_of_logged_inputs_intervals_miss(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr("thermid.fit._uncertainty.noise.answers_to_inputs", lambda *_: {})
+    monkeypatch.setattr("thermid.fit._calibrate._suspect", lambda *_: False)  # errors of a refuted structure would hide it
     cell = campaign("fit", "noisy ambient", 8, SEED)
     assert max(cell.squares.values()) > 1.5**2
     assert min(cell.shares.values()) < 0.9

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from concurrent.futures import ThreadPoolExecutor
 from dataclasses import replace
 
 import numpy as np
@@ -88,6 +89,13 @@ class TestSamples:
         fit = on_a_ridge()
         low, _, high = exact_interval(_Density.of(fit).stretched(fit), 0.35)
         assert td.inference.posterior(fit).interval("inner.conductance") == pytest.approx((low, high), abs=0.15 * (high - low))
+
+    def test_workers_give_the_same_draws(self, fit: td.Calibration) -> None:
+        alone = td.inference.posterior(fit, steps=30)
+        with ThreadPoolExecutor(2) as pool:
+            found = td.inference.posterior(fit, steps=30, executor=pool)
+        assert all(np.array_equal(found.draws[n], alone.draws[n]) for n in alone.draws)
+        assert found.evaluations == alone.evaluations
 
     def test_draws_feed_an_ensemble(self, fit: td.Calibration) -> None:
         pytest.importorskip("emcee")

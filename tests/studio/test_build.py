@@ -84,8 +84,12 @@ class Person:
     def at(self, selector: str) -> bool:
         return bool(self.page.run("return document.activeElement.matches(arguments[0])", selector))
 
-    def go(self, selector: str, back: bool = False) -> None:
-        """Press Tab, or Shift and Tab, until the focus is on an element."""
+    def go(self, selector: str) -> None:
+        """Press Tab, or Shift and Tab where the element comes before, until the focus is on an element."""
+        before = (
+            "const e = document.querySelector(arguments[0]); return Boolean(e && document.activeElement.compareDocumentPosition(e) & 2)"
+        )
+        back = self.page.run(before, selector)
         for _ in range(120):
             if self.at(selector):
                 return
@@ -218,7 +222,7 @@ def test_two_masses_are_built_and_fitted_by_keys_alone(page: Page, folder: Path)
     person.press(Keys.ARROW_DOWN, Keys.ENTER)
     page.until("document.querySelector('#columns')", 15)
     for path in ("board_case.contact_conductance", "case_room.effective_htc"):
-        person.go(f"[data-path='{path}']", back="board" not in path)
+        person.go(f"[data-path='{path}']")
         person.press(Keys.SPACE)
     person.go("#fit")
     person.press(Keys.ENTER)
@@ -284,8 +288,8 @@ class ByKeys(ByMouse):
         self.person.press(name, "\ue007")
         self.person.page.until("window.studio && window.studio.ready", 15)
 
-    def enter(self, selector: str, value: str, back: bool = False) -> None:
-        self.person.go(selector, back)
+    def enter(self, selector: str, value: str) -> None:
+        self.person.go(selector)
         self.person.chord("\ue009", "a", 0.0)
         self.person.press(value, "\ue007")
 
@@ -293,6 +297,7 @@ class ByKeys(ByMouse):
         key = self.person.page.run("return document.querySelector(`[data-shape=${arguments[0]}] kbd`).textContent", shape).lower()
         self.person.press("\ue00c", count=0.1)
         if ends:
+            self.person.press("\ue014", count=0.1)  # from the canvas to its first node
             self.person.go(f"[data-node={ends[0]}]")
         self.person.press(key)
         for end in ends[1:]:
@@ -355,12 +360,12 @@ def test_two_heaters_of_a_board_are_built_and_fitted(build: Callable[..., ByMous
     by.take_log()
     page.until("document.querySelector('#columns')", 15)
     by.hold("room", "23")
-    free = [f"{n}_board.conductance" for n in ("T1", "T2")] + [f"{n}_room.effective_htc" for n in ("T1", "T2")]
+    free = [f"{n}_board.conductance" for n in ("t1", "t2")] + [f"{n}_room.effective_htc" for n in ("t1", "t2")]
     by.fit(free)
     channels: dict[str, Any] = {f"T{k}_C": {"node": f"T{k}", "unit": "degC"} for k in (1, 2)}
     channels |= {f"Q{k}_pct": {"command": f"Q{k}"} for k in (1, 2)}
     check_result(page, folder, by.person.actions, "lab", channels, free, Scenario(boundaries={"room": "23 [degC]"}))
-    fitted = load_model(folder / "lab.toml").surfaces["T1_room"].fields["effective_htc"].expression.literal
+    fitted = load_model(folder / "lab.toml").surfaces["t1_room"].fields["effective_htc"].expression.literal
     assert fitted is not None
     assert fitted.value == pytest.approx(float(HEATERS["surfaces"]["T1_room"]["effective_htc"].split()[0]), rel=0.1)  # type: ignore[index]
 

@@ -26,6 +26,7 @@ ABLE = (
     "prediction",
     "foresight",
     "discrepancy",
+    "fleet",
     "identifiability",
     "profile",
     "valley",

@@ -14,7 +14,7 @@ from thermid.base.errors import DeckError, RecordError, ScenarioError, ThermidEr
 from thermid.base.extensions import file_kinds, json_schema
 from thermid.base.toml_files import read_json
 from thermid.bench.bench_files import load_programme, load_sensors
-from thermid.campaign._judge.verdict import looks_at
+from thermid.campaign._judge.verdict import _read
 from thermid.campaign.verdicts import load_limits
 
 ROOT = Path(__file__).parents[2]
@@ -100,7 +100,7 @@ def test_all_faults_are_listed_and_a_long_list_is_counted(tmp_path: Path) -> Non
 def test_a_damaged_list_of_looks_forgets_nothing(text: str, tmp_path: Path) -> None:
     (tmp_path / "looks.json").write_text(text, encoding="utf-8")
     with pytest.raises(DeckError, match="the file is damaged"):
-        looks_at(tmp_path, "x")
+        _read(tmp_path)
 
 
 @pytest.mark.parametrize("text", ["", "[]", '{"locks": 1, "looks": []}', '{"locks": [{}], "looks": []}', '{"locks": [], "looks": [1]}'])

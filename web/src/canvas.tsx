@@ -35,6 +35,7 @@ function edgeOf(at: Point, to: Point): Point {
 const given = (e: Element) => e.fields.filter((f) => f.given && !["area", "htc"].includes(f.name) || (f.given && e.fields.filter((g) => g.given).length === 1));
 const rounded = (text: string) => (Number.isFinite(Number(text)) ? shown(Number(text)) : text);
 const valueOf = (e: Element) => e.logged || given(e).map((f) => (f.law ? "by a law" : `${rounded(f.number)}${f.expression || f.unit === "1" ? "" : ` ${nice(f.unit)}`}`)).join(", ");
+const turns = (e: Element) => (e.schedule?.on ? ", in turns" : "");
 const lacking = (e: Element) => given(e).some((f) => f.missing);
 // what nobody gave yet beside the value that is shown
 const wanting = (e: Element) => e.fields.filter((f) => f.missing && !given(e).includes(f)).map((f) => `${f.name}?`).join(" ");
@@ -141,7 +142,7 @@ export function Canvas() {
     const found = nodes.value.find((n) => n.name === node), one = state!.log?.columns.find((c) => c.name === column);
     if (!found || !one) return;
     const heat = ["power", "duty"].includes(one.guess) ? state!.elements.find((l) => l.table === "loads" && top(l.ends[0] ?? "") === node) : undefined;
-    const role = heat ? { load: heat.name } : found.table === "needs" ? { boundary: node } : { node };
+    const role = heat ? { [one.guess === "duty" ? "command" : "load"]: heat.name } : found.table === "needs" ? { boundary: node } : { node };
     void command({ do: "bind", channels: { [column]: { ...role, ...(one.assumed && one.unit ? { unit: one.unit } : {}) } } });
   }
 
@@ -162,7 +163,7 @@ export function Canvas() {
             return (
               <g key={id} class={`wire ${e.shape} ${chosen.value === id ? "chosen" : ""} ${lacking(e) ? "lacking" : ""}`} tabindex={0} role="button" aria-pressed={chosen.value === id} aria-label={`${e.shape} ${e.name}, ${e.ends.join(" to ")}, ${valueOf(e)}`} data-wire={e.name}
                 onPointerDown={(v) => { v.stopPropagation(); chosen.value = id; }} onKeyDown={(v) => { if (v.key === "Enter" || v.key === " ") { chosen.value = id; focusName.value++; v.preventDefault(); v.stopPropagation(); } }}>
-                <path class="hit" d={d} /><path class="line" d={d} /><text x={mid[0]} y={mid[1] - 6} class="label">{valueOf(e).split(", ")[0] || e.name}</text><text x={mid[0]} y={mid[1] + 15} class={`label small ${wanting(e) ? "wanting" : ""}`}>{wanting(e) || e.shape}</text>
+                <path class="hit" d={d} /><path class="line" d={d} /><text x={mid[0]} y={mid[1] - 6} class="label">{valueOf(e).split(", ")[0] || e.name}</text><text x={mid[0]} y={mid[1] + 15} class={`label small ${wanting(e) ? "wanting" : ""}`}>{(wanting(e) || e.shape) + turns(e)}</text>
               </g>
             );
           })}
@@ -176,7 +177,7 @@ export function Canvas() {
                 aria-pressed={chosen.value === id} aria-label={`${n.shape} ${n.name}, ${low}${heats.length ? `, loads ${heats.map((l) => `${l.name} ${valueOf(l)}`).join(", ")}` : ""}`} onPointerDown={(e) => down(e, "move", n.name)}>
                 <rect x={-W / 2} y={-H / 2} width={W} height={H} rx={n.shape === "boundary" ? H / 2 : 8} />
                 <text y={heats.length ? -10 : -2} class="name">{n.name.length > 18 ? `${n.name.slice(0, 17)}…` : n.name}</text><text y={heats.length ? 5 : 15} class="value">{low}</text>
-                {heats.map((l, k) => <text key={l.name} y={20 + 13 * k} class={`heat ${lacking(l) ? "lacking" : ""}`} data-load={l.name} onPointerDown={(e) => { e.stopPropagation(); chosen.value = idOf(l); }}>{`→ ${l.name} ${valueOf(l)}`}</text>)}
+                {heats.map((l, k) => <text key={l.name} y={20 + 13 * k} class={`heat ${lacking(l) ? "lacking" : ""}`} data-load={l.name} onPointerDown={(e) => { e.stopPropagation(); chosen.value = idOf(l); }}>{`→ ${l.name} ${valueOf(l)}${turns(l)}`}</text>)}
                 {(n.sensor || bound.includes(n.name)) && <text x={W / 2 - 14} y={-H / 2 + 16} class="sensor">◉<title>{bound.includes(n.name) ? "has a column of the log" : "is measured or judged"}</title></text>}
                 <circle class="handle" cx={W / 2} r={7} onPointerDown={(e) => down(e, "join", n.name)}><title>Drag to another node to join them</title></circle>
               </g>

@@ -1,6 +1,6 @@
 // What the server says and takes. Every command returns the whole state of the draft, so that the page never has a state of its own.
 export interface Field { name: string; number: string; unit: string; units: string[]; expression: boolean; source: string; given: boolean; law: boolean; missing: boolean; low: string; high: string }
-export interface Element { table: string; name: string; shape: string; ends: string[]; fields: Field[]; sensor: boolean; logged?: string; use?: string; bind?: Record<string, unknown> }
+export interface Element { table: string; name: string; shape: string; ends: string[]; fields: Field[]; sensor: boolean; logged?: string; schedule?: Record<"on" | "off" | "share", string> | null; use?: string; bind?: Record<string, unknown> }
 export interface Shape { name: string; words: string; key: string; table: string; ends: number }
 export interface Fault { severity: string; code: string; message: string; where: string; line: number | null }
 export interface Column { name: string; unit: string; assumed: boolean; guess: string; why: string; low?: number; high?: number }
@@ -11,7 +11,7 @@ export interface Draft {
   file: string; title: string; text: string; notice: string; elements: Element[]; others: Record<string, number>;
   places: Record<string, [number, number]>; palette: Shape[]; sources: string[]; faults: Fault[]; undo: number; redo: number;
   unsaved: string[]; changed: string[]; log: Log | null; logs: string[]; parameters: Parameter[]; decks: string[]; missing: number;
-  stages: string[]; stage: string; inherited: { path: string; words: string }[]; refused?: Fault; made?: string; table?: string;
+  stages: string[]; stage: string; inherited: { path: string; words: string }[]; held: Record<string, string>; refused?: Fault; made?: string; table?: string;
 }
 export interface Curve { name: string; node: string; times: Float32Array; simulated: Float32Array; seen?: Float32Array; measured?: Float32Array; apart?: Float32Array; left?: Float32Array; rmse?: number | null; bias?: number | null; largest?: number | null; count?: number; sigma?: number | null }
 export interface Result {

@@ -49,6 +49,7 @@ export function Sheet() {
       {shown.map((f) => <Value key={f.name} of={one} field={f} />)}
       {one.table !== "nodes" && rest.length > 0 && <details><summary>{rest.length} more that may be given</summary>{rest.map((f) => <Value key={f.name} of={one} field={f} />)}</details>}
       {one.table === "nodes" && <label class="tick"><input type="checkbox" checked={one.sensor} onChange={(e) => command({ do: "sensor", name: one.name, on: e.currentTarget.checked })} /> sensor: its temperature is measured or judged</label>}
+      {one.schedule && <Schedule of={one} />}
       {one.table === "submodels" && <Part of={one} />}
       {loads.map((l) => <button type="button" key={l.name} onClick={() => { chosen.value = `loads/${l.name}`; focusName.value++; }}>load {l.name}</button>)}
       {place && <details><summary>place</summary><div class="field"><label for="sheet-x">x, y</label>
@@ -60,6 +61,19 @@ export function Sheet() {
         <button type="button" id="take-away" onClick={() => command({ do: "remove", keys })}>Remove</button>
       </div>
     </form>
+  );
+}
+
+// on and off in turns, from the start of a run: the schedule of a load, the fan of a surface
+function Schedule({ of }: { of: Element }) {
+  const now = of.schedule!, timed = (v: string) => (!v.trim() || v.includes("[") ? v : `${v.trim()} [min]`);
+  const write = (more: Partial<typeof now>) => command({ do: "schedule", keys: [of.table, of.name], ...now, ...more });
+  const field = (key: "on" | "off", words: string) => <div class="field"><label for={`schedule-${key}`}>{words}</label><input id={`schedule-${key}`} type="text" inputMode="decimal" disabled={key === "off" && !now.on} value={now[key].replace(/ ?\[min\]$/, "")} onChange={(e) => void write({ [key]: timed(e.currentTarget.value) })} /><span class="soft">min</span></div>;
+  return (
+    <details open={Boolean(now.on)}><summary id="schedule">{of.table === "surfaces" ? "schedule of its fan" : "schedule"}</summary>
+      {field("on", "on for")}{field("off", "then off for")}
+      <div class="field"><label for="schedule-share">left while off</label><input id="schedule-share" type="text" inputMode="decimal" disabled={!now.on} value={now.share} placeholder="0" onChange={(e) => void write({ share: e.currentTarget.value })} /><span class="soft">of 1</span></div>
+    </details>
   );
 }
 

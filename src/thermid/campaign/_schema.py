@@ -129,7 +129,7 @@ class StageTable(StrictTable):
     untie: bool | list[str] = False
     window: str = "0 [s]"
     adequate: str = ""
-    doubts: bool = False
+    structural_errors: bool = False
     note: str = ""
 
     def with_spreads(self, spreads: Mapping[str, str]) -> dict[str, PriorTable | Literal["range"]]:

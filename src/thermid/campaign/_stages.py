@@ -99,7 +99,7 @@ def request_of(source: CampaignSource, stage: StageTable, k: int, done: Mapping[
         readings=readings_of(stage.readings),
         adequate=literal(stage.adequate, "K", f"{where}.adequate") if stage.adequate else 0.0,
         accepted=stage.name in source.accepted,
-        doubts=stage.doubts,
+        structural_errors=stage.structural_errors,
     )
     return with_courses(asked, stage, where)
 
@@ -451,7 +451,7 @@ def run_stages(
                             included, is not fitted again.
     accept : sequence       Stages that are accepted as they are, beside those that the file accepts: their standing stays and is told,
                             the exit codes of commands do not count it.
-    executor                As in `ensemble`: stages that do not rest on one another are fitted at the same time.
+    executor                As in `ensemble`: stages that do not rest on one another are fitted at the same time, and descents of one.
 
     Raises
     ------
@@ -474,9 +474,9 @@ def run_stages(
             with errors_at(place, ": "):
                 request, ingredients[name] = keyed(request_of(source, left[k], k, done), left[k], keys)
             requests[name], keys[name] = request, request.key
-            progress = progress_of(notice, name) if executor is None else None
-            tasks.append((place, (request, source.path.name, place, recall(folder, name, request.key), progress)))
-        for _, (found, new) in in_tasks(_fitted, tasks, executor):
+            own = (progress_of(notice, name), executor) if len(ready) == 1 else (None, None)
+            tasks.append((place, (request, source.path.name, place, recall(folder, name, request.key), *own)))
+        for _, (found, new) in in_tasks(_fitted, tasks, executor if len(ready) > 1 else None):
             name = found.stage
             if new:
                 changed[name] = changed_since(folder, name, ingredients[name])
@@ -496,8 +496,10 @@ def _waits(stage: StageTable, earlier: Sequence[str]) -> bool:
     return any(name in earlier for i in stage.inherit.values() for name in i.stages)
 
 
-def _fitted(request: Request, file: str, place: str, kept: KeptFit | None, progress: StageNotice | None) -> tuple[Calibration, bool]:
-    """Return the fit of a stage, and whether it is a new one; a task of a worker.
+def _fitted(
+    request: Request, file: str, place: str, kept: KeptFit | None, progress: StageNotice | None, executor: Workers
+) -> tuple[Calibration, bool]:
+    """Return the fit of a stage, and whether it is a new one; a task of a worker, or of this process with workers for its descents.
 
     Raises
     ------
@@ -505,7 +507,7 @@ def _fitted(request: Request, file: str, place: str, kept: KeptFit | None, progr
     """
     with errors_at(place, ": "):
         try:
-            return fit(request, progress, kept, stoppable=True), kept is None
+            return fit(request, progress, kept, stoppable=True, executor=executor), kept is None
         except ThermidError as error:
             raise refused(error, request, request.name, file) from None
 

@@ -19,9 +19,8 @@ from thermid.base.errors import IdentificationError, SolverError
 from thermid.base.linear_algebra import Array, null_space, symmetric_inverse
 from thermid.base.units import NAMES, counted, unit
 from thermid.fit._calibration import FAR, FIRST, TIMES, Calibration, Local, contradicted, far_from_sheet, loudly
-from thermid.fit._discrepancy.discrepancy import with_discrepancy
-from thermid.fit._discrepancy.doubts import with_doubts
-from thermid.fit._error_model.kept import KEY as ERRORS, error_table
+from thermid.fit._error_model.discrepancy import with_discrepancy
+from thermid.fit._error_model.kept import KEY as ERRORS, ErrorModel, error_table, with_structural_errors
 from thermid.fit._inputs import inputs_of
 from thermid.fit._minimisation import Fit, KeptFit, covariances, ended, minimise
 from thermid.fit._problem.experiment import UNSAID_NOISE, Experiment
@@ -40,6 +39,7 @@ from thermid.model.identity import identity_of
 from thermid.model.laws import TableSignal
 from thermid.model.parameters import CREDIBLE, UNJUDGED, Standing, worst
 from thermid.model.tree import Model, deck_text, parameter_table, unlumped
+from thermid.simulation.runs import Workers
 from thermid.simulation.scenarios import Scenario
 from thermid.values.fitted import FittedValue, FittedValues, view
 from thermid.values.store import LaterTable, State, Store, ValueOrigin
@@ -694,6 +694,7 @@ def calibrate(
     weights: Mapping[str, float] | str | None = None,
     name: str = "",
     progress: Progress | None = None,
+    executor: Workers = None,
 ) -> Calibration:
     """Return the fit of some parameters of a model to one or several records.
 
@@ -713,6 +714,7 @@ def calibrate(
                                 count as many as residuals that wander are worth, so that priors and local values have the width stated.
     progress : callable         Called with the number of evaluations and the RMS of the weighted residuals; where it has a method
                                 ``ahead(words, seconds)``, that is called before a descent and before a search, with what it will take.
+    executor                    Who makes descents from several starts, as in `ensemble`: the same values from all.
 
     Raises
     ------
@@ -722,7 +724,7 @@ def calibrate(
     request = requested(
         model, many, free, scenario=scenario, local=local, priors=priors, loss=loss, search=search, weights=weights, name=name
     )
-    return fit(request, progress, stoppable=True)
+    return fit(request, progress, stoppable=True, executor=executor)
 
 
 def requested(
@@ -747,7 +749,13 @@ def requested(
     return Request(model, records, tuple(wanted), scenarios, specs, priors=known, loss=loss, search=search, name=name, **weighed)
 
 
-def fit(request: Request, progress: Progress | None = None, known: KeptFit | None = None, stoppable: bool = False) -> Calibration:
+def fit(
+    request: Request,
+    progress: Progress | None = None,
+    known: KeptFit | None = None,
+    stoppable: bool = False,
+    executor: Workers = None,
+) -> Calibration:
     """Return the calibration that a request asks for; see `calibrate`.
 
     `known` is what was kept of the same fit from before; its end is then evaluated and not searched again. `stoppable` says
@@ -755,7 +763,7 @@ def fit(request: Request, progress: Progress | None = None, known: KeptFit | Non
     """
     if request.hand is not None:
         return tuned_by_hand(request, request.hand)
-    return fit_problem(request, build_problem(request), progress, known, stoppable)
+    return fit_problem(request, build_problem(request), progress, known, stoppable, executor)
 
 
 def fit_problem(
@@ -764,15 +772,18 @@ def fit_problem(
     progress: Progress | None = None,
     known: KeptFit | None = None,
     stoppable: bool = False,
+    executor: Workers = None,
 ) -> Calibration:
     """Return the calibration of a problem that was made for a request."""
     from threadpoolctl import threadpool_limits
 
     with threadpool_limits(limits=1):  # matrices of up to some hundred rows: two threads wait for one another a hundred times longer
-        return _fitted(request, problem, progress, known, stoppable)
+        return _fitted(request, problem, progress, known, stoppable, executor)
 
 
-def _fitted(request: Request, problem: Problem, progress: Progress | None, known: KeptFit | None, stoppable: bool) -> Calibration:
+def _fitted(
+    request: Request, problem: Problem, progress: Progress | None, known: KeptFit | None, stoppable: bool, executor: Workers
+) -> Calibration:
     stated = all(o.noise is not None for o in problem.observations())
     if known is not None and not request.effective and list(known.fitted) == [u.name for u in problem.unknowns]:
         found = ended(problem, np.array(list(known.fitted.values())), request.loss, request.loss_scale, known.evaluations)
@@ -782,7 +793,7 @@ def _fitted(request: Request, problem: Problem, progress: Progress | None, known
             if problem.clocked:
                 problem = with_clocks(problem, request.loss, request.loss_scale)
             refuse_before(request, problem, lambda r: fit(r))
-            found = searched(problem, request.search, request.loss, request.loss_scale, progress, stoppable)
+            found = searched(problem, request.search, request.loss, request.loss_scale, progress, stoppable, executor)
             if problem.clocked and not found.stopped:
                 problem, found = in_turns(problem, found, request.loss, request.loss_scale, progress)
         if not stated and not found.stopped:
@@ -824,14 +835,16 @@ def _fitted(request: Request, problem: Problem, progress: Progress | None, known
     errors = responses(request, problem, found, spread.variance_factor, random, weights)
     _refuse_without_errors(request, problem, errors.total)
     made = with_discrepancy(replace(summarise(request, problem, found, errors, random, spread), kept=kept))
-    return _with_errors(with_doubts(made) if request.doubts or _suspect(made, spread) else made)
+    if request.structural_errors or _suspect(made, spread):
+        return _with_errors(*with_structural_errors(made))
+    return _with_errors(made, None)
 
 
-def _with_errors(fit: Calibration) -> Calibration:
-    """Return a fit whose values keep its model of error, which is made when somebody asks for it."""
+def _with_errors(fit: Calibration, errors: ErrorModel | None) -> Calibration:
+    """Return a fit whose values keep its model of error, which is made when somebody asks for it if it is not there."""
     if fit.stopped or fit.problem is None or not any(u.kind == "parameter" for u in fit.problem.unknowns):
         return fit
-    provenance = {**fit.values.provenance, ERRORS: LaterTable(partial(error_table, fit))}
+    provenance = {**fit.values.provenance, ERRORS: LaterTable(errors.to_dict if errors is not None else partial(error_table, fit))}
     store = replace(fit.store, provenance={**fit.store.provenance, fit.values.stage: provenance})
     return replace(fit, values=replace(fit.values, provenance=provenance), store=store)
 
@@ -846,7 +859,7 @@ def _suspect(fit: Calibration, spread: Autocorrelation) -> bool:
     seen = _seen_noise(fit.problem)
     taken = {(e.record.name, o.sensor): o.noise or fit.problem.noise[o.sensor] for e in fit.problem.experiments for o in e.observations}
     stated = all(o.noise is not None for o in fit.problem.observations())
-    slow = _slow(spread)
+    slow = _slow(spread) if _wandering(spread) else []
     # squares of what wanders in units of the noise that the readings show
     more = [max(taken[key] / seen[key], 1.0) ** 2 if (key := (t.record, t.sensor)) in seen else float(stated) for t in slow]
     squares = [t.samples * (t.white_variance + t.correlated_variance) * m for t, m in zip(slow, more, strict=True)]

@@ -153,7 +153,7 @@ class Calibration(Result):
     store : Store               Everything known of the model's values, at every depth.
     stopped : bool              Whether the interrupt key ended the search; the values are then the best so far, and not credible.
     kept : KeptFit or None      What a results folder keeps of the fit, so that it can be taken again; None where values are set by hand.
-    doubted : bool              Whether the errors of its values count what the structure may lack; their covariance is that of the fit.
+    structural_errors : bool    Whether the errors of its values count what the structure may lack; their covariance is that of the fit.
     """
 
     stage: str
@@ -185,7 +185,7 @@ class Calibration(Result):
     verdict: Standing | None = None
     stopped: bool = False
     kept: KeptFit | None = field(default=None, repr=False)
-    doubted: bool = False
+    structural_errors: bool = False
 
     @property
     def standing(self) -> Standing:
@@ -285,7 +285,7 @@ class Calibration(Result):
         lines += [f"  {w}" for w in self.warnings if w.startswith(FIRST)]
         lines += [f"  {line}" for line in input_lines(self.inputs.assumed)]
         width = max((len(p) for p in fitted), default=0)
-        lines += [f"  {_value_line(v, width, self.doubted)}" for v in fitted.values()]
+        lines += [f"  {_value_line(v, width, self.structural_errors)}" for v in fitted.values()]
         lines += [f"  {v.path}: shares its value with {', '.join(v.also)}" for v in fitted.values() if v.also]
         lines += [f"  cut from the other instances of its deck: {place}" for place in cuts_of(self.model)]
         lines += _known_lines(self.store, {*self.values.assignments}, width)
@@ -348,11 +348,11 @@ class Calibration(Result):
         return list(self.values)
 
 
-def _value_line(v: FittedValue, width: int, doubted: bool = False) -> str:
+def _value_line(v: FittedValue, width: int, structural: bool = False) -> str:
     total, random = v.shown(v.error), v.shown(v.error_random)
     low, high = (v.converted(b) if np.isfinite(b) else b for b in v.bounds)
     bounds = f", bounds {low:.4g} .. {high:.4g}" if np.isfinite(low) or np.isfinite(high) else ""
-    wider = " (the structure)" if doubted else " (constant errors, priors)"
+    wider = " (the structure)" if structural else " (constant errors, priors)"
     what = wider if total > 1.05 * random else ""
     text = f"{v.path:<{width}}  {digits(v.in_unit, random):>12} {v.unit:<10}  random +- {short(random)}   total +- {short(total)}{what}"
     return f"{text}   start {v.converted(v.start):.5g}{bounds}"

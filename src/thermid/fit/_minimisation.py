@@ -158,10 +158,11 @@ def descend(
     SolverError   Of the start; and where derivatives are not finite.
     """
     x = np.clip(start, *bounds)
-    cost, *plain = local(x)
+    here = local(x)
     reach = reach or max(float(np.linalg.norm(x / scale)), 1.0)
     count, gained, bend, bent = 1, np.inf, np.zeros((x.size, x.size)), False
     while True:
+        cost, plain = here[0], here[1:]
         rows, slopes = _with_bend(*plain, bend, scale) if bent else plain
         full = _step(rows, slopes, x, bounds, scale, np.inf)
         ahead = _promised(rows, slopes, full)
@@ -188,7 +189,7 @@ def descend(
                 break
             if promised < relative * abs(cost) or size < 1e-10:
                 return Descent(x, ahead, "no step gains any more", True)
-        x, (cost, *plain) = new, there
+        x, here = new, there
 
 
 def _tried(local: Callable[[Array], LocalCost], x: Array) -> LocalCost:
@@ -199,7 +200,7 @@ def _tried(local: Callable[[Array], LocalCost], x: Array) -> LocalCost:
     return cost if np.isfinite(cost) else np.inf, rows, slopes
 
 
-def _bend_after(bend: Array, step: Array, before: Sequence[Array], after: Sequence[Array]) -> Array:
+def _bend_after(bend: Array, step: Array, before: tuple[Array, Array], after: tuple[Array, Array]) -> Array:
     """Return what the curvature (unknowns, unknowns) of the cost has beside J'J, by how a step (unknowns,) changed the gradient.
 
     A secant update that keeps what is known of other directions: Dennis, Gay and Welsch, ACM Trans. Math. Softw. 7 (1981) 348, with

@@ -9,8 +9,10 @@ from __future__ import annotations
 import math
 import time
 import warnings
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass, field, replace
+from itertools import islice
+from operator import itemgetter
 from typing import Any
 
 import numpy as np
@@ -23,7 +25,7 @@ from thermid.base.units import counted
 from thermid.fit._minimisation import Fit, ended, minimise
 from thermid.fit._problem.residuals import Problem, Unknown, loss_of, starting_point
 from thermid.fit._uncertainty.noise import autocorrelation
-from thermid.simulation.runs import run_members
+from thermid.simulation.runs import Workers, in_tasks, run_members
 
 Progress = Callable[[int, float], None]
 
@@ -126,7 +128,15 @@ def box_of(unknown: Unknown) -> tuple[float, float]:
     return low, high if math.isfinite(high) else max(middle + reach, low + reach)
 
 
-def searched(problem: Problem, how: str, loss: str, loss_scale: float, progress: Progress | None = None, stoppable: bool = False) -> Fit:
+def searched(
+    problem: Problem,
+    how: str,
+    loss: str,
+    loss_scale: float,
+    progress: Progress | None = None,
+    stoppable: bool = False,
+    executor: Workers = None,
+) -> Fit:
     """Return the best fit that a search finds, all of its evaluations counted.
 
     Parameters
@@ -139,6 +149,7 @@ def searched(problem: Problem, how: str, loss: str, loss_scale: float, progress:
     loss, loss_scale, progress    As in `minimise`. What further starts will cost is told before they are made: to ``progress.ahead(words,
                             seconds)`` where there is one, else as a warning from `LONG` on.
     stoppable : bool        Whether the interrupt key ends it with the best fit so far: `Fit.stopped`, not converged.
+    executor : see `Workers`    Who makes the descents from several starts; one process for few seconds.
 
     Raises
     ------
@@ -146,7 +157,7 @@ def searched(problem: Problem, how: str, loss: str, loss_scale: float, progress:
     SolverError             When the model cannot be run at the start.
     """
     refuse_unknown([how], SEARCHES, "", "unknown search '{}'. Use one of {known}.", IdentificationError)
-    search = Search(Population.of(problem, loss, loss_scale), progress, stoppable)
+    search = Search(Population.of(problem, loss, loss_scale), progress, stoppable, executor)
     if not search.population.at.size or how == "local":
         return search.descent(None)
     if how in ("differential evolution", "cma"):
@@ -236,12 +247,14 @@ class Search:
     population : Population
     progress : callable         As in `minimise`; with a method ``ahead(words, seconds)`` it is told what follows.
     stoppable : bool            Whether the interrupt key ends it with the best fit so far.
+    executor : see `Workers`
     spent : list of float       What each descent took, to say what is ahead. [s]
     """
 
     population: Population
     progress: Progress | None
     stoppable: bool
+    executor: Workers = None
     spent: list[float] = field(default_factory=list)
 
     def descent(self, start: Array | None) -> Fit:
@@ -324,24 +337,32 @@ class Search:
             return _stopped(first, ends, count)
         count += costs.size
         ends, taken = [*ends], [population.share(population.start), *(population.share(end.fitted) for end in ends)]
-        wanted = len(ends) + many
-        for k in np.argsort(costs):
-            if len(ends) == wanted or not np.isfinite(costs[k]):
-                break
-            if min(np.abs(shares[k] - t).max() for t in taken) < APART:
-                continue
-            taken.append(shares[k])
+        wanted, ranked = len(ends) + many, iter(shares[np.argsort(costs)[: int(np.isfinite(costs).sum())]])
+        while len(ends) < wanted and (starts := list(islice(_apart(ranked, taken), wanted - len(ends)))):
             try:
-                ends.append(self.descent(population.placed(shares[k : k + 1])[0]))
-            except SolverError:
-                continue
-            count += ends[-1].evaluations
-            if ends[-1].stopped:
+                for end in self.from_all(population.placed(np.array(starts))):
+                    ends.append(end)
+                    count += end.evaluations
+                    if end.stopped:
+                        return _stopped(first, ends, count)
+            except KeyboardInterrupt:
+                if not self.stoppable:
+                    raise
                 return _stopped(first, ends, count)
         best = preferred(population, first, ends) if proved else min(ends, key=lambda f: (round(f.cost, 6), f is not first))
         words, remarks = _valleys(population.problem, best, ends, first)
         words = f"multistart, {why}: {costs.size} points, {words}"
         return replace(best, evaluations=count, search=words, remarks=(*best.remarks, *remarks))
+
+    def from_all(self, starts: Array) -> Iterator[Fit]:
+        """Yield the ends of descents from starts (starts, unknowns), in their order; those that the model cannot be run at have none."""
+        alone = self.executor is None
+        worker = self if alone else replace(self, progress=None, stoppable=False)
+        tasks = [(f"the descent from start {k + 1}", (worker, start)) for k, start in enumerate(starts)]
+        found = in_tasks(_end_of, tasks, self.executor, seconds=len(tasks) * float(np.mean(self.spent)))
+        for _, end in found if alone else sorted(found, key=itemgetter(0)):
+            if end is not None:
+                yield end
 
     def _screened(self, why: str, many: int) -> tuple[Array, Array]:
         """Return points of the box (`SCREENED`, parameters), and their costs."""
@@ -383,6 +404,22 @@ def _spread_out(population: Population) -> Array:
     from scipy.stats import qmc
 
     return np.asarray(qmc.Sobol(population.at.size, rng=np.random.default_rng(1)).random(SCREENED))
+
+
+def _end_of(search: Search, start: Array) -> Fit | None:
+    """Return the end of a descent, None where the model cannot be run at its start."""
+    try:
+        return search.descent(start)
+    except SolverError:
+        return None
+
+
+def _apart(ranked: Iterator[Array], taken: list[Array]) -> Iterator[Array]:
+    """Yield points of the unit cube that lie apart from all that were taken, and take them."""
+    for share in ranked:
+        if min(np.abs(share - t).max() for t in taken) >= APART:
+            taken.append(share)
+            yield share
 
 
 def _valleys(problem: Problem, best: Fit, ends: list[Fit], first: Fit) -> tuple[str, tuple[str, ...]]:

@@ -1,19 +1,20 @@
 """What a fit leaves open of surfaces, joints and assumed values, and of the room and start of a further run."""
 
-from thermid.fit._discrepancy.discrepancy import (
+from thermid.fit._error_model.courses import (
     FREE_AIR as FREE_AIR,
+    OperatingPoint as OperatingPoint,
+    constant_coefficients as constant_coefficients,
+)
+from thermid.fit._error_model.discrepancy import (
     KEY as KEY,
     MOST as MOST,
     Discrepancy as Discrepancy,
-    OperatingPoint as OperatingPoint,
-    constant_coefficients as constant_coefficients,
     discrepancy as discrepancy,
     discrepancy_kept as discrepancy_kept,
     kept_in as kept_in,
     losing_gas as losing_gas,
 )
-from thermid.fit._discrepancy.doubts import SETTLING_PACES as SETTLING_PACES
-from thermid.fit._discrepancy.own_values import (
+from thermid.fit._error_model.own_values import (
     BALANCE as BALANCE,
     OwnValue as OwnValue,
     own_value as own_value,

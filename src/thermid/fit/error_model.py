@@ -1,8 +1,8 @@
 """The model of error of a fit: what it leaves open of its values and of its elements, and how a run follows that."""
 
+from thermid.fit._error_model.courses import course_of as course_of
 from thermid.fit._error_model.elements import (
     DepartureHeat as DepartureHeat,
-    course_of as course_of,
     with_heats as with_heats,
     with_laws as with_laws,
 )

@@ -286,11 +286,10 @@ def check_variants(stated: Mapping[str, Any], model: Model, scenarios: Sequence[
 
 
 Stated = Mapping[str, Any] | Spread
-WRONG = (
-    "a column, a unit, a power or a noise of the logs is wrong, or an element is missing, and the bands do not hold that. "
-    "criticise looks for it"
-)
-"""What is said where no departure of a usual size explains the readings of a fit."""
+WRONG = "a column, a unit, a power or a noise of the logs, or a missing element. `thermid criticise` looks for it"
+"""What may be wrong where no departure of a usual size explains the readings of a fit."""
+CONTRADICTED = "prediction.readings-contradict"
+"""Code of what is left out there."""
 
 
 @dataclass(frozen=True)
@@ -671,8 +670,7 @@ def budget_of(
     make = replace(make, followed=followed_by(source.kept), said=said_of_assumed(source.kept)).with_stated(plain)
     unseen = UNSEEN if own.runner is not None else ""
     unsought = UNSOUGHT if source.fit is not None and asks(source.fit) else ""
-    against = (CodedText(f"{e.contradiction}: {WRONG}", "prediction.readings-contradict") for e in errors if e.contradiction)
-    whole = replace(make, remarks=tuple(r for r in (*against, unseen, unsought, remark) if r))
+    whole = replace(make, remarks=tuple(r for r in (unseen, unsought, remark) if r))
     told = left_out_of(source, whole, errors, without)
     return replace(whole.without(without), omitted=told, standing=source.standing)
 
@@ -696,7 +694,8 @@ def left_out_of(known: Known, whole: Budget, errors: Sequence[ErrorModel], witho
         out.append(LeftOut(why))
     aside = max((w.departures.aside for e in errors for w in e.ways), default=0)
     out += [LeftOut(f"how {aside} elements with little heat depart from their laws", listed=True)] if aside else []
-    out += [LeftOut(f"what is wrong where {e.contradiction}; `thermid criticise` looks for it") for e in errors if e.contradiction]
+    against = (f"what is wrong where {e.contradiction}: {WRONG}" for e in errors if e.contradiction)
+    out += [LeftOut(CodedText(words, CONTRADICTED)) for words in against]
     out += [x for s in known.stores for x in s.left_out]
     fitted = [s for store in known.stores for s in store.parameters.values() if s.origin.kind == "fit" and s.acts]
     if not known.values:

@@ -87,9 +87,6 @@ BENT = "members that differ in other ways than a straight line"
 """Cause: the mean of a curved answer, or of laws that are not normal, is not the answer at the mean."""
 DEFECTS = "hidden defects"
 """Cause: which of several defects that explain a fit its unit has; also what `without` calls them."""
-FORM, FORM_SHARE = "form of the defect", 0.05
-"""Cause: a defect of the catalogue stands for one that may have another form; so much of what it changes over a run (RMS) is not known, as
-a standard deviation. A choice. [-]"""
 Given = Mapping[str, Any] | Spread
 
 
@@ -376,7 +373,6 @@ def predict(
     every: str | float | None = None,
     times: Any = None,
     nodes: Sequence[str] | None = None,
-    discrepancy: bool = True,
     without: Sequence[str] = (),
     draws: int = 0,
     seed: int = 0,
@@ -405,7 +401,6 @@ def predict(
     spread : dict, Spread       What else is not known exactly: name -> spread as text, or `Spread`, or several of these.
     every, times                When to store, as in `simulate`.
     nodes : sequence of str     Nodes to predict; all by default.
-    discrepancy : bool          False for ``without=("structural", "misfit")``.
     without : sequence of str   Sources that are not counted: kinds (``structural``, ``misfit``) or causes; the result states this.
     draws : int                 Members drawn from the sources; bands are then quantiles. 0 for derivatives, as long as they do.
     seed : int                  Of the draws.
@@ -420,8 +415,7 @@ def predict(
     known = fit if isinstance(fit, Known) else Known.of(fit)
     if draws < 0:
         raise IdentificationError(f"{draws} members are too few. Give 0 for derivatives alone, or some hundred.", known.model.title)
-    off = (*without, *(() if discrepancy else ("structural", "misfit")))
-    asked = Asked(scenario, spread, off, every, times, draws, seed, options, as_logged)
+    asked = Asked(scenario, spread, without, every, times, draws, seed, options, as_logged)
     plain = asked.of(known.on(model) if model is not None else known, nodes)
     if known.fit is None or model is not None or draws or DEFECTS in without:
         return plain
@@ -433,7 +427,7 @@ def predict(
 
 @dataclass(frozen=True, eq=False)
 class Asked:
-    """What is asked of `predict`: arguments as there, `without` what `discrepancy` leaves out too."""
+    """What is asked of `predict`: arguments as there."""
 
     scenario: Scenario
     spread: Given | Sequence[Given]
@@ -470,10 +464,9 @@ def averaged(plain: Prediction, others: Sequence[ExplainedFit], told: Sequence[P
     fit : Calibration       The fit of the deck.
     """
     weights = np.array([e.weight for e in others])
-    bands = {n: _mixture(b, [t.bands[n] for t in told], weights) for n, b in plain.bands.items()}
-    settled = {n: _mixed(e, [t.settled[n] for t in told], weights) for n, e in plain.settled.items() if all(n in t.settled for t in told)}
+    bands = {n: _mixture([t.bands[n] for t in told], weights) for n in plain.bands}
+    settled = {n: _mixed([t.settled[n] for t in told], weights) for n in plain.settled if all(n in t.settled for t in told)}
     causes = {c: w for t in reversed(told) for c, w in t.causes.items()}
-    causes |= {FORM: "the defect may have another form; a twentieth of what it changes over the run is not known"}
     causes |= {DEFECTS: "which defect the unit has, and where between two samples its powers changed"} if len(told) > 1 else {}
     words = (
         f"the deck leaves residuals of {short(float(np.sqrt(fit.reduced_chi_square)))} times the stated noise, and these are explained "
@@ -486,8 +479,8 @@ def averaged(plain: Prediction, others: Sequence[ExplainedFit], told: Sequence[P
     return replace(out, standing=standing, explanation=words, left_out=told[0].left_out, least=told[0].least)
 
 
-def _mixture(plain: Band, bands: Sequence[Band], weights: Array) -> Band:
-    """Return the band whose mean and variance are those of a mixture of bands; `plain` is that of the deck."""
+def _mixture(bands: Sequence[Band], weights: Array) -> Band:
+    """Return the band whose mean and variance are those of a mixture of bands."""
     kelvin = np.array([b.kelvin for b in bands])
     mean = weights @ kelvin
     parts: dict[str, Array] = {}
@@ -499,22 +492,20 @@ def _mixture(plain: Band, bands: Sequence[Band], weights: Array) -> Band:
             parts[cause] = parts.get(cause, np.zeros(b.times.size)) + w * v * grown
     if len(bands) > 1:
         parts[DEFECTS] = weights @ (kelvin - mean) ** 2
-    parts[FORM] = np.full(plain.times.size, float(np.mean((FORM_SHARE * (mean - plain.kelvin)) ** 2)))
     simulated = weights @ np.array([b.simulated for b in bands])
     shifts: dict[str, Array] = {}
     for b, w in zip(bands, weights, strict=True):
         for cause, v in b.shifts.items():
             shifts[cause] = shifts.get(cause, np.zeros(b.times.size)) + w * v
-    return Band(plain.path, plain.times, simulated, mean - simulated, parts, shifts=shifts)
+    return Band(bands[0].path, bands[0].times, simulated, mean - simulated, parts, shifts=shifts)
 
 
-def _mixed(plain: Estimate, several: Sequence[Estimate], weights: Array) -> Estimate:
+def _mixed(several: Sequence[Estimate], weights: Array) -> Estimate:
     """Return the mean and the error of a mixture of temperatures."""
     celsius = float(weights @ [e.celsius for e in several])
     each = {c: float(weights @ [e.shares.get(c, 0.0) * e.error**2 for e in several]) for e in several for c in e.shares}
     if len(several) > 1:
         each[DEFECTS] = float(weights @ [(e.celsius - celsius) ** 2 for e in several])
-    each[FORM] = (FORM_SHARE * (celsius - plain.celsius)) ** 2
     error = float(np.sqrt(sum(each.values())))
     wide = NormalDist().inv_cdf(0.975) * error
     return Estimate(celsius, error, celsius - wide, celsius + wide, _shares(each))

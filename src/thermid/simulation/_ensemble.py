@@ -7,13 +7,13 @@ have gone alone.
 
 from __future__ import annotations
 
-import json
 import os
-from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from functools import partial
 from itertools import chain
 from operator import itemgetter
+from time import process_time
 from typing import Any, cast
 
 import numpy as np
@@ -27,6 +27,7 @@ from thermid.base.results import PlottedTrace, Result
 from thermid.model.laws import Constant
 from thermid.model.tree import Model
 from thermid.physics.constants import ICE_POINT
+from thermid.simulation._many.counted import Counted, added
 from thermid.simulation._many.kept import JobFolder, digest
 from thermid.simulation._many.tally import PILOT, CountGrid, Tally
 from thermid.simulation._many.tasks import Workers, in_tasks
@@ -35,26 +36,6 @@ from thermid.simulation._solver.engine import Engine
 from thermid.simulation._solver.extremes import MemberTurnings
 from thermid.simulation._solver.problem import Options, signal_turnings
 from thermid.simulation._solver.wiring import Assembled, Wiring
-
-
-@dataclass(frozen=True, eq=False)
-class Summary:
-    """What is kept of one node when only quantiles were asked for.
-
-    Parameters
-    ----------
-    quantiles, error : array (shares, times)    Read off counts, and by how much each may be wrong: half a bin. [K]
-    mean, sd : array (times,)                   [K]
-    reference : float                           [K]
-    extremes : array (2, members)               Highest and lowest of each member beside the reference, NaN where it failed. [K]
-    """
-
-    quantiles: Array
-    error: Array
-    mean: Array
-    sd: Array
-    reference: float
-    extremes: NDArray[np.float32]
 
 
 @dataclass(frozen=True, eq=False)
@@ -72,7 +53,6 @@ class Ensemble(Result):
     members : int           How many members there are, failed ones among them.
     draws : dict            Name -> value of every member (members,). [SI]
     failed : dict           Member -> why it did not reach the end.
-    shares : tuple          Shares of the quantiles that were kept; empty when every trace was. [-]
     statistics : dict       Steps (of a group of members, or of one), rejected steps, members run one by one, instruction set.
     warnings : tuple        What a reader must know.
     """
@@ -84,11 +64,10 @@ class Ensemble(Result):
     members: int
     draws: Mapping[str, Array]
     failed: Mapping[int, str]
-    shares: tuple[float, ...]
     statistics: Mapping[str, Any]
     _find: Callable[[str], str] = field(repr=False)
     _traces: Callable[[str], Array] = field(repr=False)
-    _summaries: Mapping[str, Summary] = field(repr=False)
+    _counts: Mapping[str, Tally] = field(repr=False)
     _turnings: Mapping[str, MemberTurnings] = field(repr=False)
     warnings: tuple[str, ...] = ()
 
@@ -98,12 +77,16 @@ class Ensemble(Result):
         Raises
         ------
         NameNotFoundError   With the nearest name.
-        ScenarioError       When the node was not kept, or only quantiles were.
+        ScenarioError       When the node was not kept, or members were counted.
         """
-        path = self._kept(node)
-        if self.shares:
-            raise ScenarioError("only quantiles were kept; run the ensemble without 'quantiles' to keep every trace.", self.title)
-        return self._traces(path)
+        self._refuse_counted(node)
+        return self._traces(self._kept(node))
+
+    def _refuse_counted(self, node: str) -> None:
+        self._kept(node)
+        if self._counts:
+            text = "members were counted, so what each did is not known. Leave 'quantiles' out to keep every trace, or ask for a quantile."
+            raise ScenarioError(text, self.title)
 
     def trace(self, member: int, node: str) -> Trace:
         """Return the trace of a node in one member."""
@@ -117,48 +100,52 @@ class Ensemble(Result):
     def turnings(self, node: str) -> MemberTurnings | None:
         """Return the turning points of a node between samples in every member; None where members were not followed.
 
-        That is so with ``Options(extremes=False)``, where only quantiles were kept (`highest` and `lowest` count them even so), and for a
-        massless node that was eliminated: its weights differ from member to member.
+        That is so with ``Options(extremes=False)``, where members were counted, and for a massless node that was eliminated: its weights
+        differ from member to member.
         """
         return self._turnings.get(self._kept(node))
 
     def quantile(self, node: str, share: Any) -> Array:
         """Return the temperature below which a share of the members lies, (times,) or (shares, times). [K]
 
-        Where only quantiles were kept they are read off counts and may be wrong by `quantile_error`.
+        Where members were counted it is read off counts and may be wrong by `quantile_error`.
 
         Raises
         ------
-        ScenarioError   When a share does not lie between 0 and 1, or was not among those kept.
+        ScenarioError   When a share does not lie between 0 and 1.
         """
-        return self._read(node, share, lambda s: s.quantiles, lambda path, wanted: np.quantile(self._whole(path), wanted, axis=1))
+        return self._shared(node, share)[0][..., :-2] if self._counts else self._of_whole(node, share)
 
     def quantile_error(self, node: str, share: Any) -> Array:
         """Return by how much a quantile may be wrong because members were counted in bins: half a bin; zero where traces were kept. [K]"""
-        return self._read(node, share, lambda s: s.error, lambda _, wanted: np.zeros((wanted.size, self.times.size)))
+        return self._shared(node, share)[1][..., :-2] if self._counts else np.zeros_like(self._of_whole(node, share))
 
-    def _read(self, node: str, share: Any, kept: Callable[[Summary], Array], whole: Callable[[str, Array], Array]) -> Array:
-        path, wanted = self._kept(node), np.atleast_1d(np.asarray(share, dtype=float))
-        check_shares(wanted, self.title)
-        if self.shares:
-            for x in wanted.tolist():
-                if x not in self.shares:
-                    stored = ", ".join(f"{k:g}" for k in self.shares)
-                    raise ScenarioError(f"the quantile {x:g} was not stored, only {stored}. Add it to 'quantiles'.", self.title)
-            values = kept(self._summaries[path])[[self.shares.index(s) for s in wanted.tolist()]]
-        else:
-            values = whole(path, wanted)
-        return values if np.ndim(share) else np.asarray(values[0])
+    def highest_quantile(self, node: str, share: Any) -> Array:
+        """Return the highest temperature of the run, between samples too, below which that of a share of the members lies. [degC]"""
+        return np.asarray(self._shared(node, share)[0][..., -2] - ICE_POINT if self._counts else np.nanquantile(self.highest(node), share))
+
+    def lowest_quantile(self, node: str, share: Any) -> Array:
+        """Return the same of the lowest temperature. [degC]"""
+        return np.asarray(self._shared(node, share)[0][..., -1] - ICE_POINT if self._counts else np.nanquantile(self.lowest(node), share))
+
+    def _shared(self, node: str, share: Any) -> tuple[Array, Array]:
+        """Return quantiles (..., times + 2) of a node that was counted, and by how much each may be wrong. [K]"""
+        check_shares(np.atleast_1d(share), self.title)
+        return self._counts[self._kept(node)].read(share)
+
+    def _of_whole(self, node: str, share: Any) -> Array:
+        check_shares(np.atleast_1d(share), self.title)
+        return np.asarray(np.quantile(self._whole(self._kept(node)), share, axis=1))
 
     def mean(self, node: str) -> Array:
         """Return the mean temperature (times,) over the members. [K]"""
         path = self._kept(node)
-        return self._summaries[path].mean if self.shares else self._whole(path).mean(axis=1)
+        return self._counts[path].mean[:-2] if self._counts else self._whole(path).mean(axis=1)
 
     def sd(self, node: str) -> Array:
         """Return the standard deviation (times,) of the temperature over the members. [K]"""
         path = self._kept(node)
-        return self._summaries[path].sd if self.shares else spread_of(self._whole(path))
+        return self._counts[path].sd[:-2] if self._counts else spread_of(self._whole(path))
 
     def highest(self, node: str) -> Array:
         """Return the highest temperature (members,) of each member, NaN where it failed. [degC]
@@ -172,10 +159,8 @@ class Ensemble(Result):
         return self._furthest(node, -1.0)
 
     def _furthest(self, node: str, sign: float) -> Array:
+        self._refuse_counted(node)
         path = self._kept(node)
-        if self.shares:
-            kept = self._summaries[path]
-            return np.asarray(kept.reference + kept.extremes[0 if sign > 0 else 1].astype(float) - ICE_POINT)
         turnings = self._turnings.get(path) or MemberTurnings.joined([])
         return turnings.furthest(self._traces(path).T, sign) - ICE_POINT
 
@@ -184,8 +169,11 @@ class Ensemble(Result):
 
         Members that are above it at any time: ``(ensemble.highest(node) > 50.0).mean()``.
         """
+        return np.asarray((self._whole_or_refuse(node) > kelvin(limit)).mean(axis=1))
+
+    def _whole_or_refuse(self, node: str) -> Array:
         self.temperatures(node)
-        return np.asarray((self._whole(self._kept(node)) > kelvin(limit)).mean(axis=1))
+        return self._whole(self._kept(node))
 
     def _whole(self, path: str) -> Array:
         """Return the temperatures (times, members that reached the end). [K]"""
@@ -205,19 +193,19 @@ class Ensemble(Result):
         width = max(len(n) for n in self.nodes)
         for n in self.nodes if len(self.failed) < self.members else ():
             lines.append(f"  {n:<{width}}  end {self.mean(n)[-1] - ICE_POINT:9.3f} +/- {self.sd(n)[-1]:.3f} degC")
-        if self._summaries:
-            off = max(float(s.error.max()) for s in self._summaries.values())
+        if self._counts:
+            off = max(float(self.quantile_error(n, BAND).max()) for n in self.nodes)
             lines.append(f"  members were counted in bins: quantiles may be {1000.0 * off:.2g} mK off")
         return "\n".join([*lines, *(f"  warning: {w}" for w in self.warnings)])
 
     def _as_traces(self) -> Sequence[PlottedTrace]:
-        """Return the mean of every node, and where 95 % of the members lie, as far as these quantiles were kept."""
-        out = []
-        for n in self.nodes:
-            wide = not self.shares or {0.025, 0.975} <= set(self.shares)
-            low, high = (self.quantile(n, share) - ICE_POINT for share in (0.025, 0.975)) if wide else (None, None)
-            out.append(PlottedTrace(n, self.times, self.mean(n) - ICE_POINT, low, high))
-        return out
+        """Return the mean of every node, and where 95 % of the members lie."""
+        ends = {n: [self.quantile(n, share) - ICE_POINT for share in BAND] for n in self.nodes}
+        return [PlottedTrace(n, self.times, self.mean(n) - ICE_POINT, low, high) for n, (low, high) in ends.items()]
+
+
+BAND = (0.025, 0.975)
+"""Shares of the members at the ends of a band. [-]"""
 
 
 def spread_of(values: Array) -> Array:
@@ -240,7 +228,6 @@ CHUNK = 64_000_000
 """Bytes of traces held at once while members are counted."""
 LANES = 8
 """Members that the kernel runs together; groups of whole lanes run as all members would."""
-TALLIED = ("counts", "sums", "keys", "beyond")
 TASKS = 12
 """Shares into which members are divided for workers, so that these end at about the same time."""
 
@@ -540,6 +527,16 @@ class _GroupRun:
         out[:, list(self.failed)] = np.nan
         return out
 
+    @property
+    def members(self) -> int:
+        """How many there are."""
+        return int(self.recovery.numbers.coefficients.shape[1])
+
+    def rows(self, node: str) -> Array:
+        """Return the rows (times + 2, members that reached the end) of a node, see `MemberTurnings.rows`. [K]"""
+        alive = np.setdiff1d(np.arange(self.members), list(self.failed))
+        return (self.turnings.get(node) or MemberTurnings.joined([])).rows(self.temperature(node))[:, alive]
+
 
 @dataclass(frozen=True, eq=False)
 class _Runs:
@@ -561,14 +558,7 @@ class _Runs:
         stored = kernel.advance(self.times.size, self.threads)
         failed = _failed(engine, kernel, numbers, self.options)
         turnings = _turnings(engine, kernel, numbers, self.wanted, kept, failed, self.options)
-        return _GroupRun(
-            _Recovery(engine, numbers, kept),
-            stored,
-            self.times,
-            failed,
-            turnings,
-            {"steps": kernel.steps, "rejected": kernel.rejected, "one_by_one": int(kernel.alone.sum()), "simd": kernel.simd},
-        )
+        return _GroupRun(_Recovery(engine, numbers, kept), stored, self.times, failed, turnings, _statistics(kernel))
 
     def key(self, values: Mapping[str, Array]) -> str:
         """Return a hash of all that counts at values (members,) depend on."""
@@ -583,92 +573,23 @@ class _Runs:
         """How many members run together where their traces are not kept."""
         return max(min(CHUNK // (8 * self.times.size * len(self.wanted)), PILOT) // LANES, 1) * LANES
 
-    def counted(self, group: _GroupRun, grids: Mapping[str, CountGrid]) -> _Counted:
+    def counted(self, group: _GroupRun, grids: Mapping[str, CountGrid]) -> Counted:
         """Return what is kept of a group."""
-        members = group.recovery.numbers.coefficients.shape[1]
-        good = np.setdiff1d(np.arange(members), list(group.failed))
-        tallies, extremes = {}, {}
-        for node, grid in grids.items():
-            kelvin = group.temperature(node)
-            tallies[node] = Tally.of(grid, kelvin[:, good])
-            points = group.turnings.get(node) or MemberTurnings.joined([])
-            ends = [points.furthest(kelvin.T, sign) - grid.centre[0] for sign in (1.0, -1.0)]
-            extremes[node] = np.array(ends, dtype=np.float32)
-        return _Counted(members, tallies, extremes, group.failed, group.statistics)
+        counted = {node: group.rows(node) for node in grids}
+        return Counted.of(grids, counted, group.members, group.failed, group.statistics)
 
 
-@dataclass(frozen=True, eq=False)
-class _Counted:
-    """What is kept of members that were counted, numbered from zero.
-
-    Parameters
-    ----------
-    members : int
-    tallies : dict          Node -> counts of those that reached the end; empty where none did before.
-    extremes : dict         Node -> highest and lowest (2, members) beside the first centre of its grid, NaN where a member failed. [K]
-    failed, statistics      As of an `Ensemble`.
-    """
-
-    members: int
-    tallies: Mapping[str, Tally]
-    extremes: Mapping[str, NDArray[np.float32]]
-    failed: Mapping[int, str]
-    statistics: Mapping[str, Any]
-
-    def arrays(self) -> dict[str, Any]:
-        """Return it as arrays for a file; grids come from the pilot, which is run again."""
-        kept = {f"{part}_{k}": getattr(t, part) for k, t in enumerate(self.tallies.values()) for part in TALLIED}
-        ends = {f"extremes_{k}": e for k, e in enumerate(self.extremes.values())}
-        about = [self.members, {str(m): why for m, why in self.failed.items()}, dict(self.statistics)]
-        return {**kept, **ends, "about": np.array(json.dumps(about))}
-
-    @classmethod
-    def read(cls, arrays: Mapping[str, Any] | None, grids: Mapping[str, CountGrid]) -> _Counted | None:
-        """Return what arrays of a file hold; None where they do not."""
-        try:
-            if arrays is None:
-                return None
-            members, failed, statistics = json.loads(str(arrays["about"]))
-            good = members - len(failed)
-            tallies = {n: Tally(g, good, *(arrays[f"{part}_{k}"] for part in TALLIED)) for k, (n, g) in enumerate(grids.items())}
-            extremes = {n: arrays[f"extremes_{k}"] for k, n in enumerate(grids)}
-            return cls(members, tallies, extremes, {int(m): why for m, why in failed.items()}, statistics)
-        except (ValueError, KeyError):
-            return None
-
-
-def _gathered(parts: Iterable[tuple[int, _Counted]], members: int) -> _Counted:
-    """Return members in parts, each with the place of its first, in whatever order they come."""
-    tallies: dict[str, Tally] = {}
-    extremes: dict[str, NDArray[np.float32]] = {}
-    failed: dict[int, str] = {}
-    statistics = []
-    for first, part in parts:
-        for n, tally in part.tallies.items():
-            tallies[n] = tallies[n].joined(tally) if n in tallies else tally
-            extremes.setdefault(n, np.full((2, members), np.nan, dtype=np.float32))[:, first : first + part.members] = part.extremes[n]
-        failed |= {first + m: why for m, why in part.failed.items()}
-        statistics.append(part.statistics)
-    return _Counted(members, tallies, extremes, dict(sorted(failed.items())), _added(statistics))
-
-
-def _count(runs: _Runs, values: Mapping[str, Array], grids: Mapping[str, CountGrid]) -> _Counted:
+def _count(runs: _Runs, values: Mapping[str, Array], grids: Mapping[str, CountGrid]) -> Counted:
     """Return what is kept of members, of which few run together; a task of a worker."""
     groups = _shares_of(values, runs.at_once)
     parts = ((k * runs.at_once, runs.counted(runs.group(v), grids)) for k, v in enumerate(groups))
-    return _gathered(parts, next(iter(values.values())).size)
+    return Counted.gathered(parts, next(iter(values.values())).size)
 
 
 def _shares_of(values: Mapping[str, Array], size: int) -> list[dict[str, Array]]:
     """Return the values (members,) of so many members after another."""
     members = next(iter(values.values())).size
     return [{n: v[first : first + size] for n, v in values.items()} for first in range(0, members, size)]
-
-
-def _added(parts: Sequence[Mapping[str, Any]]) -> dict[str, Any]:
-    """Return the statistics of several groups together."""
-    counts = {k: sum(p[k] for p in parts) for k in ("steps", "rejected", "one_by_one")}
-    return {**counts, "simd": " and ".join(sorted({str(p["simd"]) for p in parts}))}
 
 
 def run_members(
@@ -706,60 +627,60 @@ def run_members(
     ensemble = partial(Ensemble, *titles, times, wanted, members, values)
     if shares:
         found = _all_counted(runs, values, members, executor, job)
-        known = {
-            n: Summary(*t.quantiles(shares), t.mean, t.sd, float(t.grid.centre[0]), found.extremes[n]) for n, t in found.tallies.items()
-        }
-        return ensemble(found.failed, shares, found.statistics, network.find, _no_traces, known, {}, warnings)
+        return ensemble(found.failed, found.statistics, network.find, _no_traces, found.tallies, {}, warnings)
     if job is not None:
         raise ScenarioError("a job keeps counts of members, not their traces. Give 'quantiles', or use td.qualify.uncertain_runs.", where)
     if executor is None:
         group = runs.group(values)
-        return ensemble(group.failed, (), group.statistics, network.find, group.temperature, {}, group.turnings, warnings)
+        return ensemble(group.failed, group.statistics, network.find, group.temperature, {}, group.turnings, warnings)
+    parts = _all_run(runs, values, members, executor)
+    failed, turnings = _one_after_another(parts)
+    return ensemble(failed, added([p.statistics for p in parts]), network.find, partial(_traces_of, parts), {}, turnings, warnings)
+
+
+def _all_run(runs: _Runs, values: Mapping[str, Array], members: int, executor: Workers) -> list[_GroupRun]:
+    """Return the groups of all members, run by workers."""
     tasks = [(f"members from {first} on", (runs, v)) for first, v in _tasks(values, members, runs.at_once)]
-    parts = [group for _, group in sorted(in_tasks(_Runs.group, tasks, executor), key=itemgetter(0))]
-    # failures and turning points of all groups; nodes that were not followed in each are left out
-    firsts = np.cumsum([0, *(p.recovery.numbers.coefficients.shape[1] for p in parts)]).tolist()
-    failed = {first + m: why for first, p in zip(firsts, parts, strict=False) for m, why in p.failed.items()}
-    followed = [n for n in parts[0].turnings if all(n in p.turnings for p in parts)]
-    turnings = {n: MemberTurnings.joined([(first, p.turnings[n]) for first, p in zip(firsts, parts, strict=False)]) for n in followed}
-    return ensemble(failed, (), _added([p.statistics for p in parts]), network.find, partial(_traces_of, parts), {}, turnings, warnings)
+    return [group for _, group in sorted(in_tasks(_Runs.group, tasks, executor), key=itemgetter(0))]
 
 
-def _all_counted(runs: _Runs, values: Mapping[str, Array], members: int, executor: Workers, job: str | os.PathLike[str] | None) -> _Counted:
+def _all_counted(runs: _Runs, values: Mapping[str, Array], members: int, executor: Workers, job: str | os.PathLike[str] | None) -> Counted:
     """Return what is kept of all members: the first that reach the end say what grids the others are counted on."""
-    pilots, at = [], 0
+    pilots, at, begun = [], 0, process_time()
     grids: dict[str, CountGrid] = {}
     while at < members and not grids:
         group = runs.group({n: v[at : at + runs.at_once] for n, v in values.items()})
-        alive = np.setdiff1d(np.arange(group.recovery.numbers.coefficients.shape[1]), list(group.failed))
-        grids = {n: CountGrid.of(group.temperature(n)[:, alive]) for n in runs.wanted} if alive.size else {}
+        grids = Counted.grids({n: group.rows(n) for n in runs.wanted})
         pilots.append((at, runs.counted(group, grids)))
         at += pilots[-1][1].members
+    ahead = (process_time() - begun) * (members - at) / at
     tasks = _tasks({n: v[at:] for n, v in values.items()}, members - at, runs.at_once)
     folder = JobFolder.of(job, runs.key(values)) if job is not None else None
     done = _left_in(folder, {at + first: v for first, v in tasks}, grids)
     open_ = [at + first for first, _ in tasks if at + first not in done]
-    others = in_tasks(_count, [(f"members from {at + first} on", (runs, v, grids)) for first, v in tasks if at + first in open_], executor)
+    calls = [(f"members from {at + first} on", (runs, v, grids)) for first, v in tasks if at + first in open_]
+    others = in_tasks(_count, calls, executor, seconds=ahead)
 
-    def counted() -> Iterator[tuple[int, _Counted]]:
+    def counted() -> Iterator[tuple[int, Counted]]:
         for k, part in others:
             if folder is not None:
                 folder.save(_file_of(open_[k], part.members), part.arrays())
             yield open_[k], part
+            del part  # megabytes, while the next is made
 
-    return _gathered(chain(pilots, done.items(), counted()), members)
+    return Counted.gathered(chain(pilots, done.items(), counted()), members)
 
 
 def _file_of(first: int, members: int) -> str:
     return f"counts_{first:07d}_{members}"
 
 
-def _left_in(folder: JobFolder | None, tasks: Mapping[int, Mapping[str, Array]], grids: Mapping[str, CountGrid]) -> dict[int, _Counted]:
+def _left_in(folder: JobFolder | None, tasks: Mapping[int, Mapping[str, Array]], grids: Mapping[str, CountGrid]) -> dict[int, Counted]:
     """Return first member -> what an earlier run of a job left of the tasks."""
     if folder is None:
         return {}
     sizes = {first: next(iter(v.values())).size for first, v in tasks.items()}
-    loaded = {first: _Counted.read(folder.load(_file_of(first, size)), grids) for first, size in sizes.items()}
+    loaded = {first: Counted.read(folder.load(_file_of(first, size)), grids) for first, size in sizes.items()}
     return {first: part for first, part in loaded.items() if part is not None}
 
 
@@ -767,6 +688,15 @@ def _tasks(values: Mapping[str, Array], members: int, at_once: int) -> list[tupl
     """Return the shares of tasks: the first member, and the values of all."""
     size = at_once * max(1, -(-members // (TASKS * at_once)))
     return [(k * size, v) for k, v in enumerate(_shares_of(values, size))]
+
+
+def _one_after_another(parts: Sequence[_GroupRun]) -> tuple[dict[int, str], dict[str, MemberTurnings]]:
+    """Return failures and turning points of all groups; nodes that were not followed in each are left out."""
+    firsts = np.cumsum([0, *(p.recovery.numbers.coefficients.shape[1] for p in parts)]).tolist()
+    failed = {first + m: why for first, p in zip(firsts, parts, strict=False) for m, why in p.failed.items()}
+    followed = [n for n in parts[0].turnings if all(n in p.turnings for p in parts)]
+    joined = {n: MemberTurnings.joined([(first, p.turnings[n]) for first, p in zip(firsts, parts, strict=False)]) for n in followed}
+    return failed, joined
 
 
 def _traces_of(parts: Sequence[_GroupRun], name: str) -> Array:
@@ -809,7 +739,7 @@ def _one_by_one(
         return np.asarray(kept[:, :, place[node]].T)
 
     statistics = {"steps": 0, "rejected": 0, "one_by_one": members, "simd": "none"}
-    return Ensemble(*titles, times, wanted, members, values, failed, (), statistics, wiring.network.find, traces, {}, {}, warnings)
+    return Ensemble(*titles, times, wanted, members, values, failed, statistics, wiring.network.find, traces, {}, {}, warnings)
 
 
 def _columns(draws: Mapping[str, Any], where: str) -> tuple[dict[str, Array], int]:
@@ -893,6 +823,10 @@ class _Ended:
     node: int
     time: float
     final_temperatures: Array
+
+
+def _statistics(kernel: Any) -> dict[str, Any]:
+    return {"steps": kernel.steps, "rejected": kernel.rejected, "one_by_one": int(kernel.alone.sum()), "simd": kernel.simd}
 
 
 def _no_traces(name: str) -> Array:

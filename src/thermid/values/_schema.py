@@ -154,6 +154,7 @@ class SmoothTable(StrictTable):
     pivots: list[Pair]
     centre: list[Real]
     thinned: list[Flag]
+    outside: Annotated[Real, Field(ge=0.0, le=1.0)] = 0.0
 
 
 class WayTable(StrictTable):

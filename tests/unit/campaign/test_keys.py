@@ -42,7 +42,7 @@ CHANGES: dict[str, tuple[Any, str]] = {
     "loss_scale": (2.0, "free and fixed"),
     "search": ("multistart", "free and fixed"),
     "window": (60.0, "scenario"),
-    "doubts": (True, "free and fixed"),
+    "structural_errors": (True, "free and fixed"),
     "effective": (True, "free and fixed"),
     "readings": ({"initial.case": Reading("T")}, "scenario"),
     "fit_start": (False, "free and fixed"),

@@ -11,7 +11,7 @@ from thermid.base.errors import IdentificationError
 from thermid.base.expression import quantity
 from thermid.fit._calibrate import calibrate
 from thermid.fit._calibration import Calibration
-from thermid.fit._discrepancy.discrepancy import Discrepancy, discrepancy, operating_points
+from thermid.fit._error_model.discrepancy import Discrepancy, discrepancy, operating_points
 from thermid.measure.records import Channel, Record
 from thermid.model.tree import Model
 from thermid.prediction._known import values_at
@@ -66,7 +66,7 @@ def test_the_band_holds_a_truth_of_another_law(air: int, watts: int) -> None:
     assert told.low < end < told.high
     rise = end - air
     assert told.high - told.low < rise
-    plain = predict(found, given, discrepancy=False)["case"].final
+    plain = predict(found, given, without=("structural", "misfit"))["case"].final
     assert plain.error < told.error
     if (air, watts) != (24, 4):
         assert abs(told.celsius - end) < abs(plain.celsius - end)

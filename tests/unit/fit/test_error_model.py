@@ -10,9 +10,12 @@ import pytest
 
 import thermid as td
 from thermid.base.errors import IdentificationError
+from thermid.fit._error_model.courses import OperatingPoint
+from thermid.fit._error_model.elements import JointLaw, class_of, with_laws
 from thermid.fit.error_model import SIZES, ErrorModel
 from thermid.model.laws import TableSignal
 from thermid.prediction.bands import Band
+from thermid.simulation.network import compile_network
 from unit.fit.bench import BOX, HTC, MASS, box, deck, log, metered
 
 POWERS = (4.0, 2.0)
@@ -157,3 +160,15 @@ def test_a_file_gives_back_what_was_kept(model: ErrorModel) -> None:
     under = ErrorModel.from_dict({**model.to_dict(), "at": "unit."})
     assert {c.source for c in under.ways[0].columns} == {f"unit.{c.source}" for c in model.ways[0].columns}
     assert [n for n in under.unknowns if " " not in n] == [f"unit.{n}" for n in model.unknowns if " " not in n]
+
+
+def test_a_joint_whose_trend_is_looked_for_departs_as_a_joint() -> None:
+    """Laws that stand for constant values while departures are laid out do not make another class of an element."""
+    made = deck(base=BOX)
+    made["nodes"]["core"] = {"capacitance": "100 [J/K]"}
+    made["conductors"] = {"joint": {"kind": "conduction", "between": ["core", "case"], "conductance": "0.5 [W/K]"}}
+    network = compile_network(td.model_from_dict(made))
+    (joint,) = (
+        c for c in with_laws(network, {"joint": JointLaw(OperatingPoint(5.0, 300.0), 0.01, None)}).flat.conductors if c.path == "joint"
+    )
+    assert class_of(joint, network) == "joint"

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 import thermid as td
-from thermid.fit._discrepancy.own_values import BALANCE, Beside, OwnValue, own_value, own_values_kept
+from thermid.fit._error_model.own_values import BALANCE, Beside, OwnValue, own_value, own_values_kept
 from thermid.fit.calibration import Calibration
 from thermid.fit.error_model import ROOM, START
 from thermid.measure.records import Channel, Record

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from concurrent.futures import ThreadPoolExecutor
 from dataclasses import replace
 from importlib import import_module
 from typing import Any
@@ -18,6 +19,7 @@ from thermid.fit._problem.gather import build_problem
 from thermid.fit._problem.request import Request
 from thermid.fit._problem.residuals import Prior, Unknown
 from thermid.fit._search import Population, box_of, evolved
+from thermid.simulation._many import tasks
 
 TIMES = np.linspace(0.0, 6000.0, 201)
 BENCH = td.Scenario("bench", boundaries={"air": "20 [degC]"}, start="20 [degC]", duration="6000 [s]")
@@ -75,6 +77,17 @@ class TestValleys:
         found = fitted(how)
         assert found.chi_square == pytest.approx(fitted("auto").chi_square, abs=0.01)
         assert how in found.search
+
+    @pytest.mark.parametrize("workers", [ThreadPoolExecutor(2), pytest.param(2, marks=pytest.mark.campaign)])
+    def test_descents_by_workers_end_at_the_same_values(self, workers: Any, monkeypatch: pytest.MonkeyPatch) -> None:
+        monkeypatch.setattr(tasks, "PROCESSES_PAY", 0.0)
+        found = td.calibrate(case(1.5, 0.08), log(), PATHS, scenario=BENCH, search="multistart", executor=workers)
+        alone = fitted("multistart")
+        assert (found.fitted, found.evaluations, found.search) == (alone.fitted, alone.evaluations, alone.search)
+
+    def test_few_seconds_stay_in_one_process(self, monkeypatch: pytest.MonkeyPatch) -> None:
+        monkeypatch.setattr(tasks, "_pool", None)
+        assert td.calibrate(case(0.5, 1.5), log(), PATHS, scenario=BENCH, search="multistart", executor=2).search
 
     def test_a_good_fit_is_left_alone(self) -> None:
         near = (0.1, 1.0)

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 import thermid as td
-from thermid.fit._discrepancy import discrepancy
+from thermid.fit._error_model import discrepancy
 from thermid.prediction import _budget as budget, _predict as predict
 from thermid.prediction._budget import Budget, budget_of, first_line
 from thermid.prediction._predict import foresee
@@ -76,7 +76,6 @@ def test_a_source_that_is_left_out_is_gone_from_every_consumer(tmp_path: Path) -
     off = ("structural", "misfit")
     routes = {
         "predict": td.predict(fit, far, nodes=[node], without=off),
-        "discrepancy=False": td.predict(fit, far, nodes=[node], discrepancy=False),
         "foresee": foresee(td.design.Known.of(fit), far, nodes=[node], without=off).prediction,
     }
     runs = td.qualify.uncertain_runs(fit.model, far, fit, n=400, nodes=[node], without=off)

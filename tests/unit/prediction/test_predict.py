@@ -24,7 +24,7 @@ HOT = Scenario("hot", boundaries={"air": "40 [degC]"}, start="24 [degC]", durati
 
 def plain(*given: Any, **more: Any) -> Prediction:
     """A prediction without what constant coefficients leave out; test_discrepancy.py has that."""
-    return predict(*given, discrepancy=False, **more)
+    return predict(*given, without=("structural", "misfit"), **more)
 
 
 @pytest.fixture(scope="module")

@@ -16,11 +16,11 @@ from pydantic import BaseModel
 
 from thermid.base.extensions import grammar_of
 from thermid.bench.bench_files import MappedSensor, load_sensors, save_sensor
-from thermid.campaign._judge.verdict import look, looks_at
+from thermid.campaign._judge.verdict import _read, look
 from thermid.campaign.stages import recall, remember
-from thermid.fit._discrepancy.own_values import Beside
 from thermid.fit._error_model.elements import JointLaw, SurfaceLaw
 from thermid.fit._error_model.kept import ErrorModel, KeptWay, SeenValue
+from thermid.fit._error_model.own_values import Beside
 from thermid.fit._error_model.runs import Departures, Smooth, UnknownColumn
 from thermid.fit.calibration import KeptFit, calibrate
 from thermid.fit.discrepancy import Discrepancy, OperatingPoint, OwnValue
@@ -53,7 +53,7 @@ OWN = OwnValue("air", "AIR", 0.1, 0.2, 3, (Beside("T", 0.3, 0.4, 0.5),))
 AT = OperatingPoint(10.0, 300.0)
 WAY = KeptWay(
     "free air", 1.0, {"a.skin": SurfaceLaw(AT, 0.25, 0.2, None), "a.joint": JointLaw(AT, 0.01, None)}, {"a.x": 0.1},
-    Departures({"a.skin": Smooth(AT, "surface", np.zeros((1, 2)), np.array([0.5]), (True,))}, (60.0,), ("a.n",), 1),
+    Departures({"a.skin": Smooth(AT, "surface", np.zeros((1, 2)), np.array([0.5]), (True,), 0.02)}, (60.0,), ("a.n",), 1),
     (UnknownColumn("exponent of a.skin", "", 0.1, "a.skin"),), np.array([0.1]), np.array([[0.2, 0.0], [0.1, 0.3]]), {"run": 0.02},
     ((1.0, 0.1, 0.3),),
 )  # fmt: skip
@@ -119,7 +119,7 @@ def test_a_values_file_with_every_key_of_its_grammar_is_read_back(tmp_path: Path
     """What the classes hold, each at something else than its default, is written under keys of the grammar; every key is one of them."""
     store = whole_store()
     for thing in (store, STATE, STANDING, ORIGIN, *store.left_out, *store.dropped, DISCREPANCY, ERRORS, OWN):
-        plain = [f.name for f in dataclasses.fields(thing) if f.default is not dataclasses.MISSING and f.name != "kind"]
+        plain = [f.name for f in dataclasses.fields(thing) if f.default is not dataclasses.MISSING and f.name not in ("kind", "gain")]
         assert [n for n in plain if getattr(thing, n) == type(thing).__dataclass_fields__[n].default] == []
     save_store(store, tmp_path / "v.toml", "s")
     back, stage = load_store(tmp_path / "v.toml")
@@ -200,7 +200,7 @@ def test_sensors_looks_and_kept_fits_with_every_key_are_read_back(tmp_path: Path
     written = grammar_of("sensors").model_validate(tomllib.loads((tmp_path / "sensors.toml").read_text()))
     assert [(t.__name__, n) for t in keys_of(type(written)) for n in t.model_fields if not given(t, n, written)] == []
     assert look(tmp_path, "r", "ab", "s", "k", False) == ()
-    (seen,) = looks_at(tmp_path, "ab")
+    (seen,) = _read(tmp_path)
     assert (seen.record, seen.stage, seen.key, seen.passed) == ("r", "s", "k", False)
     end = KeptFit({"x": 0.1 + 0.2}, 7, "searched", ("a remark",))
     remember(tmp_path, "s", "k", end, {"deck": "h"})

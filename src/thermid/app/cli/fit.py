@@ -395,6 +395,7 @@ def hold(
     members: Annotated[int, typer.Option("--members", help="How many runs; the file's, or 10000.", min=0)] = 0,
     job: Annotated[Path | None, typer.Option("--job", "--to", help="Folder where runs are kept; 'results' beside the file.")] = None,
     dry_run: Annotated[bool, typer.Option("--dry-run", help="Say how many runs, how long and how much memory; run none.")] = False,
+    memory: Annotated[float, typer.Option("--memory", help="Refuse what needs more memory. [MB]", min=1.0)] = math.inf,
     workers: Processes = 1,
     cluster: Cluster = "",
     figure: Annotated[Path | None, typer.Option("--figure", help="Write the curve (png, svg, pdf).")] = None,
@@ -412,8 +413,12 @@ def hold(
     writable((figure, PICTURE))
     asked = load_hold(question)
     folder = job if job is not None else question.parent / "results"
-    if dry_run:
+    if dry_run or math.isfinite(memory):
         cost = asked.cost(n=members, folder=folder)
+        if cost.size > 1e6 * memory:
+            text = f"{cost}, more than {memory:g} MB. Ask for fewer reference points, or a longer interval: every = '30 [min]'."
+            raise ScenarioError(text, question.name)
+    if dry_run:
         say(as_json, {"members": cost.members, "kept": cost.kept, "processor_s": cost.seconds, "memory_B": cost.size}, cost, verbose)
         return
     with MemberProgress() as progress:

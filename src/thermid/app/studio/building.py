@@ -13,7 +13,7 @@ from thermid.app.studio.desk import Desk
 from thermid.app.studio.draft import CAMPAIGN, DECK, PLACES, VIEW, Draft, keep, parsed_line, recalled
 from thermid.app.studio.follow import Follower
 from thermid.app.studio.orders import curves_object
-from thermid.app.studio.shapes import PALETTE, SOURCES, added, palette, removed, renamed, sheets, stored, valued
+from thermid.app.studio.shapes import PALETTE, SOURCES, added, palette, removed, renamed, scheduled, schedules, sheets, stored, valued
 from thermid.app.studio.work import Jobs, JobState
 from thermid.base.errors import DeckError, MissingDataError, NameNotFoundError, ThermidError, refuse_unknown
 from thermid.base.files import OWN, read_bytes, write_bytes
@@ -66,7 +66,11 @@ class Building:
         log = self._bound()
         elements = [self._logged(e, log) for e in sheets(draft.deck)]
         content = draft.deck.content
-        others = {t: len(v) for t, v in content.items() if isinstance(v, Mapping) and t not in _SHOWN and v}
+        logged = {c.get("boundary") for c in (log or {"channels": {}})["channels"].values() if isinstance(c, Mapping)}
+        course = self._stage().get("scenario", {}).get("boundaries", {})
+        held = {n: str(course.get(n, "")) for n in content.get("needs", []) if n not in logged}
+        unseen = {t: {*v} - schedules(content) if t == "controls" else v for t, v in content.items() if isinstance(v, Mapping)}
+        others = {t: len(v) for t, v in unseen.items() if t not in _SHOWN and v}
         return {
             **{"file": draft.deck.path.name, "title": content["title"], "text": text.removeprefix("\ufeff"), "notice": self.notice},
             **{"elements": elements, "others": others, "places": self._places(elements), "palette": palette(), "sources": SOURCES},
@@ -75,7 +79,7 @@ class Building:
             "logs": Follower(draft.documents[CAMPAIGN].path.parent).offered()["logs"],
             "missing": sum(f["missing"] for e in elements for f in e["fields"]),
             **{"stages": [s["name"] for s in draft.documents[CAMPAIGN].content["stages"]], "stage": self._stage()["name"]},
-            "inherited": self._inherited(),
+            **{"inherited": self._inherited(), "held": held if log is not None else {}},
         }
 
     @property
@@ -120,12 +124,12 @@ class Building:
 
     def _parameters(self) -> list[dict[str, Any]]:
         """Return the values that a fit may find, and whether it is asked to."""
-        free = set(self._stage().get("free", []))
+        free, switching = set(self._stage().get("free", [])), schedules(self.draft.deck.content)
         table = parameter_table(self.model)
         return [
             {"path": path, "text": e.parameter.text, "free": path in free}
             for path, e in table.items()
-            if (literal := e.parameter.expression.literal) is not None and literal.value > 0 and not path.startswith("loads.")
+            if (literal := e.parameter.expression.literal) is not None and literal.value > 0 and path.partition(".")[0] not in switching
         ]
 
     def _decks(self) -> list[str]:
@@ -280,7 +284,8 @@ class Building:
         """Return column -> binding where a name of the deck stands in the column's name and its unit fits."""
         content, out = self.draft.deck.content, {}
         warm = {"node": content.get("nodes", {}), "boundary": content.get("needs", [])}
-        rooms = {"temperature": warm, "boundary": warm, "power": (heats := {"load": content.get("loads", {})}), "duty": heats}
+        rooms = {"temperature": warm, "boundary": warm, "power": (heats := {"load": content.get("loads", {})})}
+        rooms["duty"] = {"command": content.get("loads", {})}  # a share of the deck's power
         for column in columns:
             words, unit = word(column["name"]), column["unit"] if column["assumed"] else ""
             stem, _, letter = words.rpartition("_")
@@ -306,6 +311,12 @@ class Building:
             {DECK: valued(s.draft.deck.content, texts_of(b, "keys"), text_of(b, "value"), text_of(b, "source"))}
         ),
         "stored": lambda s, b: s.draft.edited({DECK: stored(s.draft.deck.content, text_of(b, "name"), text_of(b, "how"))}),
+        "schedule": lambda s, b: s.draft.edited(
+            {DECK: scheduled(s.draft.deck.content, texts_of(b, "keys"), *(text_of(b, k) for k in ("on", "off", "share")))}
+        ),
+        "hold": lambda s, b: s.draft.edited(
+            {CAMPAIGN: valued({}, ("stages", s._place_of_stage(), "scenario", "boundaries", text_of(b, "name")), text_of(b, "value"), "")}
+        ),
         "sensor": lambda s, b: s.draft.edited({DECK: [Edit(("nodes", text_of(b, "name"), "reference_point"), bool(b.get("on")))]}),
         "use part": lambda s, b: s.draft.edited(
             {DECK: [Edit(("submodels", text_of(b, "name"), k), v) for k, v in s._part(text_of(b, "deck")).items()]}

@@ -33,6 +33,8 @@ ENDS: Final = {"surfaces": ("of", "to"), "loads": ("into",)}
 """Fields that name what an element is joined to; conductors have ``between``, submodels ``bind``."""
 NAMING: Final = ("of", "to", "into", "sees", "radiates_to", "rest", "between", "bind", "faces", "sensor", "follows")
 """Fields in which names of nodes stand."""
+SWITCHED: Final = {"surfaces": "htc_control", "loads": "control", "conductors": "control"}
+"""Field that names the control of an element: a fan's schedule on a surface."""
 TABLES: Final = ("surfaces", "conductors", "loads", "submodels")
 """Tables that the canvas draws beside nodes."""
 
@@ -160,6 +162,53 @@ def stored(content: Mapping[str, Any], name: str, how: str) -> list[Edit]:
     return [*(Edit(("nodes", name, k)) for k in gone), *(Edit(("nodes", name, k), v) for k, v in ways[how].items())]
 
 
+def scheduled(content: Mapping[str, Any], keys: Sequence[str], on: str, off: str, share: str) -> list[Edit]:
+    """Return the edits that switch an element over and over, from the start of a run; without a time that it is on they end that.
+
+    Parameters
+    ----------
+    content, keys   Of the deck; table and name of the element.
+    on, off : str   How long it is on, then off, with units.
+    share : str     What is left of its power or coefficient while it is off. [-]
+
+    Raises
+    ------
+    NameNotFoundError   When such an element cannot be switched.
+    """
+    table, name = keys
+    refuse_unknown([table], SWITCHED, name, "what stands in '{}' is not switched.", NameNotFoundError)
+    naming = (table, name, SWITCHED[table])
+    control = content[table][name].get(SWITCHED[table]) or _free_name(f"{name}_schedule", set(content.get("controls", {})))
+    if not on.strip():
+        return [Edit(naming), Edit(("controls", control))]
+    turns = {"ends": {"from": "on", "to": "off", "after": on}, "begins": {"from": "off", "to": "on", "after": off or on}}
+    course = {"modes": {"on": 1, "off": share or "0"}, "starts": "on", "transitions": turns}
+    return [Edit(("controls", control), course), Edit(naming, control)]
+
+
+def _schedule_of(content: Mapping[str, Any], table: str, name: str) -> dict[str, str] | None:
+    """Return how long an element is on and off, and its share then; None where the sheet does not say it."""
+    if table not in SWITCHED:
+        return None
+    control = content[table][name].get(SWITCHED[table])
+    if not control:
+        return {"on": "", "off": "", "share": ""}
+    if sum(control in (e.get("control"), e.get("htc_control")) for t in TABLES for e in content.get(t, {}).values()) > 1:
+        return None  # it switches others too
+    try:
+        course = content["controls"][control]
+        turns = course["transitions"]
+        return {"on": str(turns["ends"]["after"]), "off": str(turns["begins"]["after"]), "share": str(course["modes"]["off"])}
+    except (KeyError, TypeError):
+        return None
+
+
+def schedules(content: Mapping[str, Any]) -> set[str]:
+    """Return the names of controls that are schedules of an element and that its sheet says."""
+    pairs = ((t, n) for t in SWITCHED for n in content.get(t, {}))
+    return {str(content[t][n][SWITCHED[t]]) for t, n in pairs if (s := _schedule_of(content, t, n)) and s["on"]}
+
+
 def names_of(content: Mapping[str, Any]) -> set[str]:
     """Return the names that are taken: of nodes, boundaries and everything that may be joined or fitted."""
     return {*content.get("needs", []), *(name for table in ("nodes", "parameters", *TABLES) for name in content.get(table, {}))}
@@ -173,7 +222,8 @@ def removed(content: Mapping[str, Any], keys: Sequence[str]) -> list[Edit]:
     else:
         edits = [Edit((table, name))]
     if table not in ("nodes", "needs", "submodels"):
-        return edits
+        now = _schedule_of(content, table, name)
+        return [*edits, *([Edit(("controls", content[table][name][SWITCHED[table]]))] if now and now["on"] else [])]
     joined = [(t, n) for t in TABLES for n, e in content.get(t, {}).items() if (t, n) != (table, name) and _touches(e, name)]
     return [*(Edit(pair) for pair in joined), *edits]
 
@@ -226,7 +276,7 @@ def _replaced(value: Any, old: str, new: str) -> Any:
     return {k: _replaced(v, old, new) for k, v in value.items()} if isinstance(value, Mapping) else value
 
 
-def valued(content: Mapping[str, Any], keys: Sequence[str], text: str, source: str) -> list[Edit]:
+def valued(content: Mapping[str, Any], keys: Sequence[str | int], text: str, source: str) -> list[Edit]:
     """Return the edits that give a field a value and say where it comes from; without a text it is taken away."""
     here: Any = content
     for key in keys:
@@ -262,7 +312,12 @@ def sheets(document: DeckDocument) -> Iterator[dict[str, Any]]:
             slots = KINDS[kind].slots if table == "conductors" and kind in KINDS else {}
             slots = {"surfaces": SURFACE_FIELDS, "loads": LOAD_SLOTS}.get(table, slots)
             out = {"table": table, "name": name, "shape": kind, "ends": ends_of(element), "fields": _fields(element, slots)}
-            yield out | {"sensor": False, "use": element.get("use", ""), "bind": element.get("bind", {})}
+            yield out | {
+                "sensor": False,
+                "use": element.get("use", ""),
+                "bind": element.get("bind", {}),
+                "schedule": _schedule_of(content, table, name),
+            }
 
 
 def _fields(element: Mapping[str, Any], slots: Mapping[str, str]) -> list[dict[str, Any]]:

@@ -230,7 +230,7 @@ CODES: Final[Mapping[str, CodeMeaning]] = {
     ),
     "fmu.not-trusted": CodeMeaning(
         "error",
-        "An FMU is a program with the rights of the user, and nobody said yet that this one may run.",
+        "An FMU is a program with the rights of the user, and this one was not allowed to run yet.",
         "If you trust who made it: `--trust`, or `fmu_model(path, trust=True)`, once.",
     ),
     "htc.agrees": CodeMeaning(

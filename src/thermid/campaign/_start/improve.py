@@ -274,8 +274,8 @@ def _written(path: Path, stage: str, before: Request, after: Request, delays: Se
     priors = {p: {"mean": mean, "sd": sd} for p, (mean, sd) in after.priors.items() if p not in before.priors}
     if priors:
         table["priors"] = tomlkit.item({**dict(table.get("priors", {})), **priors})
-    if after.doubts:
-        table["doubts"] = True
+    if after.structural_errors:
+        table["structural_errors"] = True
     moved = {
         c.name: {c.role: str(c.target)}
         for one, other in zip(before.records, after.records, strict=True)

@@ -6,15 +6,21 @@ second; so is a power, and a mass behind a node. The kernel's derivatives by the
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field, replace
 from typing import Any
 
 import numpy as np
 
-from thermid.base.dual import value_of
 from thermid.base.linear_algebra import Array
-from thermid.fit._discrepancy.discrepancy import FREE_AIR, STREAM, OperatingPoint, constant_coefficients
+from thermid.fit._error_model.courses import (
+    FREE_AIR,
+    STREAM,
+    ElementCourse,
+    OperatingPoint,
+    constant_coefficients,
+    laws_of,
+)
 from thermid.fit._error_model.sizes import (
     FINISH,
     FLOWLESS,
@@ -24,7 +30,6 @@ from thermid.fit._error_model.sizes import (
     LEAST_SHARE,
     LEVEL_POINTS,
     LEVELS,
-    POINTS,
     ROOM_KNOTS,
 )
 from thermid.model.elements import CARRIED_BY, Law
@@ -33,7 +38,6 @@ from thermid.model.tree import FlatConductor, FlatLoad
 from thermid.physics.constants import STEFAN_BOLTZMANN
 from thermid.simulation.network import Network
 from thermid.simulation.scenarios import Scenario
-from thermid.simulation.solver import Engine, Options, Traces, Wiring
 
 EXPONENT_OF, SHARE_OF, TREND_OF = "exponent", "radiation", "trend"
 """What of a law is not known: of a surface and of a joint."""
@@ -175,8 +179,8 @@ def ways_of(
     emissivities : dict     Conductor -> the emissivity that the deck gives its surface.
     """
     surfaces = {p: c for p, c in constant_coefficients(network).items() if p in at and c.kind in ("effective", "convection")}
-    joints = {c.path: c for c in network.flat.conductors if c.path in at and c.kind in SOLIDS and len(_laws_of(network, c)) == 1}
-    joints = {p: c for p, c in joints.items() if _laws_of(network, c)[0].form == "linear"}
+    joints = {c.path: c for c in network.flat.conductors if c.path in at and c.kind in SOLIDS and len(laws_of(network, c)) == 1}
+    joints = {p: c for p, c in joints.items() if laws_of(network, c)[0].form == "linear"}
     unsaid = [p for p, c in surfaces.items() if CARRIED_BY not in c.words]
     out = []
     for carrier in (FREE_AIR, STREAM) if unsaid else ("as the deck says",):
@@ -223,80 +227,6 @@ def with_laws(network: Network, laws: Mapping[str, ElementLaw]) -> Network:
         if c.path not in held
     )
     return replace(network, flat=replace(network.flat, conductors=own))
-
-
-@dataclass(frozen=True, eq=False)
-class ElementCourse:
-    """A run as its elements see it.
-
-    Parameters
-    ----------
-    times : array (times,)      [s]
-    kelvin : dict               Node or boundary -> temperature (times,). [K]
-    flows : dict                Conductor -> heat from its first end to its second (times,). [W]
-    follows : dict              Boundary -> conductor -> what one more kelvin of it adds to that heat (times,). [W/K]
-    stores : dict               Node -> heat that it takes up (times,), and its capacitance [J/K]. [W]
-    powers : dict               Load -> the node, and its power as the scenario gives it.
-    radiated : dict             Conductor -> what of its heat is radiation (times,). [W]
-    settled : bool              Whether the last of the times stands for where the run settles.
-    """
-
-    times: Array
-    kelvin: Mapping[str, Array]
-    flows: Mapping[str, Array]
-    follows: Mapping[str, Mapping[str, Array]]
-    stores: Mapping[str, tuple[Array, float]]
-    powers: Mapping[str, tuple[str, Any]]
-    radiated: Mapping[str, Array]
-    settled: bool = False
-
-
-def course_of(wiring: Wiring, engine: Engine, x: Array | None, options: Options, rest: Mapping[str, float] | None = None) -> ElementCourse:
-    """Return the course of a run at some values of its free names.
-
-    Parameters
-    ----------
-    rest : dict     Node and boundary -> temperature where it settles with the inputs of the end; the course then ends there. [K]
-    """
-    end = wiring.scenario.seconds
-    times = np.linspace(0.0, end, POINTS)
-    a = engine.started(wiring.assemble(x, False))
-    answer = engine.integrate(a, times, a.reduced.nodes, end, options)
-    traces = Traces(wiring, a, times, a.reduced.nodes, answer.temperatures, answer.sensitivities)
-    run = {n: traces.temperature(n) for n in (*wiring.network.nodes, *wiring.network.boundaries)}
-    known = run if rest is None else {n: np.append(t, rest[n]) for n, t in run.items()}
-    more = np.minimum(np.arange(times.size + (rest is not None)), times.size - 1)  # the last sample once more
-    modes = dict(zip(engine.control_names, answer.states(times)[more].T, strict=True))
-    every = {**known, **{n: traces.temperature(n)[more] for n in a.reduced.controllers}}
-    held = times[more]
-    shares = wiring.shares(a.numbers, every.__getitem__, held, modes.__getitem__)
-    flows = wiring.conductor_flows(a.numbers, known, held, shares)
-    follows = {}
-    for b in wiring.network.boundaries:
-        beside = wiring.conductor_flows(a.numbers, {**known, b: known[b] + 1e-3}, held, shares)
-        follows[b] = {p: (beside[p] - flows[p]) / 1e-3 for p in flows if (beside[p] != flows[p]).any()}
-    sizes = {n: float(value_of(c)) for n, c in a.numbers.capacitances.items() if c is not None and n in known}
-    stored = {n: c * np.gradient(run[n], times) for n, c in sizes.items()}
-    stores = {n: (stored[n] if rest is None else np.append(stored[n], 0.0), c) for n, c in sizes.items()}
-    powers = {load.path: (load.node, given) for load in wiring.network.flat.loads if (given := _power_of(load, wiring)) is not None}
-    shining = replace(a.numbers, conductors=tuple(row for row in a.numbers.conductors if row.form == "radiation"))
-    radiated = wiring.conductor_flows(shining, known, held, shares)
-    whole = times if rest is None else np.append(times, end + AFTER)
-    return ElementCourse(whole, known, flows, follows, stores, powers, radiated, rest is not None)
-
-
-AFTER = 1e-3
-"""When a course that ends where it settles is there, after the end of the run. [s]"""
-
-
-def _power_of(load: FlatLoad, wiring: Wiring) -> Any:
-    """Return the power of a load as its inputs give it; None where a temperature has a say in it, or nothing is heated."""
-    given, command = wiring.scenario.loads.get(load.path), wiring.scenario.commands.get(load.path)
-    if given is not None:
-        return given
-    if command is None or load.follows_temperature or "power" not in load.fields:
-        return None
-    return command.scaled(float(value_of(wiring.network.numbers().values[load.fields["power"]])))
 
 
 @dataclass(frozen=True, eq=False)
@@ -347,26 +277,9 @@ def class_of(c: FlatConductor, network: Network) -> str:
     """Return the class of a conductor."""
     if c.path in constant_coefficients(network):
         return SURFACE
-    return JOINT if all(law.form == "linear" for law in _laws_of(network, c)) else LAW
-
-
-def _laws_of(network: Network, c: FlatConductor) -> tuple[Law, ...]:
-    """Return the laws of a conductor at the values of its deck."""
-    values = network.numbers().values
-    return c.laws({name: values[path] for name, path in c.fields.items()})
-
-
-def point_of(courses: Sequence[ElementCourse], c: FlatConductor) -> OperatingPoint | None:
-    """Return where an element was over runs: geometric mean difference and mean level, weighted by its heat; None where none flows."""
-    runs = [r for r in courses if c.path in r.flows]
-    if not runs:
-        return None
-    heat = np.concatenate([np.abs(r.flows[c.path]) for r in runs])
-    a, b = (np.concatenate([r.kelvin[end] for r in runs]) for end in c.ends)
-    if not heat.sum() > 0.0:
-        return None
-    apart = np.maximum(np.abs(a - b), 1e-9)
-    return OperatingPoint(float(np.exp(heat @ np.log(apart) / heat.sum())), float(heat @ (0.5 * (a + b)) / heat.sum()))
+    if isinstance(c.recipe, JointLaw):  # a constant conductance whose trend is looked for
+        return JOINT
+    return JOINT if all(law.form == "linear" for law in laws_of(network, c)) else LAW
 
 
 def places(course: ElementCourse, c: FlatConductor, at: OperatingPoint) -> Array:

@@ -123,9 +123,10 @@ def weights_of(log_evidence: Sequence[float] | Array) -> Array:
     return np.asarray(weights / weights.sum())
 
 
-def log_mean(logs: Array) -> float:
-    """Return ln of the mean of what has these logarithms."""
-    return float(logs.max() + np.log(np.mean(np.exp(logs - logs.max()))))
+def log_sum(logs: Sequence[float] | Array) -> float:
+    """Return ln of the sum of numbers by their logarithms."""
+    most = float(np.max(logs))
+    return most + float(np.log(np.sum(np.exp(np.asarray(logs) - most))))
 
 
 def step_to_mode(log_evidence: Sequence[float], means: Sequence[Array], roots: Sequence[Array]) -> tuple[float, Array, Array]:
@@ -147,7 +148,7 @@ def step_to_mode(log_evidence: Sequence[float], means: Sequence[Array], roots: S
     logs = np.array([log - 0.5 * float(mean @ pull - np.linalg.slogdet(inverse)[1]) for log, mean, inverse, pull in pairs])
     shares = weights_of(logs)
     spread = np.linalg.inv(np.tensordot(shares, np.array(inverses), axes=1))
-    return -log_mean(logs), np.asarray(spread @ (shares @ np.array(pulls))), np.sqrt(np.diag(spread))
+    return -log_sum(logs), np.asarray(spread @ (shares @ np.array(pulls))), np.sqrt(np.diag(spread))
 
 
 def even_points(count: int, dimensions: int, first: int = 1) -> Array:

@@ -7,6 +7,7 @@ covariance, so that what is left of departures once the values are known has unk
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
 from functools import cached_property
@@ -18,8 +19,8 @@ from thermid.base.dual import value_of
 from thermid.base.errors import IdentificationError, ThermidError
 from thermid.base.linear_algebra import Array
 from thermid.base.results import Result, Row
-from thermid.fit._calibration import Calibration
-from thermid.fit._discrepancy.discrepancy import FREE_AIR, OperatingPoint, coefficient_path, constant_coefficients
+from thermid.fit._calibration import FIRST, Calibration
+from thermid.fit._error_model.courses import FREE_AIR, OperatingPoint, coefficient_path, constant_coefficients
 from thermid.fit._error_model.elements import (
     EXPONENT_OF,
     SHARE_OF,
@@ -31,13 +32,15 @@ from thermid.fit._error_model.elements import (
     linear_recipe,
     ways_of,
 )
-from thermid.fit._error_model.gaussian import weights_of
-from thermid.fit._error_model.model import GROUPS, FittedWay, before, fitted_way, points_of
+from thermid.fit._error_model.gaussian import log_sum, weights_of
+from thermid.fit._error_model.model import GROUPS, FittedWay, before, evidence_of_structure, fitted_way, points_of
 from thermid.fit._error_model.runs import Departures, Smooth, UnknownColumn
-from thermid.fit._error_model.sizes import COUNTED, FAR_SIZE, KEPT_OF_PRIOR, OUTSIDE, SIZES
+from thermid.fit._error_model.sizes import BEYOND_WIDENING, COUNTED, FAR_SIZE, KEPT_OF_PRIOR, LARGE_MOVE, OUTSIDE, SIZES, STRONG, SURE_MOVE
 from thermid.fit._problem.residuals import Problem, Unknown
+from thermid.measure.amounts import short
 from thermid.model.elements import CARRIED_BY
 from thermid.model.identity import identity_of
+from thermid.model.parameters import Standing
 from thermid.simulation.network import Network
 
 KEY = "errors"
@@ -143,7 +146,9 @@ class KeptWay:
         own, members, size = shares / weight, way.members, len(way.values)
         mean = own @ members.mean
         apart = members.mean - mean
-        beside = np.hstack(np.sqrt(own)[:, None, None] * members.root)  # of all members side by side, so that one product sums them
+        beside = np.concatenate(
+            list(np.sqrt(own)[:, None, None] * members.root), axis=1
+        )  # of all members side by side, so that one product sums them
         covariance = beside @ beside.T + (own[:, None] * apart).T @ apart
         at = np.array(list(way.values.values())) + mean[:size]
         low, high = np.array([bounds[n] for n in way.values]).reshape(size, 2).T
@@ -162,6 +167,7 @@ class KeptWay:
                 "pivots": _short(s.pivots),
                 "centre": _short(s.centre),
                 "thinned": list(s.thinned),
+                "outside": s.outside,
             }
             for p, s in self.departures.smooth.items()
         }
@@ -197,6 +203,7 @@ class KeptWay:
                 np.array(s["pivots"], dtype=float).reshape(-1, 2),
                 np.array(s["centre"], dtype=float),
                 tuple(map(bool, s["thinned"])),
+                float(s.get("outside", 0.0)),
             )
             for p, s in data["smooth"].items()
         }
@@ -230,6 +237,7 @@ class ErrorModel(Result):
     ways : tuple of KeptWay     The posterior for each way in which heat of surfaces may be carried; none where elements are not followed.
     misfit : float              Root mean square of the readings over what is allowed of them; one is expected. [-]
     why : str                   Why elements are not followed; empty where they are.
+    gain : float                By how much ln of the evidence of the readings grows with what departs; not kept in files.
     """
 
     stage: str
@@ -237,6 +245,7 @@ class ErrorModel(Result):
     ways: tuple[KeptWay, ...] = ()
     misfit: float = 1.0
     why: str = ""
+    gain: float = 0.0
 
     @classmethod
     def of(cls, fit: Calibration) -> ErrorModel:
@@ -272,7 +281,9 @@ class ErrorModel(Result):
         ways = [KeptWay.of(w, share, bounds) for w, share in zip(found, shares, strict=True) if share.sum() > COUNTED]
         total = sum(w.weight for w in ways)
         seen = {n: SeenValue.of(named[n]) for n in ways[0].values}
-        return cls(fit.stage, seen, tuple(replace(w, weight=w.weight / total) for w in ways), misfit)
+        gain = log_sum(np.concatenate([w.members.log_evidence for w in found])) - float(np.log(len(found)))
+        ways = [replace(w, weight=w.weight / total) for w in ways]
+        return cls(fit.stage, seen, tuple(ways), misfit, gain=gain - evidence_of_structure(problem, fitted))
 
     @property
     def carriers(self) -> dict[str, float]:
@@ -303,13 +314,17 @@ class ErrorModel(Result):
         """Values of the fit that its runs share, in the order of `covariance`."""
         return tuple(self.seen)
 
+    @property
+    def mean(self) -> Array:
+        """Expected values (values,) of the fit, in their fitted form."""
+        return np.asarray(np.sum([w.weight * np.array([*w.values.values()]) for w in self.ways], axis=0))
+
     @cached_property
     def covariance(self) -> Array:
         """Covariance (values, values) of the values of the fit, in their fitted form."""
         size = len(self.seen)
-        means = np.array([list(w.values.values()) for w in self.ways])
         weights = np.array([w.weight for w in self.ways])
-        apart = means - weights @ means
+        apart = np.array([list(w.values.values()) for w in self.ways]) - self.mean
         within = sum(w.weight * w.root[:size, :size] @ w.root[:size, :size].T for w in self.ways)
         return np.asarray(within + (weights[:, None] * apart).T @ apart)
 
@@ -438,3 +453,58 @@ def _problem_of(fit: Calibration) -> Problem:
     if fit.model.runner is not None:
         raise IdentificationError("the elements of an FMU are not known, so nothing is known of how they depart.", fit.stage, code=FOLLOWED)
     return problem
+
+
+def with_structural_errors(fit: Calibration) -> tuple[Calibration, ErrorModel | None]:
+    """Return a fit whose errors count how elements depart from their laws, and the model of error behind them.
+
+    A value stays where its fit found it. Its error is the root of the sum of its variance by the model of error and of the square of what
+    that would move it by; none becomes smaller. Where there is no model of error a warning of the fit says why.
+    """
+    asked = fit.request is not None and fit.request.structural_errors
+    try:
+        errors = ErrorModel.of(fit)
+    except (ThermidError, np.linalg.LinAlgError) as error:
+        why = getattr(error, "message", "the readings and the bounds together leave the sizes of departures open")
+        words = f"the errors do not count what the structure may lack ({why.rstrip('.')}). Look for it with `thermid criticise`."
+        return replace(fit, warnings=(*fit.warnings, words)), None
+    if not asked and errors.gain < STRONG:
+        return fit, errors  # what wanders is as likely noise
+    moved = {n: float(x - fit.fitted[n]) for n, x in zip(errors.unknowns, errors.mean, strict=True)}
+    variances = dict(zip(errors.unknowns, np.diag(errors.covariance).tolist(), strict=True))
+    return _widened(fit, moved, variances), errors
+
+
+def _widened(fit: Calibration, moved: Mapping[str, float], variances: Mapping[str, float]) -> Calibration:
+    """Return a fit with wider errors, by what its values would move by and their variances; fitted form."""
+    assert fit.problem is not None
+    slopes = {u.name: u.slope(fit.fitted[u.name]) for u in fit.problem.unknowns}
+    sizes = {n: math.hypot(x, math.sqrt(max(variances[n], 0.0))) for n, x in moved.items()}
+    items = {p: replace(v, error=max(v.error, float(sizes[p] * slopes[p]))) if p in sizes else v for p, v in fit.values.items()}
+    asked, stated = fit.request is not None and fit.request.structural_errors, fit.request is not None and fit.request.adequate > 0.0
+    logs = {u.name for u in fit.problem.unknowns if u.kind == "parameter" and u.log}
+    far = {p: x for p, x in moved.items() if p in logs and abs(x) > BEYOND_WIDENING and x**2 > SURE_MOVE**2 * variances[p]}
+    # with a stated `adequate` it is the user's to say what residuals may be
+    if far and not (asked or stated) and fit.own.fair:
+        fit = _inadequate(fit, max(far, key=lambda p: abs(far[p])), far)
+        items = {p: replace(v, standing=fit.values[p].standing) for p, v in items.items()}
+    grown = {p: v.error / fit.values[p].error for p, v in items.items() if v.kind == "parameter" and fit.values[p].error > 0.0}
+    said = (*fit.warnings, _words(grown, asked))
+    return replace(fit, values=replace(fit.values, items_=items), structural_errors=True, warnings=said)
+
+
+def _inadequate(fit: Calibration, worst: str, far: Mapping[str, float]) -> Calibration:
+    """Return a fit whose values the readings ask to move so far that a wider error does not do."""
+    size = far[worst]
+    by = f"{short(100.0 * math.expm1(size), 2)} %" if abs(size) < math.log(LARGE_MOVE) else f"more than a factor of {LARGE_MOVE:g}"
+    because = f"what the structure may lack would move '{worst}' by {by}, and the residuals ask for it"
+    accepted = fit.request is not None and fit.request.accepted
+    return replace(fit, own=Standing("not adequate", because, fit.stage, accepted)).judged(fit.rests, fit.verdict)
+
+
+def _words(grown: Mapping[str, float], asked: bool) -> str:
+    """Return what a reader must know; `grown` is by what factor the error of each value grew."""
+    most = max(grown, key=grown.__getitem__, default="")
+    times = f", most of '{most}': {short(grown[most], 2)} times the error of the fit itself" if most else ""
+    why = "the structure is a proposal" if asked else "the residuals refute the structure"
+    return f"{FIRST}{why}, so the errors of the values count how its elements may depart from their laws{times}."

@@ -9,15 +9,12 @@ from typing import Any
 import numpy as np
 
 from thermid.base.linear_algebra import Array
-from thermid.fit._discrepancy.discrepancy import OperatingPoint
+from thermid.fit._error_model.courses import ElementCourse, OperatingPoint, course_of, point_of
 from thermid.fit._error_model.elements import (
     DepartureHeat,
-    ElementCourse,
     ElementLaw,
     Way,
     conductors_of,
-    course_of,
-    point_of,
     with_heats,
     with_laws,
 )
@@ -26,7 +23,7 @@ from thermid.fit._error_model.gaussian import (
     RunRows,
     Wander,
     even_points,
-    log_mean,
+    log_sum,
     members_of,
     sampled,
     step_to_mode,
@@ -248,8 +245,8 @@ def fitted_way(problem: Problem, fitted: Array, way: Way, points: Mapping[str, O
     they do not explain, and a large one would leave them where they began.
     """
     bounds = np.array([u.fitted_bounds() for u in problem.unknowns]).reshape(fitted.size, 2)
-    at, laws, departures, share, best, least = fitted.copy(), dict(way.laws), None, 1.0, None, np.inf
-    for _ in range(NEWTON_POINTS):
+    at, laws, departures, share, least = fitted.copy(), dict(way.laws), None, 1.0, np.inf
+    for point in range(NEWTON_POINTS):
         runs = RunsOfFit.of(problem, at, way, laws, points, departures)
         departures, values = runs.departures, runs.values
         place = {c.name: len(values) + k for k, c in enumerate(runs.columns)}
@@ -259,7 +256,7 @@ def fitted_way(problem: Problem, fitted: Array, way: Way, points: Mapping[str, O
         for (path, what), k in shapes.items():
             centre[k] = way.laws[path].shape[what] - laws[path].shape[what]
         cost, step, spread = runs.likeliest([*range(len(values)), *shapes.values()], centre)
-        if cost < least:
+        if not point or cost < least:
             least, best, share = cost, (runs, laws, centre, step), min(2.0 * share, 1.0)
             if (np.abs(step) < ARRIVED * spread).all():
                 break
@@ -280,7 +277,7 @@ def _averaged(runs: RunsOfFit, way: Way, laws: Mapping[str, ElementLaw], centre:
     most = SETS_COST / (len(runs.values) + len(runs.columns)) ** 3
     sets = int(np.clip(most, FEWEST_SETS, SETS))
     prior, few = left_prior(), sizes_at(even_points(max(sets * FIRST_SETS // SETS, 1), len(GROUPS)))
-    first = {left: log + log_mean(runs.posterior(centre, few, left).log_evidence) for left, log in prior.items()}
+    first = {left: log + log_sum(runs.posterior(centre, few, left).log_evidence) - float(np.log(len(few))) for left, log in prior.items()}
     likely = [left for left, share in zip(first, weights_of(list(first.values())), strict=True) if share > LIKELY]
     parts, sizes = [], []
     for left in likely:
@@ -296,6 +293,13 @@ def _averaged(runs: RunsOfFit, way: Way, laws: Mapping[str, ElementLaw], centre:
     sizes_left = np.repeat([(SIZES["left"].value * size, time) for size, time in likely], sets, axis=0)
     values = {runs.problem.unknowns[k].name: float(runs.fitted[k]) for k in runs.values}
     return FittedWay(way, laws, values, runs.departures, runs.columns, Members.joined(parts), np.concatenate(sizes), sizes_left)
+
+
+def evidence_of_structure(problem: Problem, fitted: Array) -> float:
+    """Return ln of the evidence of the readings where nothing departs from the structure of a fit, with what no element explains."""
+    runs, nothing = RunsOfFit.of(problem, fitted, Way(""), {}, {}, Departures({}, ())), np.zeros((1, len(GROUPS)))
+    centre = np.zeros(len(runs.values))
+    return log_sum([runs.posterior(centre, nothing, left).log_evidence[0] + log for left, log in left_prior().items()])
 
 
 def left_prior() -> dict[tuple[float, float], float]:

@@ -9,10 +9,9 @@ from typing import Any
 import numpy as np
 
 from thermid.base.linear_algebra import Array
-from thermid.fit._discrepancy.discrepancy import OperatingPoint
+from thermid.fit._error_model.courses import ElementCourse, OperatingPoint
 from thermid.fit._error_model.elements import (
     DepartureHeat,
-    ElementCourse,
     ElementLaw,
     Way,
     class_of,
@@ -71,6 +70,7 @@ class Smooth:
     pivots : array (r, 2)   Of ln(difference) and level, from where it was found.
     centre : array (r,)     Mean of the features over the runs of the fit, weighted by heat.
     thinned : tuple (r,)    Whether its gas was another there than air on the ground.
+    outside : float         What of its variance lies outside of the features over these runs, weighted by heat. [-]
     """
 
     at: OperatingPoint
@@ -78,6 +78,7 @@ class Smooth:
     pivots: Array
     centre: Array
     thinned: tuple[bool, ...]
+    outside: float = 0.0
 
     @classmethod
     def of(
@@ -101,7 +102,9 @@ class Smooth:
                 gases += [gas] * len(found[-1])
         bare = cls(at, kind, np.concatenate(found), np.zeros(len(gases)), tuple(gases))
         heat = np.concatenate([np.abs(r.flows[c.path]) for r, _ in runs])
-        return replace(bare, centre=heat @ np.concatenate([bare._features(c, r, thin) for r, thin in runs]) / heat.sum())
+        phi = np.concatenate([bare._features(c, r, thin) for r, thin in runs])
+        outside = float(heat @ _outside(phi) / max(heat.sum(), 1e-300))
+        return replace(bare, centre=heat @ phi / heat.sum(), outside=outside)
 
     def _features(self, c: FlatConductor, course: ElementCourse, thinned: bool) -> Array:
         """Return the features along a run (times, r); those of another gas are zero."""
@@ -112,14 +115,20 @@ class Smooth:
         return out
 
     def along(self, c: FlatConductor, course: ElementCourse, thinned: bool) -> tuple[Array, float]:
-        """Return the centred features along a run (times, r), and what of the variance lies outside of them, weighted by heat. [-]
+        """Return the centred features along a run (times, r), and how much more of the variance than in the fit lies outside of them. [-]
 
-        In a gas of which no run is, an element departs anew: nothing of what was found in the other says how.
+        What lies outside in the runs of the fit is what so few features leave of them, and their readings have told it. In a gas of which
+        no run is, an element departs anew: nothing of what was found in the other says how.
         """
         phi = self._features(c, course, thinned)
         heat = np.abs(course.flows[c.path])
-        rest = np.clip(1.0 - np.sum(phi**2, axis=1), 0.0, 1.0)
-        return phi - self.centre, float(heat @ rest / max(heat.sum(), 1e-300))
+        rest = float(heat @ _outside(phi) / max(heat.sum(), 1e-300))
+        return phi - self.centre, max(rest - self.outside, 0.0) / max(1.0 - self.outside, 1e-300)
+
+
+def _outside(phi: Array) -> Array:
+    """Return what of the variance (times,) lies outside of features (times, r). [-]"""
+    return np.asarray(np.clip(1.0 - np.sum(phi**2, axis=1), 0.0, 1.0))
 
 
 @dataclass(frozen=True, eq=False)

@@ -135,5 +135,13 @@ CONDUCTORS, NODES = 24, 16
 ALL_COLUMNS: Final = 72
 """Features of all departures of a model together, at most: the cost grows with their cube. What lies outside of them is independent from
 run to run."""
+STRONG: Final = 3.0
+"""ln of the Bayes factor from which residuals ask for departures of elements, and not for noise that wanders (20 to 1: Kass and Raftery,
+J. Am. Stat. Assoc. 90 (1995) 773)."""
+SURE_MOVE, BEYOND_WIDENING = 3.0**0.5, 0.25
+"""Standard deviations of a move from which the readings ask for it [-], and the move of a logarithm beyond which a wider error of a value
+does not do: its structure is then not adequate. [-]"""
+LARGE_MOVE: Final = 10.0
+"""Factor on a value from which a move is told as more than that. [-]"""
 KEPT_OF_PRIOR = 0.5
 """Part of what was known before that a value keeps where no reading determines it. [-]"""

@@ -119,7 +119,7 @@ class Request:
     key : str                       Hash of everything that the result depends on; empty where nobody asked for it.
     adequate : float                Standard deviation that the autocorrelated part of residuals may have; 0 for the usual limits. [K]
     accepted : bool                 Whether the campaign accepts the stage as it is, whatever its standing.
-    doubts : bool                   Whether errors of values count what the structure may lack, whatever its residuals.
+    structural_errors : bool        Whether errors of values count what the structure may lack, whatever its residuals.
     of_logs : tuple of str          Free values that are of the records and not of the deck: powers of courses that were added to its model.
     """
 
@@ -151,7 +151,7 @@ class Request:
     key: str = ""
     adequate: float = 0.0
     accepted: bool = False
-    doubts: bool = False
+    structural_errors: bool = False
     of_logs: tuple[str, ...] = ()
 
     @property
@@ -391,7 +391,7 @@ def ingredients_of(request: Request, below: list[str]) -> dict[str, str]:
     ]
     how = [request.loss, request.loss_scale, request.search, repr(request.options), sorted(request.weights.items()), request.fit_start]
     how += [EFFECTIVE] if request.effective else []
-    how += ["doubts"] if request.doubts else []
+    how += ["structural errors"] if request.structural_errors else []
     held = None if request.held_errors is None else sorted(request.held_errors.items())
     priors = [repr(sorted(request.priors.items())), repr(sorted(request.held_bias.items())), repr(held)]
     content = {

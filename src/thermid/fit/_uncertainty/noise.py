@@ -785,11 +785,6 @@ def weighed(pieces: Sequence[Binned], priors: Array, pulls: Array, level: float 
     return Weighed(weights, information * back - priors, scores / scale - pulls)
 
 
-def evidence(pieces: Sequence[Binned], priors: Array) -> float:
-    """Return the log-likelihood of traces with all unknowns integrated out over one prior about where they stand, see `evidences`."""
-    return float(evidences(pieces, priors[None], np.zeros((1, priors.shape[0])))[0].max())
-
-
 def evidences(pieces: Sequence[Binned], priors: Array, pulls: Array) -> tuple[Array, Array, Array]:
     """Return the log-likelihood of traces, but for a constant of their readings alone, with all unknowns integrated out (several, noises).
 

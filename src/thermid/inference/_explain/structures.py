@@ -611,7 +611,7 @@ def adopted(one: FittedStructure) -> Request:
     """Return the request of a structure with its model at the fitted values, for a full fit.
 
     A value that its readings hardly determine gets its bounds as a prior. The errors of a changed structure count what it may lack
-    (`Request.doubts`): readings that asked for one change seldom rule out all others.
+    (`Request.structural_errors`): readings that asked for one change seldom rule out all others.
     """
     units = {u.name: u.unit for u in one.problem.unknowns}
     texts = {n: exact(v, units[n]) for n, v in one.values.items()}
@@ -628,7 +628,7 @@ def adopted(one: FittedStructure) -> Request:
         priors={**one.request.priors, **wide},
         remarks=(*one.request.remarks, *said),
         search=how,
-        doubts=bool(one.changes),
+        structural_errors=bool(one.changes),
     )
 
 

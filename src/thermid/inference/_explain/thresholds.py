@@ -18,6 +18,8 @@ MOST_PLACES: Final = 6
 """Places of a network that are looked at for changes: the observed ones first."""
 SLOWEST_MASS: Final = 10.0
 """Time constant of a new mass, in lengths of the longest record, beyond which readings know nothing of it. [-]"""
+SETTLING_PACES: Final = (0.01, 0.03, 0.1, 0.3, 1.0)
+"""Time constants of a power that settles, in lengths of the record after it came on. [-]"""
 PACES: Final = (0.03, 0.2, 1.0, 5.0)
 """Time constants at which a new mass is tried, in parts of that of the part beside it. [-]"""
 

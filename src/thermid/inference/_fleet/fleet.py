@@ -117,7 +117,7 @@ class CovariateDesign:
         ------
         IdentificationError   When a unit lacks a covariate, there are none of the unit's name, or all units have the same value.
         """
-        refuse_unknown(covariates, units, "fleet", "covariates are given for '{}', which is no unit of this fleet.", IdentificationError)
+        refuse_unknown(covariates, units, "fleet", "covariates are given for '{}', which is not a unit of this fleet.", IdentificationError)
         names = list(dict.fromkeys(n for of in covariates.values() for n in of))
         columns, values = list[tuple[str, str, float]](), [np.ones(len(units))]
         for name in names:

@@ -145,9 +145,8 @@ def table_of_text(text: str, file: str, separator: str | None, notes: Sequence[s
     ------
     RecordError   As `cells_of_text`.
     """
-    return _long_table(text.rstrip("\n") + "\n" * text.endswith("\n"), file, separator, notes) or cells_of_text(
-        text, file, separator, notes
-    )
+    plain = text.rstrip("\n") + "\n" if text.endswith("\n\n") else text
+    return _long_table(plain, file, separator, notes) or cells_of_text(text, file, separator, notes)
 
 
 def _long_table(text: str, file: str, separator: str | None, notes: Sequence[str]) -> Cells | None:

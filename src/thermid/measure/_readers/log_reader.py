@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
 from pathlib import Path
@@ -264,15 +264,34 @@ def _masked(channel: Channel, reasons: Mapping[str, list[int]]) -> Channel:
 
 def _questions(times: FloatArray, clock: Clock, read: Times, made: Sequence[Channel], bare: Mapping[str, FloatArray]) -> tuple[str, ...]:
     """Return what the log leaves open of the channels that are read, and of `bare` columns without a unit: restarts of a board."""
-    columns = {c.name: np.where(c.valid, from_si(c.values, c.unit), np.nan) for c in made}
-    warm = {c.name: columns[c.name] for c in made if c.quantity == "temperature"}
+    warm = [c for c in made if c.quantity == "temperature"]
     return (
         *board_restarts(times, bare),
-        *unit_question({c.name: warm[c.name] for c in made if c.name in warm and c.assumed and c.unit == "degC"}),
-        *repeated_stamps(times, columns),
-        *(() if read.zone else lost_hour(times, clock.texts, warm)),
-        *hidden_switches(times, {c.name: columns[c.name] for c in made if c.held}),
+        *unit_question(_Readings([c for c in warm if c.assumed and c.unit == "degC"])),
+        *repeated_stamps(times, _Readings(made)),
+        *(() if read.zone else lost_hour(times, clock.texts, _Readings(warm))),
+        *hidden_switches(times, _Readings([c for c in made if c.held])),
     )
+
+
+class _Readings(Mapping[str, FloatArray]):
+    """Readings by the name of their channel, in the unit of the log, NaN where there is none; made where they are asked for."""
+
+    def __init__(self, channels: Sequence[Channel]) -> None:
+        self._channels = {c.name: c for c in channels}
+
+    def __getitem__(self, name: str) -> FloatArray:
+        """Those of a channel."""
+        c = self._channels[name]
+        return np.where(c.valid, from_si(c.values, c.unit), np.nan)
+
+    def __iter__(self) -> Iterator[str]:
+        """Names."""
+        return iter(self._channels)
+
+    def __len__(self) -> int:
+        """How many channels there are."""
+        return len(self._channels)
 
 
 def _bare_numbers(cells: Cells, clock: Clock, parsed: list[FloatArray | int]) -> dict[str, FloatArray]:

@@ -1,24 +1,33 @@
-"""A campaign of many runs, chunk by chunk: one process, several, or a cluster; each chunk is kept, none is done twice."""
+"""A campaign of many runs, chunk by chunk: the first members whole, the others counted; what is finished is kept, none is done twice."""
 
 from __future__ import annotations
 
-import os
-from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import dataclass, replace
+import math
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from dataclasses import dataclass, field, replace
+from operator import itemgetter
 from time import process_time
+from typing import Any, TypeVar
 
 import numpy as np
 
 from thermid.base.errors import spoken
-from thermid.base.linear_algebra import Array
+from thermid.base.linear_algebra import Array, Indices
 from thermid.model.tree import Model
 from thermid.prediction._budget import Budget
 from thermid.prediction._setting import Setting
-from thermid.simulation.runs import JobFolder, Workers, digest, in_tasks
+from thermid.simulation.runs import PILOT, Counted, JobFolder, Workers, digest, in_tasks
 from thermid.simulation.scenarios import Scenario
 from thermid.simulation.solver import MemberTurnings, Options
 
 PARTS = ("members", "times", "kelvin")
+SAMPLE = 32_000_000
+"""Bytes of the traces that are kept of the first members, whole."""
+SHARES = 6
+"""Members that are counted by one task are at most this part of those before them, so that tasks stay few and a longer job begins alike."""
+
+
+Made = TypeVar("Made")
 
 
 @dataclass(frozen=True, eq=False)
@@ -62,9 +71,23 @@ class Job:
         own = (self.scenarios, drawn, self.nodes, self.times, self.seed, self.chunk, self.options, self.version)
         return digest((self.model.identity(), *own))
 
-    def parts(self, members: int) -> list[tuple[int, int]]:
+    def parts(self, first: int, end: int) -> list[tuple[int, int]]:
         """Return the first member and the size of every chunk."""
-        return [(first, min(self.chunk, members - first)) for first in range(0, members, self.chunk)]
+        return [(at, min(self.chunk, end - at)) for at in range(first, end, self.chunk)]
+
+    def whole(self, members: int) -> int:
+        """Return how many of the members are kept whole where nobody asks for more: whole chunks, a pilot at least."""
+        fit = max(SAMPLE // (8 * len(self.nodes) * self.times.size) // self.chunk, -(-PILOT // self.chunk)) * self.chunk
+        return min(fit, members)
+
+    def counted(self, first: int, end: int) -> list[tuple[int, int]]:
+        """Return the first member and the number of members of every task that counts."""
+        out = []
+        while first < end:
+            size = self.chunk << max((first // (SHARES * self.chunk)).bit_length() - 1, 0)
+            out.append((first, min(size, end - first)))
+            first += size
+        return out
 
 
 @dataclass(frozen=True, eq=False)
@@ -92,15 +115,121 @@ class Chunk:
         points = self.turnings.get(node) or MemberTurnings.joined([])
         return points.furthest(self.temperatures[:, nodes.index(node)], 1.0)
 
+    def reached(self) -> Indices:
+        """Return the members that reached the end, counted from `first`."""
+        return np.setdiff1d(np.arange(self.temperatures.shape[0]), np.array(list(self.failed), dtype=np.int64) - self.first)
 
-def work(job: Job, first: int, members: int, threads: int = 1) -> Chunk:
+    def rows(self, nodes: Sequence[str], node: str) -> Array:
+        """Return the rows (times + 2, members that reached the end) of one of the nodes, see `MemberTurnings.rows`. [K]"""
+        return (self.turnings.get(node) or MemberTurnings.joined([])).rows(self.temperatures[:, nodes.index(node)].T)[:, self.reached()]
+
+
+def first_crossings(times: Array, above: Array, turnings: MemberTurnings | None = None) -> Array:
+    """Return when each member is above zero first, on straight lines between what is known; infinite where never. [s]
+
+    Parameters
+    ----------
+    times : array (times,)              [s]
+    above : array (members, times)      Samples.
+    turnings : MemberTurnings           Turning points between them, in the same measure; a peak between two samples counts.
+    """
+    over = above > 0.0
+    k = over.argmax(axis=1)
+    out = np.where(over.any(axis=1), times[k], np.inf)
+    rows = np.flatnonzero(np.isfinite(out) & (k > 0))
+    before, after = above[rows, k[rows] - 1], above[rows, k[rows]]
+    out[rows] = times[k[rows] - 1] + (times[k[rows]] - times[k[rows] - 1]) * (-before) / (after - before)
+    if turnings is None:
+        return np.asarray(out)
+    peaks = np.flatnonzero(turnings.kelvin > 0.0)
+    members, first = np.unique(turnings.members[peaks], return_index=True)
+    first = peaks[first]  # the first turning point above zero of each member that has one
+    last = np.where(over[members].any(axis=1), times[k[members]], np.inf)
+    early = turnings.times[first] < last
+    for member, point in zip(members[early].tolist(), first[early].tolist(), strict=True):
+        time, high = float(turnings.times[point]), float(turnings.kelvin[point])
+        sample = int(np.searchsorted(times, time)) - 1  # all samples before are below
+        known = [(float(times[sample]), float(above[member, sample]))] if sample >= 0 else []
+        if point and turnings.members[point - 1] == member:
+            known.append((float(turnings.times[point - 1]), float(turnings.kelvin[point - 1])))
+        start, low = max(known, default=(time, high))
+        out[member] = time if low >= high else start + (time - start) * (-low) / (high - low)
+    return np.asarray(out)
+
+
+@dataclass(frozen=True)
+class Limit:
+    """A temperature that a node is not to pass.
+
+    Parameters
+    ----------
+    node : str      Its path.
+    side : float    1 for a highest, -1 for a lowest temperature.
+    kelvin : float  [K]
+    """
+
+    node: str
+    side: float
+    kelvin: float
+
+    def crossings(self, times: Array, samples: Array, turnings: MemberTurnings | None) -> Array:
+        """Return when each member passes it first (members,), from samples (members, times) [K]; infinite where never. [s]"""
+        above = replace(turnings, kelvin=self.side * (turnings.kelvin - self.kelvin)) if turnings is not None else None
+        return first_crossings(times, self.side * (samples - self.kelvin), above)
+
+
+def work(job: Job, first: int, members: int, settings: Settings | None = None) -> Chunk:
     """Return the runs of a chunk of members."""
-    chunk = run_members_of(job, job.budget.numbers(job.seed, first, members), threads)
+    chunk = run_members_of(job, job.budget.numbers(job.seed, first, members), settings)
     return replace(chunk, first=first, failed={first + m: why for m, why in chunk.failed.items()})
 
 
-def run_members_of(job: Job, numbers: Array, threads: int = 1) -> Chunk:
+@dataclass(frozen=True, eq=False)
+class CountTable:
+    """On which grids members are counted, and the limits whose crossings are kept of each.
+
+    Parameters
+    ----------
+    grids : dict        Node -> grid of its rows: the times, the highest and the lowest.
+    limits : tuple of Limit
+    """
+
+    grids: Mapping[str, Any]
+    limits: tuple[Limit, ...]
+
+    @classmethod
+    def of(cls, job: Job, limits: tuple[Limit, ...], pilot: Sequence[Chunk]) -> CountTable:
+        """Return the table for what the first members did; without grids where none reached the end."""
+        return cls(Counted.grids({n: np.concatenate([c.rows(job.nodes, n) for c in pilot], axis=1) for n in job.nodes}), limits)
+
+    def counted(self, job: Job, chunk: Chunk) -> Counted:
+        """Return what is kept of a chunk."""
+        counted = {n: chunk.rows(job.nodes, n) for n in self.grids}
+        samples = {x.node: chunk.temperatures[:, job.nodes.index(x.node)] for x in self.limits}
+        crossings = [x.crossings(job.times, samples[x.node], chunk.turnings.get(x.node)) for x in self.limits]
+        failed = {m - chunk.first: why for m, why in chunk.failed.items()}
+        rows = {"crossings": np.array(crossings)} if crossings else {}
+        return Counted.of(self.grids, counted, len(chunk.temperatures), failed, {"simd": chunk.simd}, rows)
+
+    def name(self, first: int, members: int) -> str:
+        """Return the name of the file of a task."""
+        return f"counts_{first:07d}_{members}_{digest((self.limits, self.grids))}"
+
+
+def count(job: Job, table: CountTable, first: int, members: int) -> Counted:
+    """Return what is kept of members that are run chunk by chunk; their traces are dropped."""
+    settings: Settings = {}
+    parts = ((at - first, table.counted(job, work(job, at, size, settings))) for at, size in job.parts(first, first + members))
+    return Counted.gathered(parts, members)
+
+
+Settings = dict[tuple[int, int], Setting]
+"""Scenario and way of carrying heat -> the budget made ready for them."""
+
+
+def run_members_of(job: Job, numbers: Array, settings: Settings | None = None) -> Chunk:
     """Return the runs of members at numbers (sources, members), counted from zero."""
+    ready = {} if settings is None else settings
     sources = job.budget.drawn(numbers)
     chosen = sources[job.variant].astype(np.int64) if job.variant is not None else np.zeros(numbers.shape[1], dtype=np.int64)
     out = np.full((numbers.shape[1], len(job.nodes), job.times.size), np.nan)
@@ -111,8 +240,9 @@ def run_members_of(job: Job, numbers: Array, threads: int = 1) -> Chunk:
     pairs = sorted(set(zip(chosen.tolist(), way.tolist(), strict=True)))
     for v, w in pairs:
         members = np.flatnonzero((chosen == v) & (way == w))
-        setting = Setting.of(job.budget.each[w][1], scenario=job.scenarios[v], times=job.times, options=job.options)
-        drawn = setting.temperatures(sources[:, members], job.nodes, threads)
+        if (v, w) not in ready:
+            ready[v, w] = Setting.of(job.budget.each[w][1], scenario=job.scenarios[v], times=job.times, options=job.options)
+        drawn = ready[v, w].temperatures(sources[:, members], job.nodes)
         if drawn.runs is not None:
             failed |= {int(members[m]): why for m, why in drawn.runs.failed.items()}
             simd = str(drawn.runs.statistics["simd"])
@@ -125,52 +255,144 @@ def run_members_of(job: Job, numbers: Array, threads: int = 1) -> Chunk:
     return Chunk(0, out, followed, failed, simd)
 
 
-@dataclass(frozen=True)
-class ChunkStore:
-    """A folder with the chunks of one job, whose name is the job's key.
+def chunk_name(first: int, members: int) -> str:
+    """Return the name of the file of a chunk that is kept whole."""
+    return f"members_{first:07d}_{members}"
+
+
+def as_arrays(chunk: Chunk) -> dict[str, Any]:
+    """Return a chunk as arrays for a file."""
+    failed, why = np.array(list(chunk.failed), dtype=int), np.array(list(chunk.failed.values()), dtype=str)
+    points = {f"turnings{k}_{part}": getattr(t, part) for k, t in enumerate(chunk.turnings.values()) for part in PARTS}
+    arrays = {"temperatures": chunk.temperatures, "followed": np.array(list(chunk.turnings), dtype=str), **points}
+    return {**arrays, "failed": failed, "why": why, "simd": np.array(chunk.simd)}
+
+
+def as_chunk(data: Mapping[str, Any] | None, first: int) -> Chunk | None:
+    """Return the chunk that arrays of a file hold, or None where they do not."""
+    try:
+        if data is None:
+            return None
+        why = dict(zip(data["failed"].tolist(), data["why"].tolist(), strict=True))
+        names = [n for n in data["followed"].tolist() if n]
+        points = {n: MemberTurnings(*(data[f"turnings{k}_{part}"] for part in PARTS)) for k, n in enumerate(names)}
+        return Chunk(first, data["temperatures"], points, why, str(data["simd"]))
+    except (ValueError, KeyError):
+        return None
+
+
+Progress = Callable[[int, int], None]
+
+
+@dataclass(eq=False)
+class MemberRuns:
+    """Members that are being run.
 
     Parameters
     ----------
-    folder : JobFolder
+    job : Job
+    members, whole : int        In all; how many of these, the first, are kept whole.
+    limits : tuple of Limit     Whose crossings are kept of every member.
+    folder : JobFolder          Where finished work is left; None for nowhere.
+    executor, progress      As in `uncertain_runs`.
+    done, reused : int          Members that are done; of these, taken from the folder.
     """
 
-    folder: JobFolder
+    job: Job
+    members: int
+    whole: int
+    limits: tuple[Limit, ...]
+    folder: JobFolder | None
+    executor: Workers
+    progress: Progress | None
+    done: int = 0
+    reused: int = 0
+    _told: bool = field(default=False, init=False)
 
-    @classmethod
-    def of(cls, job: Job, folder: str | os.PathLike[str]) -> ChunkStore:
-        """Return the place of a job below a folder."""
-        return cls(JobFolder.of(folder, job.key()))
+    def sample(self) -> list[Chunk]:
+        """Return the members that are kept whole."""
+        tasks = {(first, size): (self.job, first, size) for first, size in self.job.parts(0, self.whole)}
+        found = self._each(work, tasks, chunk_name, as_arrays, as_chunk)
+        return [chunk for _, chunk in sorted(found, key=itemgetter(0))]
 
-    def load(self, first: int, members: int) -> Chunk | None:
-        """Return a chunk that was kept, or None; what cannot be read counts as not there."""
-        data = self.folder.load(f"members_{first:07d}_{members}")
-        try:
-            if data is None:
-                return None
-            why = dict(zip(data["failed"].tolist(), data["why"].tolist(), strict=True))
-            names = [n for n in data["followed"].tolist() if n]
-            points = {n: MemberTurnings(*(data[f"turnings{k}_{part}"] for part in PARTS)) for k, n in enumerate(names)}
-            return Chunk(first, data["temperatures"], points, why, str(data["simd"]))
-        except (ValueError, KeyError):
-            return None
+    def others(self, table: CountTable) -> Iterator[tuple[int, Counted]]:
+        """Yield what is kept of the other members, with the first of each part."""
+        parts = self.job.counted(self.whole, self.members)[:: 1 if self.executor is None else -1]  # workers begin with the longest
+        tasks = {(first, size): (self.job, table, first, size) for first, size in parts}
+        return self._each(count, tasks, table.name, Counted.arrays, lambda arrays, _: Counted.read(arrays, table.grids))
 
-    def save(self, chunk: Chunk) -> None:
-        """Keep a chunk; the file appears when it is whole."""
-        failed, why = np.array(list(chunk.failed), dtype=int), np.array(list(chunk.failed.values()), dtype=str)
-        points = {f"turnings{k}_{part}": getattr(t, part) for k, t in enumerate(chunk.turnings.values()) for part in PARTS}
-        arrays = {"temperatures": chunk.temperatures, "followed": np.array(list(chunk.turnings), dtype=str), **points}
-        name = f"members_{chunk.first:07d}_{chunk.temperatures.shape[0]}"
-        self.folder.save(name, {**arrays, "failed": failed, "why": why, "simd": np.array(chunk.simd)})
+    def kept(self) -> int:
+        """Return how many members the folder has; none is run."""
+        if self.folder is None:
+            return 0
+        parts = {p: as_chunk(self.folder.load(chunk_name(*p)), p[0]) for p in self.job.parts(0, self.whole)}
+        found = [c for c in parts.values() if c is not None]
+        kept = sum(len(c.temperatures) for c in found)
+        if len(found) < len(parts):
+            return kept
+        table = CountTable.of(self.job, self.limits, found)
+        others = self.job.counted(self.whole, self.members)
+        return kept + sum(size for first, size in others if self.folder.load(table.name(first, size)) is not None)
+
+    def _each(
+        self,
+        function: Callable[..., Made],
+        tasks: Mapping[tuple[int, int], tuple[Any, ...]],
+        name: Callable[[int, int], str],
+        arrays: Callable[[Made], dict[str, Any]],
+        read: Callable[[Mapping[str, Any] | None, int], Made | None],
+    ) -> Iterator[tuple[int, Made]]:
+        """Yield the results of tasks with the first member of each: those that the folder has, then the others as they are done."""
+        open_ = []
+        for first, size in tasks:
+            kept = read(self.folder.load(name(first, size)), first) if self.folder is not None else None
+            if kept is None:
+                open_.append((first, size))
+                continue
+            self.reused += size
+            self.done += size
+            yield first, kept
+        if open_:
+            self.say(0)
+        calls = [(f"members from {first} on", tasks[first, size]) for first, size in open_]
+        for k, made in in_tasks(function, calls, self.executor, seconds=self._ahead(open_)) if calls else ():
+            first, size = open_[k]
+            if self.folder is not None:
+                self.folder.save(name(first, size), arrays(made))
+            self.say(size)
+            yield first, made
+
+    def _ahead(self, open_: Sequence[tuple[int, int]]) -> float:
+        """Return the processor time that members take; asked where it decides whether processes are begun. [s]"""
+        if not isinstance(self.executor, int):
+            return math.inf
+        each, besides, _ = pace_of(self.job)
+        return sum(size * each + besides * math.ceil(size / self.job.chunk) for _, size in open_)
+
+    def say(self, more: int) -> None:
+        """Say how many members are done; of nothing new once alone, before the first begins or where all were kept."""
+        self.done += more
+        if self.progress is not None and (more or not self._told):
+            self.progress(self.done, self.members)
+        self._told = True
 
 
-def chunks(job: Job, wanted: Sequence[tuple[int, int]], executor: Workers, threads: int) -> Iterator[Chunk]:
-    """Yield chunks as they are done, by the workers of `in_tasks`."""
-    tasks = [(f"members from {first} on", (job, first, members, threads)) for first, members in wanted]
-    return (chunk for _, chunk in in_tasks(work, tasks, executor))
-
-
+TABLES = 4
+"""Tables of counts that are held at once: one that is made, one that arrives, and what they are joined with and to."""
 TRIED = (8, 64)
 """Members of two chunks that are run to see what one costs, and what a chunk costs besides."""
+
+
+def pace_of(job: Job) -> tuple[float, float, Chunk]:
+    """Return what a member takes, and a chunk besides [s of processor time], and a chunk that was run to see it."""
+    work(job, 0, TRIED[0])  # loads what is loaded once
+    took = []
+    for tried in TRIED:
+        begun = process_time()
+        chunk = work(job, 0, tried)
+        took.append(process_time() - begun)
+    each = max(took[1] - took[0], 0.0) / (TRIED[1] - TRIED[0])
+    return each, max(took[0] - TRIED[0] * each, 0.0), chunk
 
 
 @dataclass(frozen=True)
@@ -197,16 +419,12 @@ class RunCost:
         )
 
     @classmethod
-    def of(cls, job: Job, members: int, kept: int) -> RunCost:
+    def of(cls, job: Job, members: int, kept: int, keep: bool = False) -> RunCost:
         """Return what so many members take, from two small chunks that are run for it."""
-        work(job, 0, TRIED[0])  # loads what is loaded once
-        took = []
-        for tried in TRIED:
-            begun = process_time()
-            chunk = work(job, 0, tried)
-            took.append(process_time() - begun)
-        each = max(took[1] - took[0], 0.0) / (TRIED[1] - TRIED[0])
-        left = members - kept
+        each, besides, chunk = pace_of(job)
+        left, whole = members - kept, members if keep else job.whole(members)
         points = sum(getattr(t, part).nbytes for t in chunk.turnings.values() for part in PARTS)
-        size = 2.0 * (chunk.temperatures.nbytes + points) / TRIED[1]  # as chunks, and all together
-        return cls(members, kept, left * each + len(job.parts(left)) * max(took[0] - TRIED[0] * each, 0.0), members * size)
+        size = whole * 2.0 * (chunk.temperatures.nbytes + points) / TRIED[1]  # as chunks, and all together
+        if whole < members:
+            size += TABLES * sum(8.0 * g.bins.sum() for g in CountTable.of(job, (), [chunk]).grids.values())
+        return cls(members, kept, left * each + len(job.parts(0, left)) * besides, size)

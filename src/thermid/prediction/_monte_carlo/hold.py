@@ -17,64 +17,27 @@ from thermid.base.extensions import by_grammar
 from thermid.base.linear_algebra import Array
 from thermid.base.results import PlottedTrace, Result
 from thermid.base.toml_files import Places, read_toml, resolve_inside
-from thermid.base.units import TEMPERATURE
 from thermid.fit.error_model import UNEXPLAINED
 from thermid.model.deck import load_model
-from thermid.model.laws import literal
 from thermid.model.parameters import UNJUDGED, Standing
 from thermid.model.tree import Model
 from thermid.physics.constants import ICE_POINT
 from thermid.prediction._budget import OFF, SILENT, UNFITTED
 from thermid.prediction._hand import filed
-from thermid.prediction._monte_carlo.chunks import ChunkStore, RunCost
+from thermid.prediction._monte_carlo.chunks import Limit, Progress, RunCost
 from thermid.prediction._monte_carlo.drivers import Driver, drivers_of
-from thermid.prediction._monte_carlo.uncertain import Progress, UncertainRuns, kept_chunks, plan_runs, uncertain_runs
+from thermid.prediction._monte_carlo.uncertain import SIDES, UncertainRuns, kept_members, limits_of, plan_runs, uncertain_runs
 from thermid.prediction._reduction.macro import macro_model
 from thermid.simulation.runs import Workers
 from thermid.simulation.scenario_files import Scenario, load_scenario
-from thermid.simulation.solver import MemberTurnings
 from thermid.values.fitted import FittedValues
 from thermid.values.store import LeftOut
 
 MONTE_CARLO = 0.95
 """Two-sided probability of the intervals that say what the number of members leaves open. [-]"""
-SIDES = {"highest": 1.0, "lowest": -1.0}
 NO_MISFIT = "the residuals of the fit are no larger than their noise"
 NAMED = 0.05
 """Share below which a driver is not named in a sentence. [-]"""
-
-
-def first_crossings(times: Array, above: Array, turnings: MemberTurnings | None = None) -> Array:
-    """Return when each member is above zero first, on straight lines between what is known; infinite where never. [s]
-
-    Parameters
-    ----------
-    times : array (times,)              [s]
-    above : array (members, times)      Samples.
-    turnings : MemberTurnings           Turning points between them, in the same measure; a peak between two samples counts.
-    """
-    over = above > 0.0
-    k = over.argmax(axis=1)
-    out = np.where(over.any(axis=1), times[k], np.inf)
-    rows = np.flatnonzero(np.isfinite(out) & (k > 0))
-    before, after = above[rows, k[rows] - 1], above[rows, k[rows]]
-    out[rows] = times[k[rows] - 1] + (times[k[rows]] - times[k[rows] - 1]) * (-before) / (after - before)
-    if turnings is None:
-        return np.asarray(out)
-    peaks = np.flatnonzero(turnings.kelvin > 0.0)
-    members, first = np.unique(turnings.members[peaks], return_index=True)
-    first = peaks[first]  # the first turning point above zero of each member that has one
-    last = np.where(over[members].any(axis=1), times[k[members]], np.inf)
-    early = turnings.times[first] < last
-    for member, point in zip(members[early].tolist(), first[early].tolist(), strict=True):
-        time, high = float(turnings.times[point]), float(turnings.kelvin[point])
-        sample = int(np.searchsorted(times, time)) - 1  # all samples before are below
-        known = [(float(times[sample]), float(above[member, sample]))] if sample >= 0 else []
-        if point and turnings.members[point - 1] == member:
-            known.append((float(turnings.times[point - 1]), float(turnings.kelvin[point - 1])))
-        start, low = max(known, default=(time, high))
-        out[member] = time if low >= high else start + (time - start) * (-low) / (high - low)
-    return np.asarray(out)
 
 
 def hold_time(crossings: Array, confidence: float) -> tuple[float, tuple[float, float]]:
@@ -286,7 +249,7 @@ def hold(runs: UncertainRuns, limits: Mapping[str, Any], *, confidence: float = 
 
     Parameters
     ----------
-    runs : UncertainRuns
+    runs : UncertainRuns    With these limits where members were counted; drivers are those of the members that were kept whole.
     limits : dict           Reference point -> ``"50 [degC]"``, or ``{"highest": "50 [degC]", "lowest": "-20 [degC]"}``.
     confidence : float      Between a half and one. [-]
 
@@ -304,7 +267,7 @@ def hold(runs: UncertainRuns, limits: Mapping[str, Any], *, confidence: float = 
             f"Member {member}: {why} Correct the model, or narrow the spread that leads there.",
             runs.title,
         )
-    points = [_point(runs, runs.draws, name, side, value, confidence) for name, side, value in wanted]
+    points = [_point(runs, runs.drawn(runs.whole), name, side, value, confidence) for name, side, value in wanted]
     points.sort(key=lambda p: (p.hold, p.never, -p.exceedance[-1]))
     together = _together(runs, points, confidence)
     budget = runs.job.budget
@@ -314,19 +277,6 @@ def hold(runs: UncertainRuns, limits: Mapping[str, Any], *, confidence: float = 
     said = (*runs.warnings, *([runs.centre] if runs.centre else []))
     known = (len(runs.assumed), said, max(sizes, default=None), runs.standing, runs.left_out, runs.not_counted, causes)
     return Hold(runs.title, runs.scenario, confidence, runs.times, len(runs), tuple(points), together, *known)
-
-
-def limits_of(limits: Mapping[str, Any], title: str) -> list[tuple[str, str, float]]:
-    """Return name, side and temperature [K] of every limit.
-
-    Raises
-    ------
-    ScenarioError   When there is none, or one is no limit.
-    """
-    wanted = [(name, side, value) for name, spec in limits.items() for side, value in _sides(name, spec)]
-    if not wanted:
-        raise ScenarioError('no limit is given. Give one: { "FOG_x" = "50 [degC]" }.', title)
-    return wanted
 
 
 def check_members(members: int, confidence: float, title: str) -> None:
@@ -343,26 +293,13 @@ def check_members(members: int, confidence: float, title: str) -> None:
         raise ScenarioError(f"{members} members are too few for {100 * confidence:g} %. Request {enough} or more.", title)
 
 
-def _sides(name: str, spec: Any) -> list[tuple[str, float]]:
-    table = spec if isinstance(spec, Mapping) else {"highest": spec}
-    if not table or not set(table) <= set(SIDES):
-        raise ScenarioError('give a limit as "50 [degC]", or { highest = "50 [degC]", lowest = "-20 [degC]" }.', f"limits, {name}")
-    ends_by_side = [(side, literal(value, TEMPERATURE, f"limits, {name}")) for side, value in table.items()]
-    ends = dict(ends_by_side)
-    if len(ends) == 2 and not ends["lowest"] < ends["highest"]:
-        raise ScenarioError("its lowest temperature is not below its highest.", f"limits, {name}")
-    return ends_by_side
-
-
 def _point(runs: UncertainRuns, draws: Mapping[str, Array], name: str, side: str, kelvin: float, confidence: float) -> HoldPoint:
-    traces, turnings = SIDES[side] * (runs.of(name) - kelvin), runs.turnings_of(name)
-    above = replace(turnings, kelvin=SIDES[side] * (turnings.kelvin - kelvin)) if turnings is not None else None
-    crossings = first_crossings(runs.times, traces, above)
+    path = runs.job.model.canonical(name)
+    crossings = runs.crossings(Limit(path, SIDES[side], kelvin))
     until = hold_time(crossings, confidence)[0]
     # how far above: at the hold time, or the farthest of the run where that lies beyond it, or is the start
-    inside = 0.0 < until < math.inf
-    measure = traces[:, int(np.searchsorted(runs.times, until))] if inside else SIDES[side] * runs.furthest(name, SIDES[side])
-    path = runs.job.model.canonical(name)
+    at = int(np.searchsorted(runs.times, until)) if 0.0 < until < math.inf else None
+    measure = SIDES[side] * runs.sampled(name, at, SIDES[side])
     return _filled(path, name, kelvin - ICE_POINT, side, crossings, runs, confidence, drivers_of(draws, measure))
 
 
@@ -436,8 +373,7 @@ class HoldQuestion:
             nodes=list(self.limits),
             every=self.every or None,
         )
-        kept = kept_chunks(ChunkStore.of(job, folder) if folder is not None else None, job.parts(members))
-        return RunCost.of(job, members, sum(c.temperatures.shape[0] for c in kept.values()))
+        return RunCost.of(job, members, kept_members(job, members, self.limits, folder))
 
     @takes_objects
     def run(
@@ -461,6 +397,7 @@ class HoldQuestion:
             seed=self.seed,
             nodes=list(self.limits),
             every=self.every or None,
+            limits=self.limits,
             folder=folder,
             executor=executor,
             progress=progress,

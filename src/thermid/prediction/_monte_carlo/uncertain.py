@@ -3,9 +3,10 @@
 from __future__ import annotations
 
 import os
-from collections.abc import Callable, Collection, Mapping, Sequence
+from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property
+from itertools import chain
 from typing import Any
 
 import numpy as np
@@ -15,6 +16,7 @@ from thermid.base.arguments import takes_objects
 from thermid.base.errors import NameNotFoundError, ScenarioError, cap, raising, refuse_unknown
 from thermid.base.linear_algebra import Array
 from thermid.base.results import PlottedTrace, Result
+from thermid.base.units import TEMPERATURE
 from thermid.fit.calibration import Calibration
 from thermid.model.laws import literal
 from thermid.model.parameters import Standing
@@ -22,12 +24,12 @@ from thermid.model.tree import Model
 from thermid.physics.constants import ICE_POINT
 from thermid.prediction._budget import AVERAGED, Budget, Spread, assumed_left_out, budget_of, check_variants, first_line, in_order
 from thermid.prediction._known import known_of
-from thermid.prediction._monte_carlo.chunks import Chunk, ChunkStore, Job, chunks
+from thermid.prediction._monte_carlo.chunks import Chunk, CountTable, Job, Limit, MemberRuns, Progress
 from thermid.prediction._predict import BENT, WayAnswer, centre_words, mixed_answer
 from thermid.prediction._reduction.macro import assumed
 from thermid.prediction._setting import Setting
 from thermid.simulation.network import compile_network
-from thermid.simulation.runs import Workers, output_times, simulate
+from thermid.simulation.runs import Counted, JobFolder, Workers, output_times, simulate
 from thermid.simulation.scenarios import Scenario
 from thermid.simulation.solver import MemberTurnings, Options
 from thermid.values.fitted import FittedValues
@@ -123,7 +125,31 @@ def _with_variants(budget: Budget, chosen: str, count: int) -> Budget:
     return budget.beside([source], chosen)
 
 
-Progress = Callable[[int, int], None]
+SIDES = {"highest": 1.0, "lowest": -1.0}
+
+
+def limits_of(limits: Mapping[str, Any], title: str) -> list[tuple[str, str, float]]:
+    """Return name, side and temperature [K] of every limit.
+
+    Raises
+    ------
+    ScenarioError   When there is none, or one is no limit.
+    """
+    wanted = [(name, side, value) for name, spec in limits.items() for side, value in _sides(name, spec)]
+    if not wanted:
+        raise ScenarioError('no limit is given. Give one: { "FOG_x" = "50 [degC]" }.', title)
+    return wanted
+
+
+def _sides(name: str, spec: Any) -> list[tuple[str, float]]:
+    table = spec if isinstance(spec, Mapping) else {"highest": spec}
+    if not table or not set(table) <= set(SIDES):
+        raise ScenarioError('give a limit as "50 [degC]", or { highest = "50 [degC]", lowest = "-20 [degC]" }.', f"limits, {name}")
+    ends_by_side = [(side, literal(value, TEMPERATURE, f"limits, {name}")) for side, value in table.items()]
+    ends = dict(ends_by_side)
+    if len(ends) == 2 and not ends["lowest"] < ends["highest"]:
+        raise ScenarioError("its lowest temperature is not below its highest.", f"limits, {name}")
+    return ends_by_side
 
 
 @dataclass(frozen=True, eq=False)
@@ -133,22 +159,33 @@ class UncertainRuns(Result):
     Parameters
     ----------
     job : Job                       What was run.
-    temperatures : array (members, nodes, times)    NaN where a member failed. [K]
-    turnings : dict                 Node -> turning points between the times; a node is missing where they were not followed.
+    members : int                   How many there are.
+    temperatures : array (kept members, nodes, times)   Of those that were kept whole, the first; NaN where a member failed. [K]
+    turnings : dict                 Node -> turning points of these between the times; a node is missing where they were not followed.
     failed : dict                   Member -> why it did not reach the end.
+    counts : dict                   Node -> `Tally` of all members at the times, and of their highest and lowest; empty where all were kept.
+    passed : dict                   Limit -> when each member passes it first (members,), infinite where never; where they were counted. [s]
     reused : int                    Members that were taken from the folder.
     warnings : tuple of str         What a reader must know.
     """
 
     job: Job
+    members: int
     temperatures: Array
     turnings: Mapping[str, MemberTurnings]
     failed: Mapping[int, str]
+    counts: Mapping[str, Any]
+    passed: Mapping[Limit, Array]
     reused: int = 0
     warnings: tuple[str, ...] = ()
 
     def __len__(self) -> int:
         """How many members there are."""
+        return self.members
+
+    @property
+    def whole(self) -> int:
+        """How many members, the first, were kept whole."""
         return int(self.temperatures.shape[0])
 
     @property
@@ -174,15 +211,19 @@ class UncertainRuns(Result):
     @cached_property
     def draws(self) -> dict[str, Array]:
         """Name -> value of every member (members,), shifts for boundaries; ``scenario`` and ``start_time`` are counted. [SI]"""
+        return self.drawn(len(self))
+
+    def drawn(self, members: int) -> dict[str, Array]:
+        """Return `draws` of the first members."""
         job = self.job
-        sources = job.budget.drawn(job.budget.numbers(job.seed, 0, len(self)))
+        sources = job.budget.drawn(job.budget.numbers(job.seed, 0, members))
         chosen = job.budget.chosen(sources)
         out: dict[str, Array] = {}
         for k, (_, own) in enumerate(job.budget.each):
             here = np.flatnonzero(chosen == k)
             setting = Setting.of(own, scenario=job.scenarios[0], times=job.times, options=job.options)
             for name, values in setting.told(sources[:, here]).items():
-                out.setdefault(name, np.zeros(len(self)))[here] = values
+                out.setdefault(name, np.zeros(members))[here] = values
         return out | ({AVERAGED: chosen.astype(float)} if len(job.budget.ways) > 1 else {})
 
     @cached_property
@@ -193,7 +234,7 @@ class UncertainRuns(Result):
     @property
     def not_counted(self) -> str:
         """What a reader must know first: what members do not count and could matter; empty where nothing is."""
-        errors = [float(self.of(n)[:, -1].std()) for n in self.nodes] if self.reached.size else []
+        errors = [float(self._kept(n)[:, -1].std()) for n in self.nodes] if self.reached.size else []
         return first_line(self.left_out, min(errors, default=0.0))
 
     @cached_property
@@ -204,7 +245,7 @@ class UncertainRuns(Result):
             return ""
         ways = [WayAnswer.of(w, own, self.nodes, None, job.times, job.options, job.scenarios[0]) for w, own in job.budget.each]
         best = simulate(job.model, job.scenarios[0], times=job.times, options=job.options)
-        sources = job.budget.drawn(job.budget.numbers(job.seed, 0, len(self)))[:, self.reached]
+        sources = job.budget.drawn(job.budget.numbers(job.seed, 0, self.whole))[:, self.reached]
         chosen = job.budget.chosen(sources)
         moved = {}
         for n in self.nodes:
@@ -212,7 +253,7 @@ class UncertainRuns(Result):
             # beside the straight model at the same draws, so that their number does not count
             lines = [w.linear.run[n].kelvin[:, None] + w.linear.columns[n][:-1] @ sources[:, chosen == k] for k, w in enumerate(ways)]
             straight = np.concatenate(lines, axis=1).mean(axis=1)
-            moved[n] = {c: v[:-1] for c, v in shifts.items()} | {BENT: self.of(n).mean(axis=0) - straight}
+            moved[n] = {c: v[:-1] for c, v in shifts.items()} | {BENT: self._kept(n).mean(axis=0) - straight}
         return centre_words(moved, job.times)
 
     @cached_property
@@ -231,36 +272,89 @@ class UncertainRuns(Result):
         Raises
         ------
         NameNotFoundError   With the nearest name.
-        ScenarioError       When no member reached the end.
+        ScenarioError       When no member reached the end, or members were counted.
         """
+        if self.counts:
+            raise ScenarioError(
+                f"only the first {self.whole} of {len(self)} members were kept whole. Give keep=True to keep all.", self.title
+            )
+        return self._kept(node)
+
+    def _kept(self, node: str) -> Array:
+        return self._followed(node)[0]
+
+    def _followed(self, node: str) -> tuple[Array, MemberTurnings | None]:
+        """Return the temperatures and the turning points of the members that were kept and reached the end."""
         path = self.job.model.canonical(node)
         refuse_unknown([path], self.nodes, self.title, f"'{node}' was not stored.{{near}} Name it in 'nodes'.", NameNotFoundError)
         if len(self.failed) == len(self):
             raise ScenarioError(f"no member reached the end of the run. Member 0: {self.failed[0]}", self.title)
-        traces: Array = self.temperatures[self.reached, self.nodes.index(path)]
-        return traces
+        points = self.turnings.get(path)
+        return self.temperatures[self.reached, self.nodes.index(path)], points.taken(
+            self.reached, self.whole
+        ) if points is not None else None
 
     @cached_property
     def reached(self) -> NDArray[np.int64]:
-        """Members that reached the end."""
-        return np.setdiff1d(np.arange(len(self)), np.array(list(self.failed), dtype=np.int64))
+        """Members that were kept whole and reached the end."""
+        return np.setdiff1d(np.arange(self.whole), np.array(list(self.failed), dtype=np.int64))
 
     def quantile(self, node: str, share: Any) -> Array:
-        """Return the temperature below which a share of the members lies, (times,) or (shares, times). [K]"""
-        return np.asarray(np.quantile(self.of(node), share, axis=0))
+        """Return the temperature below which a share of the members lies, (times,) or (shares, times). [K]
+
+        Where members were counted it is read off counts and may be wrong by `quantile_error`.
+        """
+        return self._counted(node, share)[0][..., :-2] if self.counts else np.asarray(np.quantile(self._kept(node), share, axis=0))
+
+    def quantile_error(self, node: str, share: Any) -> Array:
+        """Return by how much `quantile` may be wrong because members were counted in bins: half a bin; zero where they were kept. [K]"""
+        return self._counted(node, share)[1][..., :-2] if self.counts else np.zeros((*np.shape(share), self.times.size))
+
+    def highest_quantile(self, node: str, share: Any) -> Array:
+        """Return the highest temperature of the run, between samples too, below which that of a share of the members lies. [degC]"""
+        found = self._counted(node, share)[0][..., -2] if self.counts else np.quantile(self.furthest(node), share)
+        return np.asarray(found - ICE_POINT)
+
+    def _counted(self, node: str, share: Any) -> tuple[Array, Array]:
+        """Return quantiles of the rows of a node, and by how much each may be wrong. [K]"""
+        self._kept(node)
+        found, error = self.counts[self.job.model.canonical(node)].read(share)
+        return found, error
 
     def turnings_of(self, node: str) -> MemberTurnings | None:
         """Return the turning points of a node between samples in the members that reached the end; None where they were not followed."""
-        points = self.turnings.get(self.job.model.canonical(node))
-        return points.taken(self.reached, len(self)) if points is not None else None
+        self.of(node)
+        return self._followed(node)[1]
 
     def furthest(self, node: str, sign: float = 1.0) -> Array:
         """Return the highest (sign 1) or lowest (-1) temperature of each member that reached the end, between samples too. [K]"""
-        return (self.turnings_of(node) or MemberTurnings.joined([])).furthest(self.of(node), sign)
+        self.of(node)
+        return self.sampled(node, None, sign)
+
+    def sampled(self, node: str, at: int | None, sign: float) -> Array:
+        """Return the temperature at a time, or the furthest, of the members that were kept whole and reached the end. [K]"""
+        samples, points = self._followed(node)
+        return samples[:, at] if at is not None else (points or MemberTurnings.joined([])).furthest(samples, sign)
 
     def highest(self, node: str) -> Array:
         """Return the highest temperature of each member that reached the end, between samples too. [degC]"""
         return self.furthest(node) - ICE_POINT
+
+    def crossings(self, limit: Limit) -> Array:
+        """Return when each member that reached the end passes a limit first (members,); infinite where never. [s]
+
+        Raises
+        ------
+        ScenarioError       When members were counted without this limit.
+        """
+        if not self.counts:
+            return limit.crossings(self.times, *self._followed(limit.node))
+        if limit not in self.passed:
+            text = (
+                f"members were counted without the limit {limit.kelvin - ICE_POINT:g} degC of '{limit.node}'. Give 'limits', or keep=True."
+            )
+            raise ScenarioError(text, self.title)
+        return np.delete(self.passed[limit], list(self.failed)) if self.failed else self.passed[limit]
 
     def __str__(self) -> str:
         """The highest temperatures as a short table, 5 % and 95 % of the members below."""
@@ -268,12 +362,18 @@ class UncertainRuns(Result):
         lines += [self.not_counted] if self.not_counted else []
         width = max(len(n) for n in self.nodes)
         for n in self.nodes if self.reached.size else ():
-            low, middle, high = np.quantile(self.highest(n), (0.05, 0.5, 0.95))
+            low, middle, high = self.highest_quantile(n, (0.05, 0.5, 0.95))
             lines.append(f"  {n:<{width}}  highest {middle:8.2f} degC   90 % between {low:.2f} and {high:.2f}")
+        if self.counts:
+            lines.append(f"  the first {self.whole} members were kept whole; all were counted, quantiles may be {self._worst():.2g} mK off")
         lines += [f"  {self.centre}"] if self.centre else []
         if self.assumed:
             lines.append(f"  demonstration, {len(self.assumed)} assumed parameters")
         return self.standing.over("\n".join([*lines, *(f"  warning: {w}" for w in self.warnings)]))
+
+    def _worst(self) -> float:
+        """Return by how much the quantiles of the table may be wrong, at most. [mK]"""
+        return 1000.0 * max(float(self.quantile_error(n, (0.05, 0.5, 0.95)).max()) for n in self.nodes)
 
     def _as_traces(self) -> Sequence[PlottedTrace]:
         """Return the median of every node, and where 95 % of the members lie."""
@@ -295,17 +395,20 @@ def uncertain_runs(
     seed: int = 0,
     nodes: Sequence[str] | None = None,
     every: str | float | None = None,
+    limits: Mapping[str, Any] | None = None,
+    keep: bool = False,
     folder: str | os.PathLike[str] | None = None,
     executor: Workers = None,
-    threads: int = 1,
     chunk: int = CHUNK,
     progress: Progress | None = None,
     options: Options | None = None,
 ) -> UncertainRuns:
     """Return runs of a model whose values and surroundings are drawn anew for every member.
 
-    A member's draws depend on the seed and its index alone, and members run in chunks that are always the same: one process, several and
-    a cluster give the same numbers (bit for bit on machines of one instruction set), and more members begin with those of fewer.
+    The first members are kept whole while their traces need no more than 32 MB. Where there are more, all are counted, each node at each
+    time and its extremes, and memory does not grow with them. A member's draws depend on the seed and its index alone, and members run in
+    chunks that are always the same: one process, several and a cluster give the same numbers (bit for bit on machines of one instruction
+    set), and more members begin with those of fewer.
 
     Parameters
     ----------
@@ -320,9 +423,10 @@ def uncertain_runs(
     n, seed : int               Members; of the draws.
     nodes : sequence of str     Nodes to keep; the reference points by default.
     every : str or float        Interval of the stored samples; 121 by default.
+    limits : dict               As in `hold`, which needs them where members are counted.
+    keep : bool                 Keep every member whole.
     folder : path               Where chunks are kept: what is there is not run again, and a run that was interrupted goes on.
     executor : executor, str or int    Who runs the chunks, as in `ensemble`.
-    threads : int               Threads of one process.
     chunk : int                 Members that run together.
     progress : callable         Called with members done and members in all.
     options : Options           The integrator's.
@@ -340,25 +444,46 @@ def uncertain_runs(
     job, remarks = plan_runs(
         model, scenario, values, at=at, spread=spread, without=without, seed=seed, nodes=nodes, every=every, chunk=chunk, options=options
     )
-    store = ChunkStore.of(job, folder) if folder is not None else None
-    parts = job.parts(n)
-    done = kept_chunks(store, parts)
-    reused = sum(c.temperatures.shape[0] for c in done.values())
-    if progress is not None:
-        progress(reused, n)
-    for part in chunks(job, [p for p in parts if p[0] not in done], executor, threads):
-        done[part.first] = part
-        if store is not None:
-            store.save(part)
-        if progress is not None:
-            progress(sum(c.temperatures.shape[0] for c in done.values()), n)
-    ordered = [done[first] for first, _ in parts]
-    failed = {m: why for c in ordered for m, why in c.failed.items()}
-    if failed:
-        why = next(iter(failed.values()))
-        remarks = (*remarks, f"{len(failed)} of {n} members failed; temperatures and their bands leave them out. One of them: {why}")
-    turnings, blind = _turnings(job, ordered)
-    return UncertainRuns(job, np.concatenate([c.temperatures for c in ordered]), turnings, failed, reused, (*remarks, *blind))
+    wanted = _limits_of(job, limits)
+    store = JobFolder.of(folder, job.key()) if folder is not None else None
+    campaign = MemberRuns(job, n, n if keep else job.whole(n), wanted, store, executor, progress)
+    return _told(campaign, campaign.sample(), remarks)
+
+
+def _limits_of(job: Job, limits: Mapping[str, Any] | None) -> tuple[Limit, ...]:
+    named = limits_of(limits, job.model.title) if limits else []
+    found = tuple(dict.fromkeys(Limit(job.model.canonical(name), SIDES[side], kelvin) for name, side, kelvin in named))
+    refuse_unknown(
+        [x.node for x in found], job.nodes, job.model.title, "'{}' has a limit and was not stored. Name it in 'nodes'.", NameNotFoundError
+    )
+    return found
+
+
+def _told(campaign: MemberRuns, sample: Sequence[Chunk], remarks: tuple[str, ...]) -> UncertainRuns:
+    """Return what the members say: the first kept whole, the others run and counted."""
+    job, n, whole = campaign.job, campaign.members, campaign.whole
+    failed = {m: why for c in sample for m, why in c.failed.items()}
+    counted = Counted(n, {}, {}, failed, {})
+    if whole < n and len(failed) == whole:
+        n, remarks = whole, (*remarks, f"none of the first {whole} members reached the end, so the other {n - whole} were not run")
+    elif whole < n:
+        table = CountTable.of(job, campaign.limits, sample)
+        first = [(c.first, table.counted(job, c)) for c in sample]
+        counted = Counted.gathered(chain(first, campaign.others(table)), n)
+    if counted.failed:
+        why = next(iter(counted.failed.values()))
+        remarks = (
+            *remarks,
+            f"{len(counted.failed)} of {n} members failed; temperatures and their bands leave them out. One of them: {why}",
+        )
+    temperatures = np.empty((whole, len(job.nodes), job.times.size))
+    for c in sample:
+        temperatures[c.first : c.first + len(c.temperatures)] = c.temperatures
+    turnings, blind = _turnings(job, sample)
+    campaign.say(0)
+    passed = dict(zip(campaign.limits, counted.rows.get("crossings", ()), strict=False))
+    told = (counted.failed, counted.tallies, passed, campaign.reused, (*remarks, *blind))
+    return UncertainRuns(job, n, temperatures, turnings, *told)
 
 
 def _turnings(job: Job, ordered: Sequence[Chunk]) -> tuple[dict[str, MemberTurnings], tuple[str, ...]]:
@@ -372,7 +497,9 @@ def _turnings(job: Job, ordered: Sequence[Chunk]) -> tuple[dict[str, MemberTurni
     return turnings, (why,)
 
 
-def kept_chunks(store: ChunkStore | None, parts: Sequence[tuple[int, int]]) -> dict[int, Chunk]:
-    """Return first member -> chunk, of those that an earlier run left in the folder."""
-    loaded = {} if store is None else {first: store.load(first, members) for first, members in parts}
-    return {first: chunk for first, chunk in loaded.items() if chunk is not None}
+def kept_members(job: Job, members: int, limits: Mapping[str, Any] | None, folder: str | os.PathLike[str] | None) -> int:
+    """Return how many of the members an earlier run left in a folder."""
+    if folder is None:
+        return 0
+    campaign = MemberRuns(job, members, job.whole(members), _limits_of(job, limits), JobFolder.of(folder, job.key()), None, None)
+    return campaign.kept()

@@ -144,6 +144,11 @@ class Tally:
             error[:, row] = np.maximum(halves[a], halves[b])
         return found, error
 
+    def read(self, share: float | Sequence[float]) -> tuple[Array, Array]:
+        """Return the quantiles (rows,) of a share, or (shares, rows) of several, and by how much each may be wrong. [K]"""
+        found, error = self.quantiles(np.atleast_1d(share).tolist())
+        return (found, error) if np.ndim(share) else (found[0], error[0])
+
     def _rows(self) -> list[tuple[Array, Array, Indices]]:
         """Return of each row the bins that hold members, in order: their middles and half widths [K], and how many."""
         grid, out = self.grid, []

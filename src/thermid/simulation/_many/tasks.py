@@ -7,8 +7,10 @@ from __future__ import annotations
 
 import signal
 from collections.abc import Callable, Iterator, Sequence
-from concurrent.futures import BrokenExecutor, CancelledError, Executor, as_completed
+from concurrent.futures import BrokenExecutor, CancelledError, Executor, Future, as_completed
 from contextlib import ExitStack, contextmanager
+from math import inf
+from time import sleep
 from typing import Any, TypeVar
 
 from thermid.base.errors import ScenarioError, ThermidError, errors_at
@@ -21,12 +23,18 @@ Dask scheduler, ``tcp://host:8786``; ``"joblib"``, the backend of `joblib.parall
 this process alone."""
 PATIENCE = "20s"
 """How long a cluster may take to answer."""
+PROCESSES_PAY = 20.0
+"""Processor time below which processes of this machine cost more than they save. [s]"""
 ONE_THREAD = dict.fromkeys(("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS"), "1")
 """Environment of processes of this machine: they share its cores already."""
+HANDED, AGAIN = 5, 0.1
+"""How often a task is handed out, and how long is waited between; a cluster needs a moment to notice that a worker is gone. [s]"""
 Call = tuple[Callable[..., Any], str, str, tuple[Any, ...]]
 
 
-def in_tasks(function: Callable[..., Made], tasks: Sequence[tuple[str, tuple[Any, ...]]], workers: Workers) -> Iterator[tuple[int, Made]]:
+def in_tasks(
+    function: Callable[..., Made], tasks: Sequence[tuple[str, tuple[Any, ...]]], workers: Workers, seconds: float = inf
+) -> Iterator[tuple[int, Made]]:
     """Yield the position of each task and its result, as they are done; what is not wanted any more is not begun.
 
     Parameters
@@ -34,6 +42,7 @@ def in_tasks(function: Callable[..., Made], tasks: Sequence[tuple[str, tuple[Any
     function : callable     At the top level of a module, so that a worker finds it.
     tasks : sequence        What each is, for messages, and the arguments.
     workers : see `Workers`
+    seconds : float         What all will take one after the other, if known: below `PROCESSES_PAY` no processes are begun.
 
     Raises
     ------
@@ -46,7 +55,7 @@ def in_tasks(function: Callable[..., Made], tasks: Sequence[tuple[str, tuple[Any
     calls = [(function, version("thermid"), name, arguments) for name, arguments in tasks]
     if isinstance(workers, int) and workers < 1:
         raise ScenarioError(f"{workers} processes cannot do anything. Give at least one.")
-    if workers is None or (isinstance(workers, int) and min(workers, len(tasks)) <= 1):
+    if workers is None or (isinstance(workers, int) and (min(workers, len(tasks)) <= 1 or seconds < PROCESSES_PAY)):
         yield from map(_done, enumerate(calls))
     elif workers == "joblib":
         joblib = optional("joblib", "a run on several processes")
@@ -76,19 +85,40 @@ def _pool(workers: Executor | str | int, stack: ExitStack) -> Executor:
 
 
 def _by(pool: Executor, calls: Sequence[Call], whose: str) -> Iterator[tuple[int, Any]]:
-    open_ = []
+    open_: set[Future[tuple[int, Any]]] = set()
     try:
-        try:
-            open_ = [pool.submit(_done, call) for call in enumerate(calls)]
-        except (KeyError, OSError, RuntimeError) as error:  # a scheduler looks a worker up that is no longer there
-            raise _lost(whose) from error
+        for call in enumerate(calls):
+            open_.add(_handed(pool, call, whose))
         for future in as_completed(open_):
             with _said(whose):
                 found = future.result()
+            open_.discard(future)  # a result is kept by nobody but the caller
+            del future
             yield found
+            del found
     finally:
         for future in open_:
             future.cancel()
+
+
+def _handed(pool: Executor, call: tuple[int, Call], whose: str) -> Future[tuple[int, Any]]:
+    """Return the future of a task; one that a scheduler would give to a worker which ends at that moment goes to another.
+
+    Raises
+    ------
+    ScenarioError       When no worker took it.
+    """
+    error: Exception = KeyError()
+    for _ in range(HANDED):
+        try:
+            return pool.submit(_done, call)
+        except KeyError as lost:  # a scheduler looks a worker up that is no longer there
+            error = lost
+            sleep(AGAIN)
+        except (OSError, RuntimeError) as lost:
+            error = lost
+            break
+    raise _lost(whose) from error
 
 
 def _leave_interrupts() -> None:

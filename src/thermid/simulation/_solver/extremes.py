@@ -141,6 +141,10 @@ class MemberTurnings:
         (np.maximum if sign > 0 else np.minimum).at(out, self.members, self.kelvin)
         return np.asarray(out)
 
+    def rows(self, samples: Array) -> Array:
+        """Return what is counted of samples (times, members): themselves, the highest and the lowest (times + 2, members). [K]"""
+        return np.concatenate([samples, [self.furthest(samples.T, sign) for sign in (1.0, -1.0)]])
+
 
 class Dense(Protocol):
     """The course of one node at any time of a run, by the integrator's own dense output."""

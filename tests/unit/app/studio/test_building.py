@@ -224,6 +224,8 @@ def random_command(rng: random.Random, building: Building) -> dict[str, Any]:
             {"do": "rename", "keys": keys, "name": f"n{rng.randint(0, 99)}"},
             {"do": "remove", "keys": keys},
             {"do": "stored", "name": one["name"], "how": rng.choice(["mass", "capacitance", "massless"])},
+            {"do": "schedule", "keys": keys, "on": rng.choice(["", "40 [min]"]), "off": "5 [min]", "share": rng.choice(["", "0.3"])},
+            {"do": "hold", "name": rng.choice(nodes), "value": rng.choice(["", "23 [degC]"])},
             {"do": "move", "name": one["name"], "x": rng.randint(-500, 500), "y": rng.randint(-500, 500)},
             {"do": "text", "text": building.draft.deck.text + f"\n# {rng.randint(0, 9)}\n"},
         ]
@@ -312,3 +314,40 @@ def test_a_stage_is_built_on_what_it_inherits(tmp_path: Path) -> None:
     assert building.jobs.state()["error"] == ""
     with pytest.raises(NameNotFoundError):
         do(building, "stage", name="parts")
+
+
+def test_a_schedule_goes_with_its_element_and_keeps_to_it_when_renamed(tmp_path: Path) -> None:
+    building = Building(tmp_path / "box.toml")
+    do(building, "add", shape="mass", name="a")
+    do(building, "add", shape="load", name="heater", ends=["a"])
+    plain = building.draft.deck.content
+    do(building, "schedule", keys=["loads", "heater"], on="40 [min]", off="", share="")
+    do(building, "rename", keys=["loads", "heater"], name="chips")
+    state = do(building, "schedule", keys=["loads", "chips"], on="40 [min]", off="20 [min]", share="0.3")
+    assert state["elements"][-1]["schedule"] == {"on": "40 [min]", "off": "20 [min]", "share": "0.3"}
+    assert [p["path"] for p in state["parameters"]] == ["a.capacitance", "chips.power"]  # a fit does not find when it is on
+    assert "controls" not in state["others"]
+    do(building, "remove", keys=["loads", "chips"])
+    assert not building.draft.deck.content.get("controls")
+    do(building, "undo")
+    do(building, "schedule", keys=["loads", "chips"], on="", off="", share="")
+    assert building.draft.deck.content["loads"]["chips"] == plain["loads"]["heater"]
+    with pytest.raises(NameNotFoundError, match="is not switched"):
+        do(building, "schedule", keys=["nodes", "a"], on="40 [min]", off="", share="")
+
+
+def test_a_boundary_without_a_column_is_held_and_a_duty_is_a_command(tmp_path: Path) -> None:
+    (tmp_path / "run.csv").write_text("time_s,Q1_pct,T1_C\n" + "".join(f"{5 * k},{60 if k < 50 else 0},23.{k}\n" for k in range(10, 90)))
+    building = Building(tmp_path / "lab.toml")
+    do(building, "add", shape="mass", name="T1")
+    do(building, "add", shape="boundary", name="room")
+    do(building, "add", shape="conduction", ends=["T1", "room"])
+    do(building, "add", shape="load", name="Q1", ends=["T1"])
+    state = do(building, "log", file="run.csv")
+    assert state["log"]["channels"]["Q1_pct"] == {"command": "Q1"}
+    assert state["held"] == {"room": ""}
+    with pytest.raises(ThermidError, match="boundary 'room'"):
+        building.desk().run_of(0, {})
+    assert do(building, "hold", name="room", value="23 [degC]")["held"] == {"room": "23 [degC]"}
+    assert building.desk().run_of(0, {})[1].boundaries["room"].value == pytest.approx(296.15)
+    assert do(building, "hold", name="room", value="")["held"] == {"room": ""}

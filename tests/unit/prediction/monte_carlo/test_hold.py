@@ -4,9 +4,11 @@ from __future__ import annotations
 
 import json
 import math
+import re
 import sys
 from dataclasses import replace
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
@@ -15,7 +17,8 @@ import thermid as td
 from thermid.app.cli.app import main
 from thermid.base.errors import DeckError, ScenarioError
 from thermid.prediction._monte_carlo import chunks as campaign_runs
-from thermid.prediction._monte_carlo.hold import HoldQuestion, clock, first_crossings, hold, hold_time, proportion
+from thermid.prediction._monte_carlo.chunks import first_crossings
+from thermid.prediction._monte_carlo.hold import HoldQuestion, clock, hold, hold_time, proportion
 
 POWER, G, C = 10.0, 0.5, 500.0
 TAU = C / G
@@ -200,10 +203,10 @@ def test_an_interrupted_command_says_how_to_go_on(
 ) -> None:
     honest = campaign_runs.work
 
-    def once(job: campaign_runs.Job, first: int, members: int, threads: int = 1) -> campaign_runs.Chunk:
+    def once(job: campaign_runs.Job, first: int, members: int, *more: Any) -> campaign_runs.Chunk:
         if first:
             raise KeyboardInterrupt
-        return honest(job, first, members, threads)
+        return honest(job, first, members, *more)
 
     monkeypatch.setattr(campaign_runs, "work", once)
     assert command("hold", folder / "hold.toml", "--members", 1000) == 3
@@ -218,6 +221,13 @@ def test_mistakes_are_told_before_anything_runs(folder: Path, capsys: pytest.Cap
     assert "curve.gif: the ending '.gif' promises a picture in GIF, but the picture is written as .png or .svg or .pdf." in said
     assert "of 400 members" not in said
     assert not (folder / "results").exists()
+
+
+def test_a_question_that_needs_more_memory_than_allowed_is_refused(folder: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    assert command("hold", folder / "hold.toml", "--members", 20_000, "--memory", 5) == 2
+    assert re.search(r"20000 members: about .* processor time and \d+ MB beside the program, more than 5 MB", capsys.readouterr().err)
+    assert not (folder / "results").exists() or not list((folder / "results").rglob("*.npz"))
+    assert command("hold", folder / "hold.toml", "--memory", 500) == 0
 
 
 def test_a_mistake_on_the_command_line_is_an_object_too(folder: Path, capsys: pytest.CaptureFixture[str]) -> None:

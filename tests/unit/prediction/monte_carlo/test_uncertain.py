@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
@@ -13,7 +15,10 @@ from thermid.prediction._budget import Target
 from thermid.prediction._known import normal_sources
 from thermid.prediction._monte_carlo import chunks as campaign_runs
 from thermid.prediction._monte_carlo.drivers import drivers_of
+from thermid.prediction._monte_carlo.hold import hold
 from thermid.prediction._monte_carlo.uncertain import begun_at
+from thermid.simulation._many import tasks
+from thermid.simulation.runs import Counted
 from thermid.values.fitted import FittedValue, FittedValues
 from thermid.values.store import Cut, Shifted, Uniform, uniforms
 
@@ -204,11 +209,11 @@ def test_an_interrupted_run_goes_on_without_repeating(tmp_path: Path, monkeypatc
     worked: list[int] = []
     honest = campaign_runs.work
 
-    def counted(job: campaign_runs.Job, first: int, members: int, threads: int = 1) -> campaign_runs.Chunk:
+    def counted(job: campaign_runs.Job, first: int, members: int, *more: Any) -> campaign_runs.Chunk:
         if len(worked) == 2:
             raise KeyboardInterrupt
         worked.append(first)
-        return honest(job, first, members, threads)
+        return honest(job, first, members, *more)
 
     monkeypatch.setattr(campaign_runs, "work", counted)
     with pytest.raises(KeyboardInterrupt):
@@ -221,6 +226,80 @@ def test_an_interrupted_run_goes_on_without_repeating(tmp_path: Path, monkeypatc
     assert seen == [(32, 60), (48, 60), (60, 60)]
     assert np.array_equal(again.temperatures, whole.temperatures)
     assert runs(folder=tmp_path, n=100).reused == 48  # the last chunk was a part of one
+
+
+LIMIT = {"body": {"highest": "38 [degC]", "lowest": "18 [degC]"}}
+
+
+def bits(found: td.qualify.UncertainRuns) -> bytes:
+    told = (found.quantile("body", SHARES), found.highest_quantile("body", SHARES), *(p.crossings for p in hold(found, LIMIT).points))
+    return b"".join(x.tobytes() for x in told)
+
+
+SHARES = (0.01, 0.5, 0.95)
+
+
+@pytest.fixture
+def small_sample(monkeypatch: pytest.MonkeyPatch) -> None:
+    """No more than the pilot is kept whole."""
+    monkeypatch.setattr(campaign_runs, "SAMPLE", 0)
+
+
+@pytest.mark.usefixtures("small_sample")
+def test_members_that_are_counted_say_what_kept_ones_say() -> None:
+    """Quantiles within half a bin, hold times and probabilities to the last bit, on ten thousand members."""
+    given: dict[str, object] = {"n": 10_000, "chunk": 500, "every": "5 [min]", "limits": LIMIT}
+    few, whole = runs(**given), runs(**given, keep=True)
+    assert (few.whole, whole.whole, len(few)) == (1000, 10_000, 10_000)
+    error = few.quantile_error("body", SHARES)
+    assert (np.abs(few.quantile("body", SHARES) - whole.quantile("body", SHARES)) <= error * (1.0 + 1e-9)).all()
+    assert (2.0 * error <= np.maximum(whole.of("body").std(axis=0) / 90.0, 2.0**-9)).all()
+    assert not whole.quantile_error("body", SHARES).any()
+    assert few.highest_quantile("body", 0.5) == pytest.approx(np.median(whole.highest("body")), abs=error.max())
+    a, b = hold(few, LIMIT), hold(whole, LIMIT)
+    for x, y in zip((*a.points, a.together), (*b.points, b.together), strict=True):
+        assert np.array_equal(x.crossings, y.crossings)
+        assert (x.hold, x.never, x.between, x.never_between) == (y.hold, y.never, y.between, y.never_between)
+    assert a["body"].drivers[0].share == pytest.approx(b["body"].drivers[0].share, abs=0.05)
+    assert "the first 1000 members were kept whole; all were counted" in str(few)
+    with pytest.raises(ScenarioError, match="keep=True"):
+        few.of("body")
+    with pytest.raises(ScenarioError, match=r"without the limit 39 degC of 'body'\. Give 'limits'"):
+        hold(few, {"body": "39 [degC]"})
+
+
+@pytest.mark.usefixtures("small_sample")
+def test_counted_members_go_on_after_an_interrupt_and_workers_change_no_bit(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    given: dict[str, object] = {"n": 3300, "chunk": 100, "every": "30 [min]", "limits": LIMIT}
+    alone, begun, honest = bits(runs(**given)), list[int](), campaign_runs.count
+    assert bits(runs(**given, executor=ThreadPoolExecutor(3))) == alone
+
+    def interrupted(job: campaign_runs.Job, table: campaign_runs.CountTable, first: int, *more: int) -> Counted:
+        begun.append(first)
+        if len(begun) == 3:
+            raise KeyboardInterrupt
+        return honest(job, table, first, *more)
+
+    monkeypatch.setattr(campaign_runs, "count", interrupted)
+    with pytest.raises(KeyboardInterrupt):
+        runs(**given, folder=tmp_path)
+    seen: list[tuple[int, int]] = []
+    again = runs(**given, folder=tmp_path, progress=lambda done, members: seen.append((done, members)))
+    assert seen[0] == (begun[2], 3300) == (again.reused, 3300)
+    assert seen[-1] == (3300, 3300)
+    assert bits(again) == alone
+    assert begun[2:4] == [begun[2]] * 2
+    more = runs(**(given | {"n": 4000}), folder=tmp_path)
+    assert more.reused > 2500  # a longer job begins with the same tasks
+    other = runs(**(given | {"limits": {"body": "30 [degC]"}}), folder=tmp_path)
+    assert other.reused == 1000  # crossings of another limit are not in the counts
+
+
+@pytest.mark.usefixtures("small_sample")
+def test_where_nobody_of_the_first_members_reaches_the_end_no_other_is_run() -> None:
+    found = runs(n=1500, chunk=500, every="30 [min]", options=td.Options(max_steps=1, method="integrator"))
+    assert len(found) == len(found.failed) == 1000
+    assert any("so the other 500 were not run" in w for w in found.warnings)
 
 
 @pytest.mark.parametrize("change", [{"seed": 4}, {"spread": {"air": "3 [K]"}}, {"every": "1 [min]"}, {"chunk": 8}])
@@ -240,11 +319,12 @@ def test_a_spoiled_chunk_is_run_again(tmp_path: Path) -> None:
 
 
 def test_threads_give_the_same_numbers() -> None:
-    assert np.array_equal(runs(threads=2).temperatures, runs().temperatures)
+    assert np.array_equal(runs(executor=ThreadPoolExecutor(2)).temperatures, runs().temperatures)
 
 
 @pytest.mark.campaign
-def test_processes_give_the_same_numbers() -> None:
+def test_processes_give_the_same_numbers(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(tasks, "PROCESSES_PAY", 0.0)
     assert np.array_equal(runs(executor=2).temperatures, runs().temperatures)
 
 

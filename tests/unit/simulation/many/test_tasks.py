@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import multiprocessing
 import os
+import weakref
 from collections.abc import Callable
 from concurrent.futures import Executor, Future, ProcessPoolExecutor, ThreadPoolExecutor
 from threading import Event
@@ -113,6 +114,38 @@ def test_a_worker_of_a_cluster_that_dies_is_told_of_in_a_sentence(when: str, mon
     monkeypatch.setattr(tasks, "optional", lambda *_: SimpleNamespace(Client=lambda *_, **__: Client()))
     with raises_code("run.worker-lost", ScenarioError, match=r"'tcp://127\.0\.0\.1:9'"):
         list(in_tasks(square, TASKS, "tcp://127.0.0.1:9"))
+
+
+def test_a_task_that_a_dying_worker_was_to_get_goes_to_another(monkeypatch: pytest.MonkeyPatch) -> None:
+    class Pool(ThreadPoolExecutor):
+        lost = 2
+
+        def submit(self, *call: Any) -> Future[Any]:  # type: ignore[override]
+            if self.lost:
+                self.lost -= 1
+                raise KeyError("tcp://127.0.0.1:41234")
+            return super().submit(*call)
+
+    monkeypatch.setattr(tasks, "AGAIN", 0.0)
+    with Pool(2) as pool:
+        assert dict(in_tasks(square, TASKS, pool)) == {k: k * k for k in range(7)}
+
+
+def test_results_are_kept_by_nobody_but_the_caller() -> None:
+    """Tables of counts are megabytes: those that were taken in are not held until the last one comes."""
+    with ThreadPoolExecutor(1) as pool:
+        gone = []
+        for _, made in in_tasks(Made, TASKS, pool):
+            gone.append(weakref.ref(made))
+            del made
+            assert sum(ref() is not None for ref in gone[:-1]) == 0
+
+
+class Made:
+    """A result that can be watched."""
+
+    def __init__(self, k: int) -> None:
+        self.k = k
 
 
 def test_workers_that_are_none_are_refused(monkeypatch: pytest.MonkeyPatch) -> None:

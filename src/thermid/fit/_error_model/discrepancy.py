@@ -18,7 +18,16 @@ from thermid.base.errors import IdentificationError
 from thermid.base.linear_algebra import Array, covariance, finite, pseudo_inverse, sandwich
 from thermid.base.results import Result
 from thermid.fit._calibration import Calibration
-from thermid.fit._discrepancy.own_values import OWN_VALUES, own_values_of
+from thermid.fit._error_model.courses import (
+    ElementCourse,
+    OperatingPoint,
+    coefficient_path,
+    constant_coefficients,
+    course_of,
+    laws_of,
+    point_of,
+)
+from thermid.fit._error_model.own_values import OWN_VALUES, own_values_of
 from thermid.fit._minimisation import covariances, ended
 from thermid.fit._problem.residuals import Influence, Problem, Unknown
 from thermid.fit._uncertainty.noise import Autocorrelation, Binned, binned, score_excess
@@ -26,103 +35,10 @@ from thermid.model.identity import identity_of
 from thermid.model.tree import FlatConductor
 from thermid.physics.gas import GASES, REFERENCE
 from thermid.simulation.network import Media, Network
-from thermid.simulation.solver import Engine, Options, Traces, Wiring
 from thermid.values.fitted import FittedValues
 
-POINTS = 301
 MANY = 40
 """Assumed values beyond which none is solved again: each costs a derivative of every run."""
-SMALL = 1e-3
-"""Part of the reference difference below which a coefficient's growth with the difference no longer matters: no heat flows."""
-FREE_AIR, STREAM = "free air", "fan"
-
-
-@dataclass(frozen=True)
-class OperatingPoint:
-    """Where a coefficient was found.
-
-    Parameters
-    ----------
-    difference : float      Of temperature between its ends, geometric mean weighted by the heat that flows. [K]
-    level : float           Mean temperature of its ends, weighted likewise. [K]
-    """
-
-    difference: float
-    level: float
-
-    def __str__(self) -> str:
-        """Return them in words."""
-        return f"{self.difference:.2g} K at {self.level - 273.15:.0f} degC"
-
-
-def constant_coefficients(network: Network) -> dict[str, FlatConductor]:
-    """Return path -> conductor, of those whose constant coefficient stands for convection, or convection and radiation."""
-    return {c.path: c for c in network.flat.conductors if c.kind == "effective" or (c.kind == "convection" and "htc" in c.fields)}
-
-
-def coefficient_path(c: FlatConductor) -> str:
-    """Return the path of a conductor's coefficient."""
-    return c.fields["effective_htc" if c.kind == "effective" else "htc"]
-
-
-@dataclass(frozen=True, eq=False)
-class FlowHistory:
-    """The course of a conductor over time: differences and levels of its ends [K], and its heat flow [W]."""
-
-    first: Array
-    second: Array
-    heat: Array
-
-    @property
-    def difference(self) -> Array:
-        """Difference of temperature (times,), without sign. [K]"""
-        return np.abs(self.first - self.second)
-
-    @property
-    def level(self) -> Array:
-        """Mean temperature (times,). [K]"""
-        return 0.5 * (self.first + self.second)
-
-
-def courses(wiring: Wiring, engine: Engine, x: Array | None, options: Options) -> tuple[Array, dict[str, FlowHistory]]:
-    """Return times [s], and path -> course of every constant coefficient that acts in a run at some values of its free names."""
-    end = wiring.scenario.seconds
-    times = np.linspace(0.0, end, POINTS)
-    a = engine.started(wiring.assemble(x, False))
-    answer = engine.integrate(a, times, a.reduced.nodes, end, options)
-    traces = Traces(wiring, a, times, a.reduced.nodes, answer.temperatures, answer.sensitivities)
-    known = {n: traces.temperature(n) for n in (*wiring.network.nodes, *wiring.network.boundaries)}
-    modes = dict(zip(engine.control_names, answer.states(times).T, strict=True))
-    every = {**known, **{n: traces.temperature(n) for n in a.reduced.controllers}}
-    flows = wiring.conductor_flows(a.numbers, known, times, wiring.shares(a.numbers, every.__getitem__, times, modes.__getitem__))
-    forms: dict[str, list[str]] = {}
-    for row in a.numbers.conductors:
-        forms.setdefault(row.name, []).append(row.form if value_of(row.coefficients[0]) else "")
-    wanted = constant_coefficients(wiring.network)
-    return times, {
-        p: FlowHistory(known[c.ends[0]], known[c.ends[1]], flows[p])
-        for p, c in wanted.items()
-        if forms.get(p) == ["linear"] and c.ends[0] != c.ends[1]
-    }
-
-
-def conditions_of(found: Sequence[Mapping[str, FlowHistory]]) -> dict[str, OperatingPoint]:
-    """Return path -> the conditions over several runs, weighted by the heat that flows."""
-    out = {}
-    for path in dict.fromkeys(p for run in found for p in run):
-        parts = [run[path] for run in found if path in run]
-        heat, difference, level = (np.concatenate(x) for x in zip(*((np.abs(c.heat), c.difference, c.level) for c in parts), strict=True))
-        if heat.sum() > 0:
-            seen = heat > 0
-            mean = float(np.exp(heat[seen] @ np.log(np.maximum(difference[seen], 1e-9)) / heat[seen].sum()))
-            out[path] = OperatingPoint(mean, float(heat @ level / heat.sum()))
-    return out
-
-
-def growth(course: FlowHistory, at: OperatingPoint) -> tuple[Array, Array]:
-    """Return the ratio of differences, and what linearised radiation grows by with the level (times,). [-]"""
-    ratio = np.maximum(course.difference, SMALL * at.difference) / at.difference
-    return ratio, (course.first**2 + course.second**2) * (course.first + course.second) / (4.0 * at.level**3) - 1.0
 
 
 THINNEST: Final = 10e-6
@@ -241,10 +157,11 @@ def with_discrepancy(fit: Calibration) -> Calibration:
     problem = fit.problem
     assert problem is not None
     at = np.array(list(fit.fitted.values()))
-    runs = _runs(problem, at)
     own = [identity_of(e.model) == identity_of(fit.model) for e in problem.experiments]
-    seen = [found for (_, found), here in zip(runs, own, strict=True) if here]
-    conditions = conditions_of(seen)
+    seen = [course for course, here in zip(_courses(problem, at), own, strict=False) if here]
+    network = problem.experiments[own.index(True)].network if any(own) else problem.experiments[0].network
+    surfaces = _constant(network)
+    conditions = {p: found for p, c in surfaces.items() if (found := point_of(seen, c)) is not None}
     decided = _decided(problem, list(fit.values.assignments))
     before = fit.request.store.provenance.values() if fit.request is not None else ()
     conditions |= {p: c for known in before for p, c in operating_points(known).items() if p in conditions and p not in decided}
@@ -254,7 +171,7 @@ def with_discrepancy(fit: Calibration) -> Calibration:
     joints = separated(problem.experiments[0].network, [e.scenario.media() for e in problem.experiments])
     rows = [place[n] for n in names]
     moved, said = _moved_by_assumed(fit, problem, at)
-    kept = Discrepancy(conditions, names, _surfaces(seen), joints, {p: each[rows] for p, each in moved.items()}, said)
+    kept = Discrepancy(conditions, names, _surfaces(seen, surfaces), joints, {p: each[rows] for p, each in moved.items()}, said)
     alone = [o.to_dict() for o in own_values_of(fit)]
     known = {p: [c.difference, c.level] for p, c in conditions.items() if p in decided}
     provenance = {**fit.values.provenance, **({"conditions": known} if known else {}), "misfit": misfit, KEY: kept.to_dict()}
@@ -263,23 +180,28 @@ def with_discrepancy(fit: Calibration) -> Calibration:
     return replace(fit, values=replace(fit.values, provenance=provenance), store=store)
 
 
-def _surfaces(seen: Sequence[Mapping[str, FlowHistory]]) -> dict[str, tuple[float, float]]:
+def _constant(network: Network) -> dict[str, FlatConductor]:
+    """Return the constant coefficients between two places that follow no law."""
+    own = {p: c for p, c in constant_coefficients(network).items() if c.ends[0] != c.ends[1]}
+    return {p: c for p, c in own.items() if [law.form for law in laws_of(network, c)] == ["linear"]}
+
+
+def _surfaces(seen: Sequence[ElementCourse], several: Mapping[str, FlatConductor]) -> dict[str, tuple[float, float]]:
     """Return conductor -> mean temperatures of its ends over the records, weighted by the square of their difference. [K]"""
     out = {}
-    for path in dict.fromkeys(p for run in seen for p in run):
-        parts = [run[path] for run in seen if path in run]
-        first, second = (np.concatenate(x) for x in zip(*((c.first, c.second) for c in parts), strict=True))
+    for path, c in several.items():
+        first, second = (np.concatenate([np.zeros(0), *(run.kelvin[end] for run in seen if path in run.flows)]) for end in c.ends)
         weight = (first - second) ** 2
         if weight.sum() > 0.0:
             out[path] = (float(weight @ first / weight.sum()), float(weight @ second / weight.sum()))
     return out
 
 
-def _runs(problem: Problem, at: Array) -> list[tuple[Array, dict[str, FlowHistory]]]:
-    """Return times and the course of every constant coefficient, per record; no run where there is none."""
+def _courses(problem: Problem, at: Array) -> list[ElementCourse]:
+    """Return the course of every record; none where no model has a constant coefficient."""
     if not any(constant_coefficients(e.network) for e in problem.experiments):
-        return [(np.zeros(0), {}) for _ in problem.experiments]
-    return [courses(b.wiring, b.engine, problem.inputs(i, at)[0], problem.options) for i, b in enumerate(problem.benches())]
+        return []
+    return [course_of(b.wiring, b.engine, problem.inputs(i, at)[0], problem.options) for i, b in enumerate(problem.benches())]
 
 
 def _decided(problem: Problem, paths: Sequence[str]) -> set[str]:

@@ -1,0 +1,145 @@
+"""The course of a run as its elements see it, and where each of them was: what departures and constant coefficients stand on."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
+from typing import Any
+
+import numpy as np
+
+from thermid.base.dual import value_of
+from thermid.base.linear_algebra import Array
+from thermid.fit._error_model.sizes import POINTS
+from thermid.model.elements import Law
+from thermid.model.tree import FlatConductor, FlatLoad
+from thermid.simulation.network import Network
+from thermid.simulation.solver import Engine, Options, Traces, Wiring
+
+FREE_AIR, STREAM = "free air", "fan"
+"""What may carry the heat of a surface."""
+
+
+@dataclass(frozen=True)
+class OperatingPoint:
+    """Where a coefficient was found.
+
+    Parameters
+    ----------
+    difference : float      Of temperature between its ends, geometric mean weighted by the heat that flows. [K]
+    level : float           Mean temperature of its ends, weighted likewise. [K]
+    """
+
+    difference: float
+    level: float
+
+    def __str__(self) -> str:
+        """Return them in words."""
+        return f"{self.difference:.2g} K at {self.level - 273.15:.0f} degC"
+
+
+def constant_coefficients(network: Network) -> dict[str, FlatConductor]:
+    """Return path -> conductor, of those whose constant coefficient stands for convection, or convection and radiation."""
+    return {c.path: c for c in network.flat.conductors if c.kind == "effective" or (c.kind == "convection" and "htc" in c.fields)}
+
+
+def coefficient_path(c: FlatConductor) -> str:
+    """Return the path of a conductor's coefficient."""
+    return c.fields["effective_htc" if c.kind == "effective" else "htc"]
+
+
+@dataclass(frozen=True, eq=False)
+class ElementCourse:
+    """A run as its elements see it.
+
+    Parameters
+    ----------
+    times : array (times,)      [s]
+    kelvin : dict               Node or boundary -> temperature (times,). [K]
+    flows : dict                Conductor -> heat from its first end to its second (times,). [W]
+    follows : dict              Boundary -> conductor -> what one more kelvin of it adds to that heat (times,). [W/K]
+    stores : dict               Node -> heat that it takes up (times,), and its capacitance [J/K]. [W]
+    powers : dict               Load -> the node, and its power.
+    radiated : dict             Conductor -> what of its heat is radiation (times,). [W]
+    settled : bool              Whether the last of the times stands for where the run settles.
+    """
+
+    times: Array
+    kelvin: Mapping[str, Array]
+    flows: Mapping[str, Array]
+    follows: Mapping[str, Mapping[str, Array]]
+    stores: Mapping[str, tuple[Array, float]]
+    powers: Mapping[str, tuple[str, Any]]
+    radiated: Mapping[str, Array]
+    settled: bool = False
+
+
+def course_of(wiring: Wiring, engine: Engine, x: Array | None, options: Options, rest: Mapping[str, float] | None = None) -> ElementCourse:
+    """Return the course of a run at some values of its free names.
+
+    Parameters
+    ----------
+    rest : dict     Node and boundary -> temperature where it settles with the inputs of the end; the course then ends there. [K]
+    """
+    end = wiring.scenario.seconds
+    times = np.linspace(0.0, end, POINTS)
+    a = engine.started(wiring.assemble(x, False))
+    answer = engine.integrate(a, times, a.reduced.nodes, end, options)
+    traces = Traces(wiring, a, times, a.reduced.nodes, answer.temperatures, answer.sensitivities)
+    run = {n: traces.temperature(n) for n in (*wiring.network.nodes, *wiring.network.boundaries)}
+    known = run if rest is None else {n: np.append(t, rest[n]) for n, t in run.items()}
+    more = np.minimum(np.arange(times.size + (rest is not None)), times.size - 1)  # the last sample once more
+    modes = dict(zip(engine.control_names, answer.states(times)[more].T, strict=True))
+    every = {**known, **{n: traces.temperature(n)[more] for n in a.reduced.controllers}}
+    held = times[more]
+    shares = wiring.shares(a.numbers, every.__getitem__, held, modes.__getitem__)
+    flows = wiring.conductor_flows(a.numbers, known, held, shares)
+    follows = {}
+    for b in wiring.network.boundaries:
+        beside = wiring.conductor_flows(a.numbers, {**known, b: known[b] + 1e-3}, held, shares)
+        follows[b] = {p: (beside[p] - flows[p]) / 1e-3 for p in flows if (beside[p] != flows[p]).any()}
+    sizes = {n: float(value_of(c)) for n, c in a.numbers.capacitances.items() if c is not None and n in known}
+    stored = {n: c * np.gradient(run[n], times) for n, c in sizes.items()}
+    stores = {n: (stored[n] if rest is None else np.append(stored[n], 0.0), c) for n, c in sizes.items()}
+    powers = {
+        load.path: (load.node, given)
+        for load in wiring.network.flat.loads
+        if (given := _power_of(load, wiring, a.numbers.values)) is not None
+    }
+    shining = replace(a.numbers, conductors=tuple(row for row in a.numbers.conductors if row.form == "radiation"))
+    radiated = wiring.conductor_flows(shining, known, held, shares)
+    whole = times if rest is None else np.append(times, end + AFTER)
+    return ElementCourse(whole, known, flows, follows, stores, powers, radiated, rest is not None)
+
+
+AFTER = 1e-3
+"""When a course that ends where it settles is there, after the end of the run. [s]"""
+
+
+def _power_of(load: FlatLoad, wiring: Wiring, values: Mapping[str, Any]) -> Any:
+    """Return the power of a load as its scenario gives it, else as its deck does; None where a temperature has a say in it."""
+    given = wiring.scenario.loads.get(load.path)
+    if given is not None:
+        return given
+    if load.follows_temperature or "power" not in load.fields:
+        return None
+    return wiring.signals[f"load {load.path}"].scaled(float(value_of(values[load.fields["power"]])))
+
+
+def laws_of(network: Network, c: FlatConductor) -> tuple[Law, ...]:
+    """Return the laws of a conductor at the values of its deck."""
+    values = network.numbers().values
+    return c.laws({name: values[path] for name, path in c.fields.items()})
+
+
+def point_of(courses: Sequence[ElementCourse], c: FlatConductor) -> OperatingPoint | None:
+    """Return where an element was over runs: geometric mean difference and mean level, weighted by its heat; None where none flows."""
+    runs = [r for r in courses if c.path in r.flows]
+    if not runs:
+        return None
+    heat = np.concatenate([np.abs(r.flows[c.path]) for r in runs])
+    a, b = (np.concatenate([r.kelvin[end] for r in runs]) for end in c.ends)
+    if not heat.sum() > 0.0:
+        return None
+    apart = np.maximum(np.abs(a - b), 1e-9)
+    return OperatingPoint(float(np.exp(heat @ np.log(apart) / heat.sum())), float(heat @ (0.5 * (a + b)) / heat.sum()))
