@@ -158,7 +158,7 @@ def _left(seen: LogCourse, made: Made, offset: float) -> float:
     if target.size < 4 * rows.shape[1] or float(np.ptp(rows[:, 2])) == 0.0:
         return 1.0
     (without, _), (left, shares) = _solved(rows[:, :1], target), _solved(rows, target)
-    if without <= 0.0 or (shares.size == 3 and shares[-1] <= 0.0):  # of one kind: what warms one place does not cool the other
+    if without <= 0.0 or (made[1].shape[1] == 1 and shares[-1] <= 0.0):  # of one kind: what warms one place does not cool the other
         return 1.0
     return left / without
 

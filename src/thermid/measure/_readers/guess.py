@@ -15,7 +15,7 @@ from thermid.measure._readers.columns import kelvin_sized, numbers
 from thermid.measure._readers.headers import name_and_unit
 from thermid.measure._readers.questions import begins_again, counts_time
 from thermid.measure._readers.textfile import Cells
-from thermid.measure._record.channel import LOST, OVERLOAD, BoolArray, FloatArray, codes_of
+from thermid.measure._record.channel import KNOWN, OVERLOAD, BoolArray, FloatArray, codes_of
 
 _SURROUNDINGS: Final = re.compile(
     r"room|amb|air\b|_air|luft|raum|umgebung|sala|ambiente|\bar\b|shroud|bath|coolant|water|chamber|outdoor|outside|inlet|sky|"
@@ -152,8 +152,8 @@ def _by_name(name: str, known: FloatArray) -> tuple[str, str, str]:
     if _TEMPERATURE.match(name) or _SURROUNDINGS.search(name):
         hot = kelvin_sized(known)
         return _temperature(name, "K" if hot else "degC", "by its name" + (" and size" if hot else ""))
-    if LOST in codes_of(known):
-        return _temperature(name, "degC", f"by the {LOST:g} of a lost sensor")
+    if min(KNOWN) in codes_of(known):
+        return _temperature(name, "degC", f"by the {min(KNOWN):g} of a lost sensor")
     return "ignored", "", "no unit, and its name gives none"
 
 

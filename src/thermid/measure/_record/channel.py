@@ -588,9 +588,7 @@ def unrounded(times: FloatArray, values: FloatArray) -> FloatArray:
 
 # ---- readings that are no temperatures: codes that sensors and loggers write in place of one
 
-LOST: Final = -127.0
-"""What a DS18B20 that is lost reads. [degC]"""
-KNOWN: Final = {LOST: "sensor lost (-127)", 85.0: "reset of a DS18B20 (85)"}
+KNOWN: Final = {-127.0: "sensor lost (-127)", 85.0: "reset of a DS18B20 (85)"}
 """Codes of a common sensor, and what they stand for. [degC]"""
 OVERLOAD: Final = 1e6
 """A reading beyond it is the sign of an overload or an open sensor, 9.9e37 of a Keysight logger. [the column's unit]"""
