@@ -17,11 +17,12 @@ priors, ``M_o = I + A_o'A_o``, what the run says of the shared ones is ``A_s'(I 
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass, fields
+from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 
-from thermid.base.linear_algebra import Array
+from thermid.base.linear_algebra import Array, Indices
 
 
 @dataclass(frozen=True)
@@ -290,21 +291,42 @@ class Members:
     Parameters
     ----------
     log_evidence : array (members,)
-    mean : array (members, s)
-    root : array (members, s, s)        Roots of the covariances, ``A A'``.
     square : array (members,)           ``y' S^-1 y`` of the readings over a reading, S their covariance before they were read; one is
                                         what it is where the model of error is right. [-]
+    centre : array (s,)                 Mean of the prior.
+    sizes : array (members, s)          Standard deviations D of the prior.
+    lower : array (members, s, s)       ``L L' = I + D A D``, A the information of the readings.
+    half : array (members, s)           ``L^-1 D b``, b what the readings say against the centre.
     """
 
     log_evidence: Array
-    mean: Array
-    root: Array
     square: Array
+    centre: Array
+    sizes: Array
+    lower: Array
+    half: Array
 
     @classmethod
     def joined(cls, parts: Sequence[Members]) -> Members:
-        """Return all members of several."""
-        return cls(*(np.concatenate([getattr(p, f.name) for p in parts]) for f in fields(cls)))
+        """Return all members of several about one centre."""
+        each = ("log_evidence", "square", "sizes", "lower", "half")
+        return cls(centre=parts[0].centre, **{name: np.concatenate([getattr(p, name) for p in parts]) for name in each})
+
+    def at(self, places: Indices) -> Members:
+        """Return the members at some places."""
+        return Members(
+            self.log_evidence[places], self.square[places], self.centre, *(x[places] for x in (self.sizes, self.lower, self.half))
+        )
+
+    @cached_property
+    def root(self) -> Array:
+        """Roots (members, s, s) of the covariances, ``R R'``: ``D L'^-1``; asked of those alone that count, for it costs most."""
+        return np.asarray(self.sizes[:, :, None] * np.swapaxes(np.linalg.inv(self.lower), 1, 2))
+
+    @property
+    def mean(self) -> Array:
+        """Means (members, s)."""
+        return np.asarray(self.centre + (self.root @ self.half[:, :, None])[:, :, 0])
 
 
 def members_of(runs: Sequence[RunRows], centre: Array, sizes: Array, own_sizes: Sequence[Array]) -> Members:
@@ -327,12 +349,9 @@ def members_of(runs: Sequence[RunRows], centre: Array, sizes: Array, own_sizes: 
     moved = inner @ centre
     square = square - (2.0 * cross - moved) @ centre
     cross = cross - moved
-    lower = np.linalg.cholesky(np.eye(s) + sizes[:, :, None] * inner * sizes[:, None, :])
-    half = np.linalg.solve(lower, (sizes * cross)[:, :, None])[:, :, 0]
-    inverse = np.linalg.inv(lower)
-    root = sizes[:, :, None] * np.swapaxes(inverse, 1, 2)
-    mean = centre + (root @ half[:, :, None])[:, :, 0]
+    lower: Array = np.linalg.cholesky(np.eye(s) + sizes[:, :, None] * inner * sizes[:, None, :]).astype(float, copy=False)
+    half = np.asarray(np.linalg.solve(lower, (sizes * cross)[:, :, None])[:, :, 0])
     log_det += 2.0 * np.log(np.diagonal(lower, axis1=1, axis2=2)).sum(axis=1)
     square = square - np.sum(half**2, axis=1)
     evidence = -0.5 * (square + log_det + readings * np.log(2.0 * np.pi))
-    return Members(evidence, mean, root, square / max(readings, 1))
+    return Members(evidence, square / max(readings, 1), centre, sizes, lower, half)

@@ -143,7 +143,9 @@ class KeptWay:
     def of_fitted(cls, way: FittedWay, shares: Array, bounds: Mapping[str, tuple[float, float]]) -> KeptWay:
         """Return a way by its members and their probabilities."""
         weight = float(shares.sum())
-        weights, members, size = shares / weight, way.members, len(way.values)
+        every = shares / weight
+        seen = np.flatnonzero(every > np.finfo(float).eps * every.max())  # the others change no digit of a sum
+        weights, members, size = every[seen], way.members.at(seen), len(way.values)
         mean = weights @ members.mean
         apart = members.mean - mean
         beside = np.concatenate(
@@ -153,8 +155,8 @@ class KeptWay:
         at = np.array(list(way.values.values())) + mean[:size]
         low, high = np.array([bounds[n] for n in way.values]).reshape(size, 2).T
         values = dict(zip(way.values, np.clip(at, low, high).tolist(), strict=True))
-        sizes = dict(zip(GROUPS, np.sqrt(weights @ way.sizes**2).tolist(), strict=True))
-        by_pair = {pair: float(weights[(way.left == pair).all(axis=1)].sum()) for pair in {(float(a), float(b)) for a, b in way.left}}
+        sizes = dict(zip(GROUPS, np.sqrt(every @ way.sizes**2).tolist(), strict=True))
+        by_pair = {pair: float(every[(way.left == pair).all(axis=1)].sum()) for pair in {(float(a), float(b)) for a, b in way.left}}
         rest = tuple((share, *pair) for pair, share in sorted(by_pair.items()) if share > COUNTED)
         return cls(way.way.name, weight, way.laws, values, way.departures, way.columns, mean[size:], _triangular(covariance), sizes, rest)
 

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
+from functools import cached_property
 from typing import Any
 
 import numpy as np
@@ -167,12 +168,20 @@ class RunsOfFit:
         own_columns_of_runs = tuple((*own_columns(problem, i), *(c for c, _ in run)) for i, (_, run) in enumerate(parts))
         return cls(problem, fitted, values, departures_used, tuple(columns.values()), own_columns_of_runs, tuple(traces), spans)
 
+    @cached_property
+    def _rows_by_remainder(self) -> dict[tuple[float, float], list[RunRows]]:
+        """Size and time of what no element explains -> what each run says; filled as they are asked about."""
+        return {}
+
     def posterior(self, centre: Array, sizes: Array, remainder: tuple[float, float]) -> Members:
         """Return values and columns given the readings, at sizes (members, groups) and a size and time of what no element explains."""
         values = len(self.values)
         shared = values + len(self.columns)
-        size, part = SIZES["left"].value * remainder[0], remainder[1]
-        rows = [run_rows(t, Wander(size, part * span), shared) for t, span in zip(self.traces, self.spans, strict=True)]
+        rows = self._rows_by_remainder.get(remainder)
+        if rows is None:
+            size, part = SIZES["left"].value * remainder[0], remainder[1]
+            rows = [run_rows(t, Wander(size, part * span), shared) for t, span in zip(self.traces, self.spans, strict=True)]
+            self._rows_by_remainder[remainder] = rows
         wide = np.array([reach(self.problem.unknowns[k]) for k in self.values])
         every = np.column_stack([np.broadcast_to(wide, (len(sizes), values)), deviations(self.columns, sizes)])
         own_deviations = [deviations(c, sizes) for c in self.own]
