@@ -179,3 +179,16 @@ def solve_conserving(gains: Array, leaving: Array, right: Array) -> Array | None
     for k in reversed(range(size)):
         x[k] = (b[k] + g[k, k + 1 :] @ x[k + 1 :]) / pivots[k]
     return x.reshape(right.shape) if np.isfinite(x).all() else None
+
+
+def forward_substitution(lower: Array, right: Array) -> Array:
+    """Return ``L^-1 B`` (members, n, k) of lower triangular L (members, n, n) and B (members, n, k).
+
+    `numpy.linalg.solve` would factorise each L again.
+    """
+    from scipy.linalg.lapack import dtrtrs
+
+    out = np.empty(right.shape)
+    for k in range(len(right)):
+        out[k], _ = dtrtrs(lower[k].T, right[k], lower=0, trans=1)  # the transpose lies in LAPACK's order
+    return out

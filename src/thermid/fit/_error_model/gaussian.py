@@ -22,7 +22,7 @@ from functools import cached_property
 
 import numpy as np
 
-from thermid.base.linear_algebra import Array, Indices
+from thermid.base.linear_algebra import Array, Indices, forward_substitution
 
 
 @dataclass(frozen=True)
@@ -321,7 +321,10 @@ class Members:
     @cached_property
     def root(self) -> Array:
         """Roots (members, s, s) of the covariances, ``R R'``: ``D L'^-1``; asked of those alone that count, for it costs most."""
-        return np.asarray(self.sizes[:, :, None] * np.swapaxes(np.linalg.inv(self.lower), 1, 2))
+        return np.asarray(
+            self.sizes[:, :, None]
+            * np.swapaxes(forward_substitution(self.lower, np.broadcast_to(np.eye(self.centre.size), self.lower.shape)), 1, 2)
+        )
 
     @property
     def mean(self) -> Array:
@@ -350,7 +353,7 @@ def members_of(runs: Sequence[RunRows], centre: Array, sizes: Array, own_sizes: 
     square = square - (2.0 * cross - moved) @ centre
     cross = cross - moved
     lower: Array = np.linalg.cholesky(np.eye(s) + sizes[:, :, None] * inner * sizes[:, None, :]).astype(float, copy=False)
-    half = np.asarray(np.linalg.solve(lower, (sizes * cross)[:, :, None])[:, :, 0])
+    half = forward_substitution(lower, (sizes * cross)[:, :, None])[:, :, 0]
     log_det += 2.0 * np.log(np.diagonal(lower, axis1=1, axis2=2)).sum(axis=1)
     square = square - np.sum(half**2, axis=1)
     evidence = -0.5 * (square + log_det + readings * np.log(2.0 * np.pi))

@@ -144,8 +144,8 @@ class KeptWay:
         """Return a way by its members and their probabilities."""
         weight = float(shares.sum())
         every = shares / weight
-        seen = np.flatnonzero(every > np.finfo(float).eps * every.max())  # the others change no digit of a sum
-        weights, members, size = every[seen], way.members.at(seen), len(way.values)
+        seen = np.flatnonzero(every > COUNTED / every.size)
+        weights, members, size = every[seen] / every[seen].sum(), way.members.at(seen), len(way.values)
         mean = weights @ members.mean
         apart = members.mean - mean
         beside = np.concatenate(
