@@ -269,7 +269,7 @@ def _tried(
 
 
 def _refit(request: Request, begin: Mapping[str, float], deck_values: Sequence[str]) -> Calibration:
-    """Return the fit of a request from values [SI]; those not of the deck (`deck_values`) stay within `MAX_DEFECT_FACTOR` of where they begin.
+    """Return the fit of a request from values [SI]; those not in `deck_values` stay within `MAX_DEFECT_FACTOR` of where they begin.
 
     It is given up where it takes long: nothing there is to be found.
     """
