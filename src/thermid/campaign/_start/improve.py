@@ -156,7 +156,7 @@ def improve(path: Path, stage: str = "", evaluations: int = EVALUATIONS, data: P
     refuse_unseen(request.model, "a search for another structure")
     may = _may_delay(source, request)
     first = search_structure(
-        request, changes=lambda request_so_far: [c for c in changes_of(request_so_far) if may or not c.delay], evaluations=evaluations
+        request, changes=lambda current: [c for c in changes_of(current) if may or not c.delay], evaluations=evaluations
     )
     if first.proposed is first.start:
         return Improved(first, before, before, ())
@@ -176,7 +176,7 @@ def improve(path: Path, stage: str = "", evaluations: int = EVALUATIONS, data: P
     remaining = max(evaluations - first.evaluations, evaluations // 2)
     then = search_structure(
         late,
-        changes=lambda request_so_far: [c for c in changes_of(request_so_far) if _beside_a_delay(c, late.records)],
+        changes=lambda current: [c for c in changes_of(current) if _beside_a_delay(c, late.records)],
         evaluations=remaining,
     )
     new, longest = adopted(then.proposed), max(longest, float(f"{2.0 * max(value for value, _ in delays_found.values()):.3g}"))
