@@ -19,7 +19,7 @@ Ints = NDArray[np.int32]
 RANK_TOLERANCE = 1e-6
 """Singular value of scaled rows, beside the largest, up to which a direction holds no information: derivatives of a run are not good to
 more. Eigenvalues of J'J and of a covariance are squares of these, so that theirs is its square."""
-LOST = 1e-3
+MAX_PART_WITHOUT_INFORMATION = 1e-3
 """Part that an unknown may have in directions without information and still count as known."""
 NOTHING = 1e-12
 """What rounding leaves: length of a column, beside the longest, up to which no row depends on its unknown, and singular value of scaled
@@ -66,7 +66,7 @@ def _inverse(rows: Array, tolerance: float) -> tuple[Array, Array]:
 def covariance(rows: Array, tolerance: float = RANK_TOLERANCE) -> Array:
     """Return (J'J)^-1; an unknown with a part in a direction without information has an infinite variance and goes with no other."""
     out, unknown = _inverse(rows, tolerance)
-    lost = unknown > LOST
+    lost = unknown > MAX_PART_WITHOUT_INFORMATION
     out[lost, :] = out[:, lost] = 0.0
     out[lost, lost] = np.inf
     return out
@@ -134,7 +134,7 @@ def variance(information: Array, gradient: Array) -> float:
     sizes, vectors, scale = _eigen(information)
     part = vectors.T @ (gradient / scale)
     weak = sizes <= RANK_TOLERANCE**2 * sizes.max(initial=0.0)
-    if np.linalg.norm(part[weak]) > LOST * np.linalg.norm(part):
+    if np.linalg.norm(part[weak]) > MAX_PART_WITHOUT_INFORMATION * np.linalg.norm(part):
         return float("inf")
     return float(np.sum(part[~weak] ** 2 / sizes[~weak]))
 

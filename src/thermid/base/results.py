@@ -22,7 +22,7 @@ if TYPE_CHECKING:
 
     Array = NDArray[np.float64]
 
-SHORT: Final = 400
+MAX_REPR_CHARACTERS: Final = 400
 """Characters of a `repr` at most."""
 ROWS: Final = 20
 """Rows of a table in a notebook; what is left out is counted below it."""
@@ -81,9 +81,9 @@ class Shown:
         return [_scalars(self)]
 
     def __repr__(self) -> str:
-        """Return the kind of result and its first line, at most `SHORT` characters."""
+        """Return the kind of result and its first line, at most `MAX_REPR_CHARACTERS` characters."""
         text = f"<{type(self).__name__}: {self._summary()}>" if self._summary() else f"<{type(self).__name__}>"
-        return text if len(text) <= SHORT else f"{text[: SHORT - 4]}...>"
+        return text if len(text) <= MAX_REPR_CHARACTERS else f"{text[: MAX_REPR_CHARACTERS - 4]}...>"
 
     def _repr_html_(self) -> str:
         """Return the first line and the table, as notebooks show them."""

@@ -138,11 +138,11 @@ def unit(text: str) -> Unit:
     if re.search(r"\bgr\b", key):
         raise UnitError(f"'[{text}]': gr is the grain, 0.0648 g. Write g for grams, or grain.", code="unit.ambiguous")
     # refuse exponents that no physical unit has: their powers of ten would be computed digit by digit
-    for given in _EXPONENT.findall(key):
-        if given[:1].isdigit() or given[:1] == "-":
-            if not _PLAIN_EXPONENT.match(given) or abs(float(given)) > cap("exponent"):
+    for exponent in _EXPONENT.findall(key):
+        if exponent[:1].isdigit() or exponent[:1] == "-":
+            if not _PLAIN_EXPONENT.match(exponent) or abs(float(exponent)) > cap("exponent"):
                 raise UnitError(
-                    f"'[{text}]' is not a known unit: it has the exponent {given}. "
+                    f"'[{text}]' is not a known unit: it has the exponent {exponent}. "
                     f"Exponents go up to {cap('exponent'):.0f}, as plain numbers with at most one decimal."
                     f"{_intended(key)}{raising('exponent')}",
                     code="unit.unknown",

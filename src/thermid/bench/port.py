@@ -11,7 +11,7 @@ from typing import Any, Protocol
 
 from thermid.base.errors import RecordError, ThermidError
 
-LONGEST = 400
+MAX_GARBAGE_BYTES = 400
 """Bytes without a line feed that are taken for one piece of garbage."""
 
 _MAKERS = {0x2341: "Arduino", 0x2A03: "Arduino", 0x1A86: "CH340", 0x0403: "FTDI", 0x10C4: "CP210x"}
@@ -118,7 +118,7 @@ class Port:
             if not byte:
                 return b""
             self._begun += byte
-            if byte == b"\n" or len(self._begun) >= LONGEST:
+            if byte == b"\n" or len(self._begun) >= MAX_GARBAGE_BYTES:
                 line = bytes(self._begun)
                 self._begun.clear()
                 return line

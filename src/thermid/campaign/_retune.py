@@ -40,7 +40,7 @@ MIN_EFFECT = 0.05
 START = "start after a replacement"
 CARRIED = "kept after a swap: the model has the new part, but values and statistics are from the tests before."
 SEAT = "sensors = {{'{0}': 'NODE'}}, or --sensor-at {0}=NODE"
-STEP = 1e-4
+RELATIVE_STEP = 1e-4
 """Relative change by which the response of a joint to the number behind it is found."""
 
 
@@ -689,7 +689,7 @@ def _response(before: Store, values: ParameterSet, path: str) -> NDArray[np.floa
     for state in before.parameters.values():
         if not state.known or path not in values.downstream(state.acts):
             continue
-        moved = float(values.evaluate(dict.fromkeys(state.acts, state.value * (1.0 + STEP)))[path])
-        share = math.log(moved / at) / (math.log1p(STEP) if state.log else STEP * state.value)
+        moved = float(values.evaluate(dict.fromkeys(state.acts, state.value * (1.0 + RELATIVE_STEP)))[path])
+        share = math.log(moved / at) / (math.log1p(RELATIVE_STEP) if state.log else RELATIVE_STEP * state.value)
         out += share * before.rows([state.path])[0]
     return out

@@ -474,8 +474,8 @@ def run_stages(
             with errors_at(place, ": "):
                 request, ingredients[name] = keyed(request_of(source, todo[k], k, done), todo[k], keys)
             requests[name], keys[name] = request, request.key
-            own = (progress_of(notice, name), executor) if len(ready) == 1 else (None, None)
-            tasks.append((place, (request, source.path.name, place, recall(folder, name, request.key), *own)))
+            progress_and_executor = (progress_of(notice, name), executor) if len(ready) == 1 else (None, None)
+            tasks.append((place, (request, source.path.name, place, recall(folder, name, request.key), *progress_and_executor)))
         for _, (fitted, new) in in_tasks(_fitted, tasks, executor if len(ready) > 1 else None):
             name = fitted.stage
             if new:

@@ -18,7 +18,16 @@ from thermid.base.arguments import takes_objects
 from thermid.base.errors import IdentificationError, SolverError
 from thermid.base.linear_algebra import Array, null_space, symmetric_inverse
 from thermid.base.units import NAMES, counted, unit
-from thermid.fit._calibration import CONTRADICTION_DEVIATIONS, FIRST, TIMES, Calibration, Local, contradicted, far_from_sheet, loudly
+from thermid.fit._calibration import (
+    CONTRADICTION_DEVIATIONS,
+    FIRST,
+    QUESTIONED_FACTOR,
+    Calibration,
+    Local,
+    contradicted,
+    far_from_sheet,
+    loudly,
+)
 from thermid.fit._error_model.discrepancy import with_discrepancy
 from thermid.fit._error_model.kept import KEY as ERRORS, ErrorModel, error_table, with_structural_errors
 from thermid.fit._inputs import inputs_of
@@ -44,7 +53,7 @@ from thermid.simulation.scenarios import Scenario
 from thermid.values.fitted import FittedValue, FittedValues, view
 from thermid.values.store import LaterTable, State, Store, ValueOrigin
 
-NOISES, OF_RANGE = 3.0, 0.02
+MAX_RESIDUAL_TO_NOISE, MAX_RESIDUAL_TO_RANGE = 3.0, 0.02
 """What residuals may be, as a standard deviation: so many times the stated noise of the sensor. Where no noise was stated, their
 autocorrelated part may be so many times the independent one, or so much of what the sensor ranged over, whichever is more. [-]"""
 ASIDE, STRAINED = 3.0, 5.0
@@ -101,10 +110,10 @@ def _missed(request: Request, problem: Problem, minimum: Fit, spread: Autocorrel
             limit, what = request.adequate, "'adequate'"
         elif o.noise is not None and o.noise <= NOISE_RATIO * shown.get((t.record, t.sensor), math.inf):
             size = scatter[t.record, t.sensor] if size > 0.0 else 0.0
-            limit, what = NOISES * o.noise, f"{NOISES:g} times its stated noise"
+            limit, what = MAX_RESIDUAL_TO_NOISE * o.noise, f"{MAX_RESIDUAL_TO_NOISE:g} times its stated noise"
         else:  # nothing stated, or more than the readings show
-            limit = max(NOISES * float(np.sqrt(t.white_variance)) * sigma, OF_RANGE * float(np.ptp(o.measured)))
-            what = f"{NOISES:g} noises and {100 * OF_RANGE:g} % of its range"
+            limit = max(MAX_RESIDUAL_TO_NOISE * float(np.sqrt(t.white_variance)) * sigma, MAX_RESIDUAL_TO_RANGE * float(np.ptp(o.measured)))
+            what = f"{MAX_RESIDUAL_TO_NOISE:g} noises and {100 * MAX_RESIDUAL_TO_RANGE:g} % of its range"
         if size > limit:
             missed.append((size / limit, f"{t.sensor} in {t.record} has a residual of {short(size)} K (limit {short(limit)} K: {what})"))
     if not missed:
@@ -118,13 +127,13 @@ def _refuted(problem: Problem, minimum: Fit) -> list[str]:
     from scipy.special import gammaincc
 
     freedom, squares = problem.freedom, minimum.chi_square
-    if freedom <= 0.0 or any(o.noise is None for o in problem.observations()) or squares <= NOISES**2 * freedom:
+    if freedom <= 0.0 or any(o.noise is None for o in problem.observations()) or squares <= MAX_RESIDUAL_TO_NOISE**2 * freedom:
         return []
     chance = float(gammaincc(0.5 * freedom, 0.5 * squares))
     if chance > REFUTED:
         return []
     times = short(float(np.sqrt(squares / freedom)))
-    return [f"the residuals are {times} times the stated noise, which the noise refutes (limit {NOISES:g} times)"]
+    return [f"the residuals are {times} times the stated noise, which the noise refutes (limit {MAX_RESIDUAL_TO_NOISE:g} times)"]
 
 
 def rests_on(request: Request, values: FittedValues) -> dict[str, Standing]:
@@ -261,7 +270,7 @@ def tuned_by_hand(request: Request, hand: Store) -> Calibration:
 
 DIFFER = 3.0
 """Standard deviations from which two sensors of one node differ."""
-STRANGE = 300.0
+MIN_UNIT_MISTAKE_RATIO = 300.0
 """Ratio of the power of a log and that of the deck from which one of them is in another unit."""
 EXCHANGED = 0.2
 """Part of the residuals of two sensors by the deck that is left where they are exchanged. [-]"""
@@ -286,9 +295,9 @@ def strange_powers(problem: Problem) -> tuple[str, ...]:
             if not (logged > 0 and deck > 0):
                 continue
             gives = f"{FIRST}'{c.name}' gives '{path}' {short(logged, 3)} W, the deck has {short(deck, 3)} W: "
-            if not 1.0 / STRANGE < logged / deck < STRANGE:
+            if not 1.0 / MIN_UNIT_MISTAKE_RATIO < logged / deck < MIN_UNIT_MISTAKE_RATIO:
                 out[c.name] = f'{gives}check its unit. For a column in mW give unit = "mW" in its table, or [mW] in its header.'
-            elif c.assumed and logged / deck >= TIMES and logged <= FULL:
+            elif c.assumed and logged / deck >= QUESTIONED_FACTOR and logged <= FULL:
                 out[c.name] = (
                     f"{gives}it may be a duty cycle in per cent: no unit is given, so watts were assumed. Give full_scale = '... [W]', its "
                     'power at 100 %, or, if these are watts, unit = "W".'
@@ -744,9 +753,9 @@ def requested(
     scenarios = dict(scenario) if isinstance(scenario, Mapping) else {"*": scenario} if scenario else {}
     specs = {k: LocalSpec.read(v, f"local.{k}") for k, v in (local or {}).items()}
     wanted, _ = freed(model, free, (), name or model.title)
-    known = priors_of(model, priors or {}, name or model.title)
+    priors_by_path = priors_of(model, priors or {}, name or model.title)
     weighed = weighing(weights or {}, name or model.title)
-    return Request(model, records, tuple(wanted), scenarios, specs, priors=known, loss=loss, search=search, name=name, **weighed)
+    return Request(model, records, tuple(wanted), scenarios, specs, priors=priors_by_path, loss=loss, search=search, name=name, **weighed)
 
 
 def fit(

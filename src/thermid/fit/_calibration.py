@@ -34,7 +34,7 @@ BLAME = "A column, a unit, a node, an accuracy or the model is wrong. Do not use
 
 FIRST = "check: "
 """Begins what stands in the first lines of a fit: a question that its user can answer and the fit cannot."""
-TIMES = 5.0
+QUESTIONED_FACTOR = 5.0
 """Factor from the deck's value from which a fitted value with a source is questioned. [-]"""
 UNSOURCED = tuple(unit(u).dimension for u in ("kg", "J/K", "J/(kg K)"))
 """Quantities that are questioned also where the deck gives no source: nobody is wrong about a mass by so much."""
@@ -67,7 +67,7 @@ def far_from_sheet(model: Model, values: FittedValues) -> tuple[str, ...]:
             continue
         ratio, source = v.value / v.start, table[path].parameter.source
         is_questionable = source != "assumed" if source else unit(v.unit).dimension in UNSOURCED
-        if is_questionable and not 1.0 / TIMES < ratio < TIMES:
+        if is_questionable and not 1.0 / QUESTIONED_FACTOR < ratio < QUESTIONED_FACTOR:
             of = f"{short(v.converted(v.start), 3)} {v.unit} ({source})" if source else f"{short(v.converted(v.start), 3)} {v.unit}"
             times = f"{short(ratio, 3)} times" if ratio > 1.0 else f"{short(1.0 / ratio, 3)} times less than"
             out.append(

@@ -210,10 +210,10 @@ def _bend_after(bend: Array, step: Array, before: tuple[Array, Array], after: tu
     along = float(turned @ step)
     if along <= 0.0:
         return bend
-    own = turned - after[1].T @ (after[1] @ step)
+    remaining_turn = turned - after[1].T @ (after[1] @ step)
     size = abs(float(step @ bend @ step))
-    bend = bend * min(1.0, abs(float(step @ own)) / size) if size > 0.0 else bend
-    off = own - bend @ step
+    bend = bend * min(1.0, abs(float(step @ remaining_turn)) / size) if size > 0.0 else bend
+    off = remaining_turn - bend @ step
     return np.asarray(bend + (np.outer(off, turned) + np.outer(turned, off)) / along - (off @ step) * np.outer(turned, turned) / along**2)
 
 

@@ -33,18 +33,18 @@ DECADE = math.log(10.0)
 SEARCHES = ("auto", "local", "multistart", "differential evolution", "cma")
 SCREENED, DESCENTS = 64, 5
 """How many points of the box are looked at without derivatives, and from how many of the best of them least squares descends."""
-APART = 0.15
+MIN_START_DISTANCE = 0.15
 """Two starts lie apart when they differ by this part of the box in some parameter."""
 TWICE = 4.0
 """Residuals of twice the stated noise, as a reduced chi-square, make one valley doubtful."""
-CHANCE, FEWEST = 0.01, 16
+CHANCE, MIN_READINGS_OF_TRACE = 0.01, 16
 """Chance that noise alone makes a trace look as if it contradicted its noise, over all traces; shorter traces are not asked."""
 PROVED = 9.0
 """Gain in chi-square, in independent samples, from which another valley is better than that of the given start: three standard errors."""
 GENERATIONS = 300
 BATCH = 16
 """Members that run at once; the interrupt key acts between batches."""
-LONG = 30.0
+WARNED_SEARCH_TIME = 30.0
 """What a search may take before plain Python is warned of it. [s]"""
 UNASKED = 6e9
 """What further descents may take that nobody asked for, in temperatures and derivatives of integrator steps: some ten minutes of a
@@ -147,7 +147,7 @@ def searched(
                             the stated noise; one further descent, from the other side of the start, where residuals contradict the stated
                             noise at all. ``differential evolution`` and ``cma``: a population over the box, then one descent.
     loss, loss_scale, progress    As in `minimise`. What further starts will cost is told before they are made: to ``progress.ahead(words,
-                            seconds)`` where there is one, else as a warning from `LONG` on.
+                            seconds)`` where there is one, else as a warning from `WARNED_SEARCH_TIME` on.
     stoppable : bool        Whether the interrupt key ends it with the best fit so far: `Fit.stopped`, not converged.
     executor : see `Workers`    Who makes the descents from several starts; one process for few seconds.
 
@@ -200,7 +200,7 @@ def contradictions(problem: Problem, minimum: Fit) -> str:
         observation = next(o for o in at[record].observations if o.sensor == sensor)
         if observation.noise is None:
             return ""
-        if sums.count < FEWEST:
+        if sums.count < MIN_READINGS_OF_TRACE:
             continue
         statistics, sigma = sums.statistics(0.0), observation.sigma(problem.noise)
         for size in (abs(statistics.mean) / sigma, abs(statistics.lag_one)):
@@ -277,7 +277,7 @@ class Search:
         ahead = getattr(self.progress, "ahead", None)
         if ahead is not None:
             ahead(words, seconds)
-        elif loud and seconds > LONG:
+        elif loud and seconds > WARNED_SEARCH_TIME:
             text = f"a fit goes on with {words}, about {spoken(seconds)}. The interrupt key ends it with the best values so far."
             warnings.warn(ThermidWarning(text, code="fit.takes-long"), stacklevel=2)
 
@@ -308,7 +308,7 @@ class Search:
         way = end - start
         if not way.any():
             return first
-        opposite = np.clip(start - way * max(1.0, APART / float(np.abs(way).max())), 0.0, 1.0)
+        opposite = np.clip(start - way * max(1.0, MIN_START_DISTANCE / float(np.abs(way).max())), 0.0, 1.0)
         self.tell(f"a second descent from the other side of the start, because {why}", self.spent[0])
         second = self.descent(population.placed(opposite[None, :])[0])
         problem = population.problem
@@ -359,8 +359,8 @@ class Search:
         alone = self.executor is None
         worker = self if alone else replace(self, progress=None, stoppable=False)
         tasks = [(f"the descent from start {k + 1}", (worker, start)) for k, start in enumerate(starts)]
-        found = in_tasks(_end_of, tasks, self.executor, seconds=len(tasks) * float(np.mean(self.spent)))
-        for _, end in found if alone else sorted(found, key=itemgetter(0)):
+        numbered_ends = in_tasks(_end_of, tasks, self.executor, seconds=len(tasks) * float(np.mean(self.spent)))
+        for _, end in numbered_ends if alone else sorted(numbered_ends, key=itemgetter(0)):
             if end is not None:
                 yield end
 
@@ -417,7 +417,7 @@ def _end_of(search: Search, start: Array) -> Fit | None:
 def _apart(ranked: Iterator[Array], taken: list[Array]) -> Iterator[Array]:
     """Yield points of the unit cube that lie apart from all that were taken, and take them."""
     for share in ranked:
-        if min(np.abs(share - t).max() for t in taken) >= APART:
+        if min(np.abs(share - t).max() for t in taken) >= MIN_START_DISTANCE:
             taken.append(share)
             yield share
 

@@ -29,7 +29,7 @@ from thermid.model.laws import TableSignal
 from thermid.model.tree import Model
 from thermid.simulation.scenarios import Scenario
 
-OFFSETS, RATES, ROUNDS = 25, 5, 5
+GRID_OFFSETS, GRID_RATES, GRID_ROUNDS = 25, 5, 5
 
 
 def with_clocks(problem: Problem, loss: str, loss_scale: float, fitted: Array | None = None) -> Problem:
@@ -59,7 +59,7 @@ def in_turns(
     problem: Problem, minimum: Fit, loss: str, loss_scale: float, progress: Callable[[int, float], None] | None
 ) -> tuple[Problem, Fit]:
     """Return the problem and the end of its fit after the grid was looked at again with the fitted values, as long as that gains."""
-    for _ in range(ROUNDS):
+    for _ in range(GRID_ROUNDS):
         moved = with_clocks(problem, loss, loss_scale, minimum.fitted)
         at = minimum.fitted.copy()
         for i in range(len(problem.experiments)):
@@ -90,7 +90,7 @@ CHANGED = 3.5
 """Standard deviations of the difference of two samples of a power from which it changed, and was not only noise. [-]"""
 
 
-UNKNOWN = 1e3
+MAX_ERROR_GROWTH = 1e3
 """Most times that an error grows: without a true change of the power nothing is known of its clock. [-]"""
 
 
@@ -114,7 +114,7 @@ def widened_by_noise_of_powers(problem: Problem, fitted: Array) -> Array:
         others, _ = np.linalg.qr(full[:, [k for k in range(out.size) if k not in ticking]])
         for k in ticking:
             sizes = [float(np.sum((c - others @ (others.T @ c)) ** 2)) for c in (full[:, k], true[:, k])]
-            out[k] = min(max(sizes[0] / max(sizes[1], 1e-300), 1.0), UNKNOWN)
+            out[k] = min(max(sizes[0] / max(sizes[1], 1e-300), 1.0), MAX_ERROR_GROWTH)
     return out
 
 
@@ -133,9 +133,9 @@ def _calm(experiment: Experiment) -> Experiment | None:
 
 def clock_grid(offset: tuple[float, float], rate: tuple[float, float]) -> tuple[Array, Array]:
     """Return the offsets and the rates of the grid over their ranges: offsets with both ends, rates in the middles of equal parts."""
-    rates = rate[0] + (rate[1] - rate[0]) * (np.arange(RATES) + 0.5) / RATES
+    rates = rate[0] + (rate[1] - rate[0]) * (np.arange(GRID_RATES) + 0.5) / GRID_RATES
     held = [offset[0] == offset[1], rate[0] == rate[1]]
-    return np.linspace(*offset, 1 if held[0] else OFFSETS), rates[:1] if held[1] else rates
+    return np.linspace(*offset, 1 if held[0] else GRID_OFFSETS), rates[:1] if held[1] else rates
 
 
 def _grid(problem: Problem, i: int, fitted: Array, ticks: Ticks) -> Iterator[Array]:
@@ -337,7 +337,7 @@ def _as_prompt(record: Record) -> Record:
     return record.with_channels(*(replace(c, prompt=True) for c in record.channels.values()))
 
 
-STARTS = 4
+DESCENT_STARTS = 4
 """How many of the best points of the grid a descent starts from."""
 ROUGH = 0.1
 """Part of a standard error that separates the ends of these descents; the best goes on."""
@@ -448,7 +448,7 @@ def _nearest(sides: Clocked) -> tuple[list[Clocked], dict[str, float]]:
     tried.sort(key=lambda place: place[0])
     taken: dict[tuple[int, int], Clocked] = {}
     for _, (i, j), here, _ in tried:
-        if len(taken) < STARTS and not any(abs(i - k) <= 1 and abs(j - n) <= 1 for k, n in taken):
+        if len(taken) < DESCENT_STARTS and not any(abs(i - k) <= 1 and abs(j - n) <= 1 for k, n in taken):
             taken[i, j] = here
     return list(taken.values()), tried[0][3]
 

@@ -310,9 +310,9 @@ class _Several:
             return out
         pieces = np.array_split(points, min(self.executor, len(points)) if isinstance(self.executor, int) else len(points))
         calls = [(f"proposal {k + 1} of a step", (self.density, piece)) for k, piece in enumerate(pieces)]
-        found = dict(in_tasks(_at_points, calls, self.executor, seconds=self.pace * self.ahead))
+        values_by_chunk = dict(in_tasks(_at_points, calls, self.executor, seconds=self.pace * self.ahead))
         self.density.count += sum(self.density.inside(p) for p in points)
-        return np.concatenate([found[k] for k in range(len(found))])
+        return np.concatenate([values_by_chunk[k] for k in range(len(values_by_chunk))])
 
 
 def _at_points(density: _Density, points: Array) -> Array:

@@ -18,7 +18,7 @@ from thermid.fit.problem import Compressed, Problem, Unknown
 from thermid.inference._identifiability import Identifiability
 from thermid.simulation.runs import Workers, in_tasks
 
-MOST_STEPS, FIRST, FARTHEST = 14, 0.7, 7.0
+MAX_POINTS_PER_SIDE, FIRST_LOG_STEP, MAX_LOG_STEP = 14, 0.7, 7.0
 """Points on one side; how far a logarithm goes at first, and at most (a factor of 1100)."""
 
 
@@ -215,7 +215,7 @@ class _Walk:
         self.step = fit.values[u.name].error / u.slope(self.best)
         self.bounds = u.fitted_bounds()
         self.log = u.log
-        self.farthest = FARTHEST if u.log else 1e3 * self.step
+        self.farthest = MAX_LOG_STEP if u.log else 1e3 * self.step
 
     def rise(self, x: float, start: Array) -> tuple[float, Array]:
         """Return how much the sum of squares grows with the parameter at a value, and where all unknowns are then."""
@@ -230,9 +230,9 @@ class _Walk:
         limit = self.bounds[0] if sign < 0 else self.bounds[1]
         room = min(abs(limit - self.best), self.farthest)
         # a logarithm with a large error knows little of where the limit is
-        far, points = min(self.threshold**0.5 * self.step, FIRST if self.log else np.inf, room), list[tuple[float, float]]()
+        far, points = min(self.threshold**0.5 * self.step, FIRST_LOG_STEP if self.log else np.inf, room), list[tuple[float, float]]()
         before, start = 0.0, self.at
-        for _ in range(MOST_STEPS):
+        for _ in range(MAX_POINTS_PER_SIDE):
             try:
                 rise, place = self.rise(self.best + sign * far, start)
             except SolverError:
@@ -268,7 +268,7 @@ class _Walk:
         return self.best + sign * at, points, True
 
 
-GRID = 25
+VALLEY_POINTS = 25
 
 
 @dataclass(frozen=True, eq=False)
@@ -314,7 +314,7 @@ class Valley(Result):
 
 
 @takes_objects
-def valley(source: Calibration | Identifiability, first: str, second: str, points: int = GRID) -> Valley:
+def valley(source: Calibration | Identifiability, first: str, second: str, points: int = VALLEY_POINTS) -> Valley:
     """Return how the fit worsens over two parameters; where they can compensate each other, the map shows a valley.
 
     Parameters

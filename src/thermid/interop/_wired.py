@@ -408,7 +408,7 @@ def one_line(text: str) -> str:
     return " ".join(text.split())
 
 
-LONGEST = 50
+MAX_PATH_LETTERS = 50
 """Letters of a path that a word keeps."""
 
 
@@ -417,7 +417,7 @@ def identifiers(paths: Iterable[str], caseless: bool = False) -> dict[str, str]:
     out: dict[str, str] = {}
     taken: set[str] = set()
     for path in paths:
-        word = re.sub(r"\W", "_", path)[:LONGEST]
+        word = re.sub(r"\W", "_", path)[:MAX_PATH_LETTERS]
         word = word if word[0].isalpha() else f"x{word}"
         name, k = word, 1
         while (name.lower() if caseless else name) in taken:

@@ -27,7 +27,7 @@ from thermid.simulation.scenarios import Scenario
 from thermid.simulation.solver import Engine, Options, Wiring
 
 C = Writer("C", gas=True, hinges=True, smooth=True, loads=True, schedules=True)
-MOST_NODES = 200
+MAX_DENSE_NODES = 200
 """The matrix of a step is dense and part of the caller's memory."""
 ERROR = 1e-3
 """Of a step that is looked for. [K]"""
@@ -50,13 +50,13 @@ OF_LOADS = {"signal": "SIGNAL", "polynomial": "POLYNOMIAL", "exponential": "EXPO
 OF_CONTROLS = {"": "ALWAYS", "thermostat": "THERMOSTAT", "proportional": "PROPORTIONAL"}
 CODES = ("DONE", "SINGULAR", "NOT_FINITE", "NOT_SETTLED", "OUTSIDE_A_TABLE", "CHATTER")
 _ITEMS_A_LINE = 6
-FEWEST, MAX_STEPS = 50, 20_000
+MIN_STEPS, MAX_STEPS = 50, 20_000
 """Steps of a run between which a length is looked for."""
 TIGHT = 1e-8
 """Error of the run beside which the steps are judged. [K]"""
-STATED = 2.0
+ERROR_MARGIN = 2.0
 """What is stated is the measured error times this: other readings fall between the measured ones."""
-MOMENT = 1e-3
+DRIFT_INTERVAL = 1e-3
 MOST_CUTS = 16
 SWITCHING_TOLERANCE = 1e-9
 """Switching temperatures are met to this. [K]"""
@@ -122,9 +122,10 @@ def to_c(
     if step is not None and not (0.0 < step < math.inf):
         raise DeckError("a step has a length above zero.", model.title)
     w = wired(model, scenario, C)
-    if len(w.network.nodes) > MOST_NODES:
+    if len(w.network.nodes) > MAX_DENSE_NODES:
         raise DeckError(
-            f"a C header holds {MOST_NODES} nodes, and the model has {len(w.network.nodes)}. Reduce it first (thermid reduce).", model.title
+            f"a C header holds {MAX_DENSE_NODES} nodes, and the model has {len(w.network.nodes)}. Reduce it first (thermid reduce).",
+            model.title,
         )
     length, stated = (step, stated_error(w, step)) if step is not None else chosen_step(w, error)
     text = _Header(w, called, length, stated).text()
@@ -460,11 +461,11 @@ def step_grid(breaks: list[float], end: float, step: float) -> Array:
 
 def nice_steps(end: float) -> Iterator[float]:
     """Yield lengths of steps of 1, 2 and 5 times a power of ten, falling, each at most a fiftieth of the run. [s]"""
-    power = math.floor(math.log10(end / FEWEST)) + 1
+    power = math.floor(math.log10(end / MIN_STEPS)) + 1
     while True:
         for digit in (5, 2, 1):
             step = float(f"{digit}e{power}")
-            if step <= end / FEWEST:
+            if step <= end / MIN_STEPS:
                 if end / step > MAX_STEPS:
                     return
                 yield step
@@ -491,7 +492,7 @@ def stated_error(w: Wired, step: float) -> float:
     grid = step_grid(w.breaks(), w.scenario.seconds, step)
     with np.errstate(all="ignore"):
         temperatures = _Stepper(w, grid).temperatures()
-    error = STATED * float(np.abs(temperatures - _reference(w, grid)).max())
+    error = ERROR_MARGIN * float(np.abs(temperatures - _reference(w, grid)).max())
     if not np.isfinite(error):
         raise SolverError(f"fixed steps of {step:g} s have no finite answer. Give a shorter one: step = ...", w.network.title)
     # rounded up to two digits
@@ -587,8 +588,8 @@ class _Stepper:
         """Return temperatures after one step."""
         h = end - begin
         state = self._settled(state, begin)
-        early, late = (self._balance(state, begin + s * h)[0] for s in (0.0, MOMENT))
-        drift = (late - early) / (MOMENT * h)
+        early, late = (self._balance(state, begin + s * h)[0] for s in (0.0, DRIFT_INTERVAL))
+        drift = (late - early) / (DRIFT_INTERVAL * h)
         heat, jacobian = self._balance(state, begin)
         matrix = np.diag(self.mass / (GAMMA * h)) - jacobian
         k: list[Array] = []

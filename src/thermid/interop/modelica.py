@@ -22,7 +22,7 @@ from thermid.simulation.scenarios import Scenario
 MODELICA = Writer("Modelica", loads=True, schedules=True)
 LIBRARIES = {"modelica": "Modelica.Thermal.HeatTransfer", "none": "Library"}
 """Name of a library -> the package that holds its parts."""
-MOST_ROWS = 500
+MAX_COURSE_SAMPLES = 500
 """A course of more samples makes an expression that tools do not compile in useful time."""
 KEYWORDS = frozenset(
     "algorithm and annotation assert block break class connect connector constant constrainedby der discrete each else elseif elsewhen "
@@ -347,9 +347,11 @@ class _Package:
 
 def _pieces(name: str, table: TableSignal, where: str) -> str:
     """Return a table in time as an expression of cases."""
-    if table.times.size > MOST_ROWS:
+    if table.times.size > MAX_COURSE_SAMPLES:
         raise ScenarioError(
-            f"the course of '{name}' has {table.times.size} samples, of which Modelica gets at most {MOST_ROWS}. Give it fewer rows.", where
+            f"the course of '{name}' has {table.times.size} samples, of which Modelica gets at most {MAX_COURSE_SAMPLES}. "
+            "Give it fewer rows.",
+            where,
         )
     x, y = table.times.tolist(), table.values.tolist()
     cases = [f"if time < {_number(x[0])} then {_number(y[0])}"]

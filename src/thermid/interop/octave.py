@@ -23,7 +23,7 @@ KEYWORDS = frozenset(
     "break case catch classdef continue do else elseif end for function global if otherwise parfor persistent return spmd switch try "
     "until unwind_protect while end_try_catch endfor endfunction endif endswitch endwhile".split()
 )
-SAMPLES = 301
+DEFAULT_INSTANTS = 301
 _WORDS_A_LINE = 8
 
 
@@ -66,7 +66,7 @@ HEAD = f"""\
 function [t, T, names] = {{name}}(t, p)
 % {{name}}: temperatures of the thermal model '{{model}}' in the scenario '{{scenario}}'.
 %
-%   [t, T, names] = {{name}}()    at {SAMPLES} instants from 0 to {{end}} s
+%   [t, T, names] = {{name}}()    at {DEFAULT_INSTANTS} instants from 0 to {{end}} s
 %   [t, T] = {{name}}(t)          at the instants t [s], which increase and are not below 0
 %   p = {{name}}('parameters')    the values [SI], to be changed and given back:
 %   [t, T] = {{name}}([], p)
@@ -79,7 +79,7 @@ DRIVER = f"""\
     t = parameters();
     return
   end
-  if nargin < 1 || isempty(t), t = linspace(0, {{end}}, {SAMPLES}); end
+  if nargin < 1 || isempty(t), t = linspace(0, {{end}}, {DEFAULT_INSTANTS}); end
   if nargin < 2, p = parameters(); end
   p = derived(p);
   options = odeset('RelTol', 1e-10, 'AbsTol', 1e-10);

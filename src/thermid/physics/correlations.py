@@ -19,8 +19,8 @@ from thermid.base.extensions import missing
 from thermid.base.linear_algebra import Array
 from thermid.physics._number import Number
 from thermid.physics.plates import (
-    SHAPE,
-    THINNEST,
+    CONVEX_SHAPE_FACTOR,
+    DISC_SHAPE_FACTOR,
     body_nusselt,
     horizontal_plate_down_nusselt,
     vertical_plate_nusselt,
@@ -30,7 +30,7 @@ from thermid.physics.plates import (
 ORIENTATIONS: Final = ("vertical", "up", "down")
 BLEND: Final = 8
 """Exponent with which conduction and convection are joined: 1 % above the larger one at a ratio of 1.5. [-]"""
-SQUARE: Final = THINNEST / math.sqrt(2.0)
+SQUARE: Final = DISC_SHAPE_FACTOR / math.sqrt(2.0)
 """Nusselt number of gas at rest around a thin square plate, on its side; on area over perimeter a quarter of it. [-]"""
 RAYLEIGH_AT_REST: Final = 1e-10
 """Rayleigh number that stands for gas at rest. [-]"""
@@ -93,7 +93,7 @@ CORRELATIONS: Final = {
         NusseltLaw(
             "Nu_horizontal_plate_McAdams", _mcadams, 1e4, 1e11, True, SQUARE / 4.0, "McAdams; Incropera, 6th ed., Eqs. 9.30 to 9.32"
         ),
-        NusseltLaw("Nu_body", _body, 0.0, 1e9, False, SHAPE, "Lee, Yovanovich, Jafarpur, J. Thermophysics 5 (1991) 208"),
+        NusseltLaw("Nu_body", _body, 0.0, 1e9, False, CONVEX_SHAPE_FACTOR, "Lee, Yovanovich, Jafarpur, J. Thermophysics 5 (1991) 208"),
     )
 }
 

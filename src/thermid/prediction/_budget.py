@@ -15,7 +15,7 @@ from thermid.base.dual import value_of
 from thermid.base.errors import IdentificationError, NameNotFoundError, ScenarioError, SolverError
 from thermid.base.linear_algebra import Array, Indices, quadratic_forms, symmetric_inverse
 from thermid.fit.calibration import Calibration
-from thermid.fit.discrepancy import MOST, Discrepancy, losing_gas
+from thermid.fit.discrepancy import MAX_GAS_CONDUCTANCE, Discrepancy, losing_gas
 from thermid.fit.error_model import ROOM, RUN, STRUCTURE, UNEXPLAINED, VALUES, ErrorModel, KeptWay, SeenValue
 from thermid.inference.criticism import asks
 from thermid.model.parameters import UNJUDGED, Standing
@@ -32,7 +32,7 @@ from thermid.values.store import Distribution, LeftOut, Logarithm, Normal, Shift
 Groups = Sequence[tuple[Sequence[str], Any]]
 """Names that share one value, and how it is spread."""
 Form = Literal["add", "log", "factor", "heat", "node"]
-FURTHEST = 1e-7
+MEMBER_TAIL_SHARE = 1e-7
 """Share of a law below which no member lies. [-]"""
 NEAR_ZERO = 0.01
 """Part of a value below which a law that reaches there is not taken by its logarithm. [-]"""
@@ -210,7 +210,7 @@ def open_contacts(knowledge: Knowledge, rows: Rows, scenario: Scenario) -> tuple
         if name and name not in out:
             value = float(value_of(numbers[name]))
             words = f"gas conduction in '{c.path}'"
-            out[name] = Source(f"gas in {c.path}", "structural", Uniform(-min(1.0, MOST / value), 0.0), words)
+            out[name] = Source(f"gas in {c.path}", "structural", Uniform(-min(1.0, MAX_GAS_CONDUCTANCE / value), 0.0), words)
     if not out:
         return out, ""
     named, was, it = ", ".join(f"'{p}'" for p in out), "was" if len(out) == 1 else "were", "it" if len(out) == 1 else "each"
@@ -573,7 +573,7 @@ class Budget:
             law = cut(narrowed(ready.law(first, how), nominal, self.said.get(first)), ready.bounds(first), first)
             again = [self.followed[n] for n in (first, *also) if n in self.followed]
             # by its logarithm, so that what the fit would have found with another value compensates all of it and not to first order
-            positive = bool(again) and nominal > 0.0 and float(law.at(np.array([FURTHEST]))[0]) > NEAR_ZERO * nominal
+            positive = bool(again) and nominal > 0.0 and float(law.at(np.array([MEMBER_TAIL_SHARE]))[0]) > NEAR_ZERO * nominal
             spread_law: Distribution = Logarithm(law, nominal) if positive else Shifted(law, -nominal)
             target = Target(first, "log" if positive else "add", tuple(also))
             out = out.with_one(Source(first, "stated", spread_law, f"the stated spread of {first}"), "stated", target)
@@ -609,10 +609,12 @@ class Budget:
 
 def _own_of_run(errors: Sequence[ErrorModel], network: Network, scenario: Scenario, as_logged: bool) -> list[tuple[str, str]]:
     """Return cause and name of what a run may have for itself: its elements, powers that nobody states, rooms that are logged."""
-    seen = {c.source for e in errors for w in e.ways for c in w.columns} | {p for e in errors for w in e.ways for p in w.departures.smooth}
-    loads = [x for x in network.flat.loads if x.node in seen and (as_logged or x.path not in scenario.loads)]
+    with_departures = {c.source for e in errors for w in e.ways for c in w.columns} | {
+        p for e in errors for w in e.ways for p in w.departures.smooth
+    }
+    loads = [x for x in network.flat.loads if x.node in with_departures and (as_logged or x.path not in scenario.loads)]
     paths = [*(c.path for c in network.flat.conductors), *network.nodes]
-    out = [(RUN, f"{p} in this run") for p in (*(p for p in paths if p in seen), *(x.path for x in loads))]
+    out = [(RUN, f"{p} in this run") for p in (*(p for p in paths if p in with_departures), *(x.path for x in loads))]
     return out + [(ROOM, f"{b} wanders {k}") for b in (network.boundaries if as_logged else ()) for k in range(ROOM_HATS)]
 
 

@@ -81,7 +81,7 @@ NEGLIGIBLE_HALF_WIDTH = 0.05
 """Half-width of the 95 % band below which nobody minds how it was computed. [K]"""
 NAMED_SHARE = 0.1
 """Part of that below which a cause of a shift is not named. [-]"""
-SHAPE = 4096
+QUANTILE_DRAWS = 4096
 """Draws of a straight model that give the quantiles of its laws."""
 BENT = "members that differ in other ways than a straight line"
 """Cause: the mean of a curved answer, or of laws that are not normal, is not the answer at the mean."""
@@ -741,7 +741,7 @@ def missed(setting: Setting, linear: Linear) -> Missed:
     size = {n: s for n, s in size.items() if s.max(initial=0.0) > NEGLIGIBLE_HALF_WIDTH}
     if not size:
         return Missed()
-    shape = budget.drawn(budget.numbers(0, 0, SHAPE))
+    shape = budget.drawn(budget.numbers(0, 0, QUANTILE_DRAWS))
     half = budget.numbers(1, 0, PROBES // 2)
     probe = budget.drawn(np.hstack([half, 1.0 - half]))
     drawn = _bent(setting, linear, probe, list(size))
@@ -784,7 +784,7 @@ def _missed_at(node: str, wide: float, ends: Array, straight: Array, off: Array)
     )
 
 
-FURTHEST = 3
+STORED_TURNING_POINTS = 3
 """How many of the highest and of the lowest turning points of every node are stored beside the times that are asked for."""
 IN_TESTS = "misfit in tests"
 """Cause: what the model could not follow in the logs of a plan."""
@@ -851,7 +851,7 @@ def foresee(
     budget = budget_of(knowledge, scenario, spread, without=without)
     solution = simulate(budget.model, scenario, times=times, options=options)
     wanted = list(nodes) or list(solution.nodes)
-    solution = solution.refined(wanted, FURTHEST)
+    solution = solution.refined(wanted, STORED_TURNING_POINTS)
     predicted_bands = predicted(budget, wanted, times=solution.times, options=options)
     return Foresight(scenario, solution, predicted_bands, _before(budget, knowledge, wanted, solution.times, options))
 

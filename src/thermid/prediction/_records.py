@@ -51,13 +51,13 @@ from thermid.prediction._known import Knowledge, rows_of
 from thermid.simulation.scenarios import Scenario
 from thermid.values.store import LeftOut, error_table_of
 
-POINTS = 300
+TIMES_OF_BAND = 300
 """Times of a record at which its band is computed; straight lines between."""
 SLICES = 120
 """Stretches of time between which residuals are looked at for what grows with a command."""
 CHANCE_DEVIATIONS, MIN_CORRELATION = 3.0, 0.3
 """Standard deviations of chance, and correlation, from which residuals are said to grow with a command. [-]"""
-WORST = 0.1
+WORST_STRETCH_SHARE = 0.1
 """Length of the stretch that is named as the worst, in lengths of the record. [-]"""
 MIN_CENTRE_DIFFERENCE = 0.01
 """Part of the error of a run from which that of the centre of its band is printed beside it."""
@@ -149,7 +149,7 @@ class SensorBand:
     def worst(self) -> WorstStretch:
         """The stretch of a tenth of the record with the fewest readings inside, of several the one with the largest error."""
         off, half = self.measured - self.predicted, self.half_width()
-        span = max(WORST * float(self.times[-1] - self.times[0]), 0.0)
+        span = max(WORST_STRETCH_SHARE * float(self.times[-1] - self.times[0]), 0.0)
         edges = np.arange(float(self.times[0]), float(self.times[-1]) - 0.5 * span + 1e-9, 0.5 * span) if span > 0 else self.times[:1]
         stretches = []
         for begin in edges:

@@ -39,7 +39,7 @@ SMALLEST_RISE = 0.2
 """Difference below which a test says nothing of a coefficient. [K]"""
 CORRELATION_SD = 0.25
 """What a correlation of natural convection promises at equipment, relative, one sigma. [-]"""
-ALIKE = 0.5
+FINISH_CORRELATION = 0.5
 """Correlation of the emissivities of two surfaces of one finish: half of what parts differ by is the batch, half the part. [-]"""
 CONFLICT = 2.0
 """Standard deviations beyond which a correlation and what is left of the coefficient disagree. [-]"""
@@ -420,7 +420,7 @@ class _Joint:
         first = list(fresh.values())
         for i, a in enumerate(first):
             for j, b in enumerate(first):
-                share = 1.0 if i == j else ALIKE if a.prior.finish and a.prior.finish == b.prior.finish else 0.0
+                share = 1.0 if i == j else FINISH_CORRELATION if a.prior.finish and a.prior.finish == b.prior.finish else 0.0
                 self.cov[n + i, n + j] = share * a.prior.log_sd * b.prior.log_sd
 
     def emissivity(self, part: Part) -> float:

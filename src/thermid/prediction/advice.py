@@ -67,7 +67,7 @@ NAME = "next test"
 DURATIONS = 24
 MIN_SINGULAR_VALUE = 1e-9
 """Part of what readings see best from which they see a direction."""
-ALIKE, WORSE = 0.25, 1.1
+REPEAT_SHARE_OF_STEP, MIN_ERROR_RATIO = 0.25, 1.1
 """Part of a step within which temperatures repeat a log's; how many times larger an error must be there to be spoken of."""
 SHARE_OF_GAIN = 0.9
 """A test is long enough when it has brought nine tenths of what it could."""
@@ -142,10 +142,10 @@ def usual_actions(model: Model, scenario: Scenario, sensors: Sequence[Sensor]) -
         )
         variant = scenario.with_(boundaries={boundary: ramp})
         out.append(Action(f"'{boundary}' {CHAMBER_STEP:g} K warmer after half the time", variant))
-    seen = {s.target for s in sensors if s.role == "node"}
+    measured_nodes = {s.target for s in sensors if s.role == "node"}
     noise = min((s.noise for s in sensors if s.role == "node" and s.noise), default=0.1)
     accuracy = next((s.accuracy for s in sensors if s.role == "node" and s.accuracy), None)
-    for node in (n for n in network.nodes if n not in seen):
+    for node in (n for n in network.nodes if n not in measured_nodes):
         more = Sensor(f"new sensor at {node}", node, "node", noise, accuracy)
         out.append(Action(f"the same with a sensor at '{node}'", scenario, (*sensors, more)))
     out.append(Action("the same, pumped down", scenario.vacuum()))
@@ -525,7 +525,7 @@ def _alike(options: Sequence[Option], slot: str, value: float) -> tuple[str, ...
     """Return what is left where readings are rounded as they were, of tests that repeat the temperatures of a log."""
     out = []
     for o in options:
-        if o.alike > WORSE * o.error:
+        if o.alike > MIN_ERROR_RATIO * o.error:
             size = f"{short(o.alike)} K" if slot == "K" else percent(o.alike / abs(value) if value else np.inf)
             out.append(
                 f"'{o.name}' leaves +- {size} where temperatures repeat those of a log to a fraction of the steps of its sensors, because "
@@ -637,7 +637,7 @@ def _rounds_alike(before: Before, planned: Experiment) -> bool:
     for o in planned.observations:
         times = planned.times[o.index]
         for t, path in before.seen.get(o.sensor, ()) if o.step else ():
-            if np.median(np.abs(np.interp(times - times[0], t, path) - o.measured)) < ALIKE * o.step:
+            if np.median(np.abs(np.interp(times - times[0], t, path) - o.measured)) < REPEAT_SHARE_OF_STEP * o.step:
                 return True
     return False
 

@@ -191,7 +191,7 @@ def _limits(limits: str | Mapping[str, Any], folder: Path, where: Places) -> tup
         return load_limits(resolve_inside(folder, limits, where("limits")))
 
 
-LONGEST = 255
+MAX_FILE_NAME_CHARACTERS = 255
 """Characters that a file's name can have."""
 
 
@@ -265,7 +265,7 @@ def _texts(value: Any, key: str = "") -> Iterator[tuple[str, str]]:
 
 def _files_named(key: str, text: str, folder: Path, logs: Path | None) -> list[Path]:
     """Return the files that a text names, in the folder of logs first; none where it names none, or one outside of the project."""
-    if not text or len(text) > LONGEST or "\0" in text or "\n" in text:
+    if not text or len(text) > MAX_FILE_NAME_CHARACTERS or "\0" in text or "\n" in text:
         return []
     roots = [r.resolve() for r in (project_root(folder), logs) if r is not None]
     for root in (r for r in (logs, folder) if r is not None):

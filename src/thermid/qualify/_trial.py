@@ -52,21 +52,21 @@ if TYPE_CHECKING:
     from thermid.qualify._plan_schema import TestTable, ValidityTable
 
 Window = tuple[float, float]
-STORED = 6000
+MAX_STORED_TIMES = 6000
 """At most so many stored times of a run: two minutes over eight days."""
 ENVIRONMENTAL = ("thermal cycling", "thermal vacuum", "thermal balance", "humidity")
 """Kinds of test whose levels somebody applies."""
-LONG = 3600.0
+MIN_SETTLED_STAY = 3600.0
 """Stays of at least so long end settled. [s]"""
-LEVEL = 3.0
+LEVEL_TOLERANCE = 3.0
 """How far a test's temperature may be off its level: SMC-S-016, 4.7 (read). [K]"""
 MISSING = 0.02
 """Share of a test without readings from which it counts as not covered. [-]"""
-GAP = 5.0
+GAP_INTERVALS = 5.0
 """A pause is a gap from so many usual intervals on."""
 THERE = 0.9
 """Share of the planned time at a level that must have been spent there. [-]"""
-CLEAR = 1.0
+MIN_EXCHANGE_DEVIATION = 1.0
 """Deviation from which it is asked whether two sensors were exchanged. [K]"""
 
 
@@ -226,7 +226,7 @@ def run_test(plan: Plan, test: TestTable) -> Trial:
     for key, node in places:
         refuse_unknown([knowledge.model.canonical(node)], nodes, f"{plan.path.name}, {key}", f"no node '{node}'.", NameNotFoundError)
     points = list(dict.fromkeys([x.node for x in limits] + [n for n, _ in sensors.values()]))
-    step = max(literal(test.every, "s", f"{test.name}, every"), scenario.seconds / STORED)
+    step = max(literal(test.every, "s", f"{test.name}, every"), scenario.seconds / MAX_STORED_TIMES)
     times = np.linspace(0.0, scenario.seconds, int(np.ceil(scenario.seconds / step)) + 1)
     foresight = foresee(knowledge, scenario, nodes=points, spread=test.spread, times=times)
     checks = check_limits(foresight.solution, limits, state=_state(test))
@@ -462,10 +462,10 @@ def dwells(trial: Trial, nodes: Sequence[str], end: float) -> list[tuple[float, 
     Stays that nothing waited for, such as those of humidity tests, may begin and end while the unit still drifts: those are left out.
     """
     rule, run = rule_of(trial.test.stable), trial.foresight.solution
-    stays = [p for p in trial.course.phases if p.kind == "stay" and p.duration >= LONG] if trial.course is not None else []
+    stays = [p for p in trial.course.phases if p.kind == "stay" and p.duration >= MIN_SETTLED_STAY] if trial.course is not None else []
     out = []
     for p in (p for p in stays if p.end <= end):
-        window = (p.end - max(0.25 * p.duration, 0.5 * LONG), p.end)
+        window = (p.end - max(0.25 * p.duration, 0.5 * MIN_SETTLED_STAY), p.end)
         moved = (run[n].at(window) for n in nodes)
         drift = max(abs(float(end - begin)) for begin, end in moved) / (window[1] - window[0])
         if rule.stored or drift <= rule.rate:
@@ -504,7 +504,7 @@ def _missing(times: Array, begin: float, end: float) -> tuple[float, float, floa
         return end - begin, end - begin, begin
     usual = float(np.median(np.diff(inside)))
     points = np.concatenate([[begin], inside, [end]])
-    gaps = [(b - a, a) for a, b in pairwise(points.tolist()) if b - a > GAP * usual]
+    gaps = [(b - a, a) for a, b in pairwise(points.tolist()) if b - a > GAP_INTERVALS * usual]
     longest, start = max(gaps, default=(0.0, begin))
     return float(sum(g for g, _ in gaps)), float(longest), float(start)
 
@@ -526,13 +526,13 @@ def not_reached(record: Record, planned: Solution, boundaries: Mapping[str, str]
         inside = times <= trace.times[-1]
         for word, sign in (("hot", 1.0), ("cold", -1.0)):
             level = float((sign * trace.kelvin).max())
-            wanted = _time_above(trace.times, sign * trace.kelvin, level - LEVEL)
-            spent = _time_above(times[inside], sign * values[inside], level - LEVEL)
+            wanted = _time_above(trace.times, sign * trace.kelvin, level - LEVEL_TOLERANCE)
+            spent = _time_above(times[inside], sign * values[inside], level - LEVEL_TOLERANCE)
             if spent < THERE * wanted:
                 furthest = sign * float((sign * values).max()) - ICE_POINT
                 yield (
                     f"the {word} level of '{boundary}', {sign * level - ICE_POINT:.1f} degC for {duration_text(wanted)}, was not applied: "
-                    f"{column} goes to {furthest:.1f} degC and is within {LEVEL:g} K of it for {duration_text(spent)}"
+                    f"{column} goes to {furthest:.1f} degC and is within {LEVEL_TOLERANCE:g} K of it for {duration_text(spent)}"
                 )
 
 
@@ -553,7 +553,7 @@ def exchanged(overlays_: Sequence[Overlay]) -> Iterator[str]:
                 continue
             as_wired = float(np.sqrt(np.mean((a.measured - a.simulated) ** 2 + (b.measured - b.simulated) ** 2)))
             other = float(np.sqrt(np.mean((a.measured - b.simulated) ** 2 + (b.measured - a.simulated) ** 2)))
-            if as_wired > CLEAR and other < as_wired / 3.0:
+            if as_wired > MIN_EXCHANGE_DEVIATION and other < as_wired / 3.0:
                 yield (
                     f"{a.sensor} and {b.sensor} look exchanged: their readings lie {as_wired:.1f} K from the model, but {other:.1f} K "
                     "with the columns exchanged. Check the wiring and the header of the log"

@@ -33,13 +33,13 @@ if TYPE_CHECKING:
     import xarray
 
 EXTREMES = {"mean": "mean", "hottest": "highest", "coldest": "lowest"}
-MOST_PERIODS = 30
+MAX_BLOCK_PERIODS = 30
 """Periods that are run until a state comes back."""
-CLOSED = 1e-3
+MAX_BLOCK_RETURN_ERROR = 1e-3
 """How far a state that comes back may miss itself, below what the runs err by. [K]"""
-QUICK = 0.75
+FAST_MODE_SHARE = 0.75
 """What a mode that dies out within a period takes of what is missed: between a half, for slow ones, and one. [-]"""
-REMEMBERED = 6
+REMEMBERED_STEPS = 6
 """Earlier steps from which the next one is made."""
 
 
@@ -492,15 +492,15 @@ def _periodic(
         return integrate(network, state, period, np.array([period]), watched, none, fine, where, name).final
 
     state, states, steps = guess.copy(), [], []  # type: Array, list[Array], list[Array]
-    for run in range(MOST_PERIODS):
+    for run in range(MAX_BLOCK_PERIODS):
         end = after(state)
         missed = end - state
         size = float(np.abs(missed).max())
-        if size < CLOSED:
+        if size < MAX_BLOCK_RETURN_ERROR:
             return end, {"method": "Anderson", "periods": run + 1, "missed": size}
         states.append(state)
-        steps.append(QUICK * missed + solve(network.capacities * missed / period))
-        state = np.maximum(_mixed(states[-REMEMBERED:], steps[-REMEMBERED:]), 0.1)
+        steps.append(FAST_MODE_SHARE * missed + solve(network.capacities * missed / period))
+        state = np.maximum(_mixed(states[-REMEMBERED_STEPS:], steps[-REMEMBERED_STEPS:]), 0.1)
     raise SolverError(f"no state was found that comes back after {period:g} s; it missed by {size:.3g} K.", where)
 
 

@@ -227,7 +227,7 @@ def check_shares(shares: Array, where: str) -> None:
         raise ScenarioError("give a quantile between 0 and 1, such as 0.95.", where)
 
 
-CHUNK = 64_000_000
+TRACE_BYTES_AT_ONCE = 64_000_000
 """Bytes of traces held at once while members are counted."""
 LANES = 8
 """Members that the kernel runs together; groups of whole lanes run as all members would."""
@@ -574,12 +574,12 @@ class _Runs:
     @property
     def at_once(self) -> int:
         """How many members run together where their traces are not kept."""
-        return max(min(CHUNK // (8 * self.times.size * len(self.wanted)), PILOT) // LANES, 1) * LANES
+        return max(min(TRACE_BYTES_AT_ONCE // (8 * self.times.size * len(self.wanted)), PILOT) // LANES, 1) * LANES
 
     def counted(self, group: _GroupRun, grids: Mapping[str, CountGrid]) -> Counted:
         """Return what is kept of a group."""
         counted = {node: group.rows(node) for node in grids}
-        return Counted.of(grids, counted, group.members, group.failed, group.statistics)
+        return Counted.on_grids(grids, counted, group.members, group.failed, group.statistics)
 
 
 def _count(runs: _Runs, values: Mapping[str, Array], grids: Mapping[str, CountGrid]) -> Counted:

@@ -16,7 +16,7 @@ from thermid.simulation._network.network import Network
 
 MAX_GROUPS_ON_SCREEN: Final = 9
 """Groups whose matrix fits a screen."""
-SHOWN: Final = 3
+SHOWN_NEIGHBOURS: Final = 3
 """Neighbours that the line of a node names."""
 
 
@@ -194,8 +194,8 @@ class HeatMap:
         rows = [f"heat of each node, hottest first [W]; largest residual {self.worst():.1e} of the largest flow"]
         width = max(map(len, self.temperatures))
         for b in self.balances():
-            came = ", ".join(f"{heat:+.4g} {node}" for node, heat in b.paths[:SHOWN])
-            more = f", {len(b.paths) - SHOWN} more" if len(b.paths) > SHOWN else ""
+            came = ", ".join(f"{heat:+.4g} {node}" for node, heat in b.paths[:SHOWN_NEIGHBOURS])
+            more = f", {len(b.paths) - SHOWN_NEIGHBOURS} more" if len(b.paths) > SHOWN_NEIGHBOURS else ""
             inputs = f"takes {b.residual:.4g}" if b.given else f"loads {b.loads:.4g}"
             rows.append(f"  {b.node:<{width}} {b.kelvin - ICE_POINT:9.3f} degC  {inputs:<14} {came}{more}")
         return rows

@@ -17,17 +17,17 @@ from thermid.base.sourced import Figure
 from thermid.base.units import TEMPERATURE
 from thermid.measure.readers import read_plain
 from thermid.model.laws import Constant, Signal, TableSignal, joined, literal, signal
-from thermid.simulation.network import HOTTEST, Environment, Irradiation
+from thermid.simulation.network import MAX_IRRADIATION, Environment, Irradiation
 from thermid.simulation.scenarios import Scenario
 from thermid.site._atmosphere import HIGHEST_ALTITUDE, UPPER, Air, standard_atmosphere, upper_atmosphere
 from thermid.site.exposure import molecular_heating, si_number
 
 SPACE = 2.725
 """Of the microwave background: Fixsen, Astrophys. J. 707 (2009) 916. [K]"""
-STEP = 0.5
+TRAJECTORY_INTERVAL = 0.5
 """Interval at which pressure and density are worked out between the points of a trajectory. [s]"""
 UNITS = {"altitude": "m", "speed": "m/s", "pressure": "Pa", "density": "kg/m^3"}
-JUMP = 1e-3
+FAIRING_OPENING_TIME = 1e-3
 """Time that the stream takes to reach the unit as the fairing parts. [s]"""
 
 
@@ -102,7 +102,7 @@ class Trajectory:
         end : float     Time that is needed; beyond it the air may be unknown. [s]
         upper : str     As in `air`.
         """
-        parts = [np.linspace(a, b, int(np.ceil((b - a) / STEP)) + 1) for a, b in pairwise(self.times.tolist())]
+        parts = [np.linspace(a, b, int(np.ceil((b - a) / TRAJECTORY_INTERVAL)) + 1) for a, b in pairwise(self.times.tolist())]
         fine = np.unique(np.concatenate([self.times[:1], *parts]))
         if self.pressure is not None and self.density is not None:
             return fine
@@ -229,7 +229,7 @@ def _streams(
         raise ScenarioError(f"the accommodation is {accommodation:g}. Give 0 to 1.", title)
     after = np.union1d(times[times > gone], [gone])
     heat = molecular_heating(trajectory.air(after, upper)[1], trajectory.column(after, "speed"), accommodation)
-    if heat.max() > HOTTEST:
+    if heat.max() > MAX_IRRADIATION:
         k = int(heat.argmax())
         height = float(trajectory.column(after[k : k + 1], "altitude")[0]) / 1e3
         raise ScenarioError(
@@ -239,7 +239,7 @@ def _streams(
         )
     if gone > 0.0:
         # nothing reaches the unit while the fairing stands
-        ahead = max(gone - JUMP, 0.5 * gone)
+        ahead = max(gone - FAIRING_OPENING_TIME, 0.5 * gone)
         after, heat = np.concatenate(([0.0, ahead], after)), np.concatenate(([0.0, 0.0], heat))
     out = {}
     for surface, share in flow.items():

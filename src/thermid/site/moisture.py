@@ -23,7 +23,7 @@ from thermid.simulation.runs import Solution, simulate
 from thermid.simulation.scenarios import Scenario
 from thermid.site.vapour import Followed, Volume, WaterBalance, follow
 
-SETTLED: Final = 1e-3
+MAX_CHANGE_BETWEEN_PASSES: Final = 1e-3
 """Change of every temperature between passes below which the latent heat is in balance with them. [K]"""
 PASSES: Final = 60
 MAX_MIXED_PASSES: Final = 12
@@ -196,7 +196,7 @@ def moisture(
         moved = np.inf if before is None else float(np.abs(solution.temperatures - before).max())
         if progress is not None:
             progress(count, moved)
-        if max(moved, _remaining(moved, dry_heats, changes)) < SETTLED:
+        if max(moved, _remaining(moved, dry_heats, changes)) < MAX_CHANGE_BETWEEN_PASSES:
             return Moisture.of_run(solution, parts, followed)
         before = solution.temperatures
         heats = {

@@ -35,19 +35,19 @@ from thermid.site._moist import (
 )
 from thermid.site.exposure import si_number
 
-CLOSED: Final = 1e-6
+MAX_MISSING_WATER_SHARE: Final = 1e-6
 """Share of the water that may be missing at the end of a run without a remark. [-]"""
 DILUTE: Final = 0.1
 """Share of a gas that may be vapour: the analogy of heat and mass transfer leaves out the stream that vapour itself makes. [-]"""
 BREATH: Final = 0.1
 """Change of the density of a volume's gas above which the vapour that its breathing carries is missed. [-]"""
-TOLERANCE: Final = 1e-6
+MAX_STEP_ERROR: Final = 1e-6
 """Error of a step, of the vapour and of the films. [-]"""
 SHORTEST_STEP: Final = 1e-7
 """Shortest step, as a share of the time between two outputs. [-]"""
 NOTHING: Final = 1e-12
 """Film over the size of vapour densities that counts as none [m], and the same of a rate [m/s]."""
-PARTS: Final = 8
+FILM_PIECES: Final = 8
 """Pieces of an interval over which a film beside a known gas is a polygon in its mean. [-]"""
 _ROOT = 6.0**0.5
 RADAU_C: Final = np.array([(4 - _ROOT) / 10, (4 + _ROOT) / 10, 1.0])
@@ -127,7 +127,7 @@ class WaterBalance:
     @property
     def closes(self) -> bool:
         """Whether the residual is at most a millionth of the water handled."""
-        return self.relative <= CLOSED
+        return self.relative <= MAX_MISSING_WATER_SHARE
 
     def __str__(self) -> str:
         """Return the balance as one line."""
@@ -256,11 +256,11 @@ def _open(times: Array, held: Array, s: _Surfaces, which: Bools) -> tuple[Array,
     and driving density are straight between outputs, so the sum is a cubic there whose turns lie where the density changes sign.
     """
     speed, drive, dt = s.speed[which], held - s.settled[which], np.diff(times)
-    knots = np.concatenate(([0.0], np.linspace(0.0, 1.0, PARTS + 1)[1:]))
+    knots = np.concatenate(([0.0], np.linspace(0.0, 1.0, FILM_PIECES + 1)[1:]))
     first, last = drive[:, :-1], drive[:, 1:]
     turns = (first < 0.0) != (last < 0.0)
     turn = np.where(turns, first / np.where(turns, first - last, 1.0), 0.0)
-    share = np.sort(np.concatenate((np.broadcast_to(knots[1:], (*turn.shape, PARTS)), turn[..., None]), axis=2), axis=2)
+    share = np.sort(np.concatenate((np.broadcast_to(knots[1:], (*turn.shape, FILM_PIECES)), turn[..., None]), axis=2), axis=2)
     v0, dv = speed[:, :-1, None], np.diff(speed, axis=1)[..., None]
     d0, dd = first[..., None], (last - first)[..., None]
     came = dt[:, None] * share * (v0 * d0 + share * (0.5 * (v0 * dd + dv * d0) + share * dv * dd / 3.0))
@@ -319,19 +319,27 @@ class _System:
         cls, solution: Solution, order: Sequence[str], volumes: Mapping[str, Volume], s: _Surfaces, at: NDArray[np.int_], held: Array
     ) -> _System:
         """Return the equations of the volumes `volumes`, which come last in `order`."""
-        first = len(order) - len(volumes)
-        laplacian, fresh = np.zeros((len(volumes), len(volumes))), np.zeros((len(volumes), first))
+        start = len(order) - len(volumes)
+        laplacian, fresh = np.zeros((len(volumes), len(volumes))), np.zeros((len(volumes), start))
         for (a, b), flow in _exchanges(solution, order, volumes).items():
             laplacian[a, a] += flow
             if b < 0:
-                fresh[a, b + first] += flow
+                fresh[a, b + start] += flow
             else:
                 laplacian[b, b] += flow
                 laplacian[[a, b], [b, a]] -= flow
-        inside = at >= first
+        inside = at >= start
         size = np.array([float(v.volume) for v in volumes.values()])
         return cls(
-            solution.times, size, laplacian, fresh, held[:first], s.area[inside], at[inside] - first, s.speed[inside], s.settled[inside]
+            solution.times,
+            size,
+            laplacian,
+            fresh,
+            held[:start],
+            s.area[inside],
+            at[inside] - start,
+            s.speed[inside],
+            s.settled[inside],
         )
 
     def solve(self, held: Array) -> tuple[Array, Array, Array, Array]:
@@ -427,9 +435,9 @@ class _Interval:
         whole = self.step(state, share, width, wet)
         middle = self.step(state, share, 0.5 * width, wet)
         after = self.step(middle, share + 0.5 * width, 0.5 * width, wet)
-        films = TOLERANCE * (self.scale + np.abs(after.film))
+        films = MAX_STEP_ERROR * (self.scale + np.abs(after.film))
         off = [
-            np.abs(whole.vapour - after.vapour) / (TOLERANCE * (self.scale + np.abs(after.vapour))),
+            np.abs(whole.vapour - after.vapour) / (MAX_STEP_ERROR * (self.scale + np.abs(after.vapour))),
             np.abs(whole.film - after.film) / films,
         ]
         return after, middle, float(np.concatenate(off).max(initial=0.0))

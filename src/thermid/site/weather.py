@@ -39,7 +39,7 @@ RANGES: Final = {
     "rain": (0.0, 5.6e-4, "mm/h"),
 }
 """Values beyond the records of the World Meteorological Organization, or that do not exist. [SI]"""
-NIGHT: Final = -15.0
+MIN_NIGHT_READING: Final = -15.0
 """A radiometer at night reads down to this; what is below zero and above it is taken as zero. [W/m^2]"""
 QUANTITIES: Final = {
     "dry_bulb": TEMPERATURE,
@@ -311,7 +311,9 @@ def _shown(value: float, unit_text: str) -> str:
 def _existing(columns: Columns, name: str, series: WeatherSeries, file: str) -> FloatArray:
     """Return the values, radiation just below zero at night as zero; values that do not exist are refused."""
     low, high, unit_text = RANGES[name]
-    values = np.where((series.values < 0.0) & (series.values > NIGHT), 0.0, series.values) if name in RADIATION else series.values
+    values = (
+        np.where((series.values < 0.0) & (series.values > MIN_NIGHT_READING), 0.0, series.values) if name in RADIATION else series.values
+    )
     slack = 1e-9 * max(abs(high), 1.0)
     wrong = np.flatnonzero((values < low - slack) | (values > high + slack))
     if wrong.size:

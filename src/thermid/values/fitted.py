@@ -25,7 +25,7 @@ from thermid.model.identity import Dropped
 from thermid.model.parameters import UNJUDGED, Parameter, Standing, exact, worst
 from thermid.values.store import COVARIANCE_KINDS, LeftOut, Normal, Source, State, Store, ValueOrigin, deviated, domain, error_table_of
 
-SCHEMA = 2
+VALUES_SCHEMA = 2
 AGREES = 1e-6
 """Relative difference between an error and its row beyond which a file was changed by hand. [-]"""
 OLD = (
@@ -289,7 +289,7 @@ def save_store(store: Store, path: str | os.PathLike[str], stage: str) -> None:
     stage : str     The stage whose store it is.
     """
     head = {
-        "schema": SCHEMA,
+        "schema": VALUES_SCHEMA,
         "stage": stage,
         "seen": dict(store.seen),
         "cuts": list(store.cuts),

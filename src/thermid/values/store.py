@@ -24,7 +24,7 @@ from thermid.model.parameters import UNJUDGED, Parameter, Standing, exact, worst
 from thermid.model.tree import SET, Entry, Model, deck_text, parameter_table
 
 Kind = Literal["data", "instrument", "stated", "structural", "misfit", "variant"]
-SHOWN = 8
+MAX_NAMED_VALUES = 8
 """Up to so many values that a remark is about are named one by one, more of them by their parts."""
 COVARIANCE_KINDS: tuple[Kind, ...] = ("data", "instrument", "stated")
 """Kinds that a covariance of fitted values holds; structural ones enter budgets besides."""
@@ -790,7 +790,11 @@ class _RemarksByPath:
 
     def remarks(self) -> list[str]:
         """Return a remark for everything that is said."""
-        named = {words: quoted(list(paths)) if len(paths) <= SHOWN else self.places(paths) for words, paths in self._paths.items() if paths}
+        named = {
+            words: quoted(list(paths)) if len(paths) <= MAX_NAMED_VALUES else self.places(paths)
+            for words, paths in self._paths.items()
+            if paths
+        }
         return [words.format(paths) for words, paths in named.items()]
 
 

@@ -28,9 +28,9 @@ from thermid.bench.port import check_port, find_port
 from thermid.measure.amounts import amount, duration_text, positive_seconds
 from thermid.measure.records import Channel, Record
 from thermid.measure.sensors import ICE
-from thermid.measure.steadiness import SHORTEST, StabilityRule, channel_stability, rule_of
+from thermid.measure.steadiness import MIN_JUDGED_WINDOW, StabilityRule, channel_stability, rule_of
 from thermid.physics.constants import ICE_POINT
-from thermid.qualify.steadiness import FEWEST, Forecast, forecast
+from thermid.qualify.steadiness import MIN_FORECAST_READINGS, Forecast, forecast
 
 _SHARE = 0.1
 """Share of a processor that it takes: the logger comes first."""
@@ -275,7 +275,7 @@ class Judge:
             stability = channel_stability(record, source, self.rule)
         except RecordError:  # the rule looks further back than the readings go
             return Outlook(None, None, "too early")
-        enough = ahead and times.size >= FEWEST and times[-1] - times[0] >= SHORTEST
+        enough = ahead and times.size >= MIN_FORECAST_READINGS and times[-1] - times[0] >= MIN_JUDGED_WINDOW
         ahead_of_it = forecast(record, source, rule=self.rule) if enough else None
         return Outlook(stability.rate, stability.error, stability.verdict, ahead_of_it)
 

@@ -57,7 +57,7 @@ from thermid.simulation.scenario_files import load_scenario
 from thermid.simulation.solver import Options
 from thermid.values.store import model_standing
 
-FIRST = 4
+SHOWN_FINDINGS = 4
 """Findings of a deck that are printed without -v, beside the line that counts them."""
 
 
@@ -79,7 +79,7 @@ def check(
         findings = tuple(load_model(deck).check())
     count = {s: sum(f.severity == s for f in findings) for s in ("error", "warning", "note")}
     first = next((f for f in findings if f.severity == "error"), None)
-    shown = findings if campaign or verbose else findings[:FIRST]
+    shown = findings if campaign or verbose else findings[:SHOWN_FINDINGS]
     lines = [f"{f}{f' [{f.code}]' if verbose and f.code else ''}" for f in shown]
     lines += [f"{stage}: inputs\n{table.indented}" for stage, table in inputs.items()]
     lines.append(f"{deck.name}: " + ", ".join(f"{n} {severity}{'s' * (n != 1)}" for severity, n in count.items()))

@@ -42,10 +42,10 @@ def look(
         raise RecordError("one log is drawn as one SVG. Give one log.", "--svg")
     if to is not None:
         check_ending(to, DRAWING)
-    given = {"separator": separator, "decimal": decimal, "clock": clock, "unit": unit}
-    looks = [picture.look(log, time=time, **given) for log in logs]
+    reading = {"separator": separator, "decimal": decimal, "clock": clock, "unit": unit}
+    looks = [picture.look(log, time=time, **reading) for log in logs]
     if any(file_look.has(time) for file_look in looks):  # a log without that column has another clock, which may be told
-        looks = [file_look if file_look.has(time) else picture.look(file_look.path, **given) for file_look in looks]
+        looks = [file_look if file_look.has(time) else picture.look(file_look.path, **reading) for file_look in looks]
     if to is not None:
         write_text(to, looks[0].svg() + "\n", DRAWING)
     width = shutil.get_terminal_size((110, 24)).columns

@@ -23,7 +23,7 @@ from thermid.model.laws import literal
 from thermid.model.parameters import Standing
 from thermid.model.tree import Model
 from thermid.prediction.bands import Filed, filed
-from thermid.reporting.objects import SCHEMA, clean
+from thermid.reporting.objects import VIEW_SCHEMA, clean
 from thermid.reporting.pages import check_page, page_to_pdf
 from thermid.simulation.runs import Workers
 from thermid.simulation.scenario_files import Scenario, load_scenario
@@ -84,7 +84,7 @@ def say(as_json: bool, content: Mapping[str, Any], text: object, verbose: bool |
     command without the option: whole, no codes.
     """
     if as_json:
-        typer.echo(json.dumps(clean(add_codes({"schema": SCHEMA, "status": "ok", **content}))))
+        typer.echo(json.dumps(clean(add_codes({"schema": VIEW_SCHEMA, "status": "ok", **content}))))
     else:
         show(mark_codes(str(text), content) if verbose else str(text), whole=verbose is not False)
 

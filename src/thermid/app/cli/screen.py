@@ -20,11 +20,11 @@ from thermid.base.errors import spoken
 if TYPE_CHECKING:
     from rich.console import Console
 
-LONGEST: Final = 100
+MAX_LINE_CHARACTERS: Final = 100
 """Characters of a line at most, however wide the terminal is: longer lines are hard to read."""
 SCREEN: Final = 45
 """Lines that an answer has at most in a terminal without -v, where no warning is lost by that."""
-PATIENCE: Final = 2.0
+SECONDS_TO_FIRST_PROGRESS: Final = 2.0
 """Time after which a command says how far it is. [s]"""
 STYLES: Final = (
     ("bold red", r"NOT CREDIBLE|FAILED|NOT JUDGED|(?i:not met)|^\s*(?:\S+: )?error:|(?i:do not use)|: (?:failed|not credible)$"),
@@ -36,8 +36,8 @@ STYLES: Final = (
 
 
 def width() -> int:
-    """Characters of a line: those of the terminal (or `COLUMNS`), 80 where there is none, at most `LONGEST`."""
-    return min(LONGEST, shutil.get_terminal_size((80, 24)).columns)
+    """Characters of a line: those of the terminal (or `COLUMNS`), 80 where there is none, at most `MAX_LINE_CHARACTERS`."""
+    return min(MAX_LINE_CHARACTERS, shutil.get_terminal_size((80, 24)).columns)
 
 
 def severity(line: str) -> str:
@@ -112,7 +112,7 @@ def show_lines(out: Console, lines: Iterable[str], style: str | None = None) -> 
 
 
 class Progress:
-    """How far a command is, on standard error, once it takes over `PATIENCE`.
+    """How far a command is, on standard error, once it takes over `SECONDS_TO_FIRST_PROGRESS`.
 
     In a terminal one line says what is done, for how long, and the time left as far as it can be estimated; it is cleared at the end.
     Elsewhere each new text is one line.
@@ -137,7 +137,7 @@ class Progress:
         """Say what is done now, and how much of the whole is finished; texts of one step are one line where there is no terminal."""
         self.text = text
         self.done = self.done if done is None else done
-        if self._thread is None and (step or text) != self._told and time.monotonic() - self._begun >= PATIENCE:
+        if self._thread is None and (step or text) != self._told and time.monotonic() - self._begun >= SECONDS_TO_FIRST_PROGRESS:
             self._told = step or text
             typer.echo(text, err=True)
 
@@ -175,7 +175,7 @@ class Progress:
 
     def _draw(self) -> None:
         drawn = False
-        self._ended.wait(PATIENCE)
+        self._ended.wait(SECONDS_TO_FIRST_PROGRESS)
         while not self._ended.is_set():
             drawn = True
             with self._pen:

@@ -50,7 +50,7 @@ if TYPE_CHECKING:
     from thermid.bench.capture import PortCapture
 
 PORT: Final = "a serial port that is watched"
-SILENT: Final = 60.0
+MIN_SILENCE: Final = 60.0
 """Without a new reading before that is told, at least. [s]"""
 
 
@@ -198,7 +198,7 @@ def _growing(log: GrowingLog, step: float, since: str, line: PortCapture | None)
             start = literal(with_unit(since, "s"), "s", "--since") if since != "start" else float(record.times[0])
             if np.count_nonzero(record.times >= start) > 1:
                 yield record.trim(start, "end")
-        elif record is not None and not silent and clock.monotonic() - came > max(SILENT, 10.0 * record.step, 3.0 * step):
+        elif record is not None and not silent and clock.monotonic() - came > max(MIN_SILENCE, 10.0 * record.step, 3.0 * step):
             silent = True
             waited = duration_text(round(clock.monotonic() - came))
             typer.echo(f"ALARM logger: no new reading for {waited}. Check the logger; the last one was at {latest:.0f} s.", err=True)

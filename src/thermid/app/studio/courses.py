@@ -208,9 +208,9 @@ def _read(file: Path) -> dict[str, Any]:
 
 
 Told = Callable[[int, int, float], None]
-SAMPLES = 3000
+STORED_TIMES = 3000
 """Stored times of a scenario."""
-SHOWN = 12
+SHOWN_NODES = 12
 """Nodes shown beside those that have limits: the widest swings."""
 
 
@@ -280,7 +280,7 @@ class Outcome:
         driven = set(course.chamber) if course is not None else set()
         swings = sorted((n for n in self.solution.nodes if n not in driven), key=lambda n: -float(np.ptp(self.solution[n].kelvin)))
         nodes = list(dict.fromkeys(self.solution[n].path for n in first))
-        return tuple(dict.fromkeys([*nodes, *swings[: max(SHOWN - len(nodes), 0)]]))
+        return tuple(dict.fromkeys([*nodes, *swings[: max(SHOWN_NODES - len(nodes), 0)]]))
 
 
 def run_course(shelf: Shelf, desk: Desk, course: Course, values: Mapping[str, float], query: Mapping[str, Any], progress: Told) -> Outcome:
@@ -310,7 +310,7 @@ def run_course(shelf: Shelf, desk: Desk, course: Course, values: Mapping[str, fl
     else:
         model, boundaries_model = desk.run_of(course.of[0], values, sensors=False)
         scenario = _scenario(boundaries_model, str(query.get("gas") or "air"))
-        solution = simulate(model, scenario, every=max(scenario.seconds / SAMPLES, 1e-3))
+        solution = simulate(model, scenario, every=max(scenario.seconds / STORED_TIMES, 1e-3))
     limits, source = shelf.limits(desk)
     checks = check_limits(solution, limits, state=state)
     progress(1, 1, scenario.seconds)

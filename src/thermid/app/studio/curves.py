@@ -14,7 +14,7 @@ from thermid.base.linear_algebra import Array
 from thermid.reporting.pictures import thinned
 
 Window = tuple[float, float] | None
-POINTS = 1200
+MAX_SENT_POINTS = 1200
 """Points of a curve that are sent to a page: more than a screen has columns for it."""
 
 
@@ -63,7 +63,7 @@ class RunCurves:
     remarks: tuple[str, ...] = ()
 
 
-def thinned_curve(times: Array, values: Array, window: Window = None, points: int = POINTS) -> tuple[Array, Array]:
+def thinned_curve(times: Array, values: Array, window: Window = None, points: int = MAX_SENT_POINTS) -> tuple[Array, Array]:
     """Return at most `points` samples of a curve that keep its lowest and highest values in every interval shown.
 
     Parameters

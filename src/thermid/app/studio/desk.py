@@ -9,7 +9,7 @@ from functools import cached_property
 
 import numpy as np
 
-from thermid.app.studio.curves import POINTS, RunCurves, ThinnedCurve, Window, thinned_curve
+from thermid.app.studio.curves import MAX_SENT_POINTS, RunCurves, ThinnedCurve, Window, thinned_curve
 from thermid.base.errors import NameNotFoundError, refuse_unknown
 from thermid.base.linear_algebra import Array
 from thermid.base.units import from_si, in_si, unit
@@ -139,7 +139,7 @@ class Desk:
         return model.with_values(texts, "tuned by hand")
 
     def curves(
-        self, values: Mapping[str, float], window: Window = None, runs: Collection[int] | None = None, points: int = POINTS
+        self, values: Mapping[str, float], window: Window = None, runs: Collection[int] | None = None, points: int = MAX_SENT_POINTS
     ) -> tuple[RunCurves, ...]:
         """Return measured and simulated curves of records, or of scenarios where nothing was measured.
 
@@ -238,7 +238,9 @@ class Desk:
 
     @cached_property
     def _simulators(self) -> tuple[Simulator, ...]:
-        return tuple(prepare(self.model, scenario, self._names, every=scenario.seconds / (POINTS // 2)) for scenario in self.scenarios)
+        return tuple(
+            prepare(self.model, scenario, self._names, every=scenario.seconds / (MAX_SENT_POINTS // 2)) for scenario in self.scenarios
+        )
 
     @cached_property
     def _benches(self) -> dict[int, Bench]:

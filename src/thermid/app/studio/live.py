@@ -23,7 +23,7 @@ from thermid.simulation.network import compile_network
 from thermid.simulation.scenarios import Scenario
 from thermid.values.store import model_standing
 
-WITHIN = 1.0
+DEFAULT_MAX_HALF_WIDTH = 1.0
 """Half of the interval of where a channel ends, at most, where the page asks for none. [K]"""
 
 
@@ -91,7 +91,7 @@ class LiveWatch:
 
 
 def _within(query: Mapping[str, Any]) -> float:
-    within = query.get("within") or WITHIN
+    within = query.get("within") or DEFAULT_MAX_HALF_WIDTH
     if isinstance(within, bool) or not isinstance(within, int | float) or not within > 0.0:
         raise RecordError("'within' is a number of kelvin above zero.", "bench")
     return float(within)

@@ -12,7 +12,7 @@ from typing import Any
 import numpy as np
 
 from thermid.app.studio.courses import Shelf, outcome_object, profile_for, profile_object
-from thermid.app.studio.curves import POINTS, ThinnedCurve, Window, number_of, text_of, texts_of, window_of
+from thermid.app.studio.curves import MAX_SENT_POINTS, ThinnedCurve, Window, number_of, text_of, texts_of, window_of
 from thermid.app.studio.desk import ICE, Desk
 from thermid.app.studio.follow import Follower
 from thermid.app.studio.project import Project
@@ -48,7 +48,7 @@ def orders(project: Project, work: Work) -> dict[str, Callable[[Body], Any]]:
     def curves(body: Body) -> Any:
         desk, measured = project.desk(text_of(body, "stage")), bool(body.get("measured", True))
         runs = None if body.get("run") is None else (_run_of(desk, body),)
-        points = int(number_of(body, "points")) if "points" in body else POINTS
+        points = int(number_of(body, "points")) if "points" in body else MAX_SENT_POINTS
         return curves_object(desk, _values(body), measured, window_of(body), runs, points)
 
     def desk_of(body: Body) -> Desk:
@@ -99,7 +99,7 @@ def _values(body: Mapping[str, Any]) -> dict[str, float]:
 
 SINGLE = 1e6
 """Up to here four bytes tell times to a tenth of a second and temperatures to a millikelvin."""
-FEWEST = 50
+MIN_CURVE_POINTS = 50
 """Points of a curve that a page may ask for at least."""
 
 
@@ -151,7 +151,7 @@ def curves_object(
     measured: bool = True,
     window: Window = None,
     runs: Collection[int] | None = None,
-    points: int = POINTS,
+    points: int = MAX_SENT_POINTS,
 ) -> dict[str, Any]:
     """Return the curves at values of the sliders, as `Desk.curves` takes them; without what was measured where it is not asked for.
 
@@ -159,7 +159,7 @@ def curves_object(
     ------
     ThermidError    When a run is refused or cannot be finished.
     """
-    curves = desk.curves(values, window, runs, min(max(points // 2 * 2, FEWEST), POINTS))
+    curves = desk.curves(values, window, runs, min(max(points // 2 * 2, MIN_CURVE_POINTS), MAX_SENT_POINTS))
     return {"runs": [{"name": r.name, "remarks": r.remarks, "curves": [_curve(c, measured) for c in r.curves]} for r in curves]}
 
 

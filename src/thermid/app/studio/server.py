@@ -39,7 +39,7 @@ LONGEST_NAME: Final = 80
 """Characters of a file's name that an error shows."""
 GUARD = "x-thermid-studio"
 """A header that a page of another origin cannot send without being asked first, and is then refused."""
-PATIENCE: Final = 10.0
+REQUEST_TIMEOUT: Final = 10.0
 """Time in which a connection must bring the headers of a request, and then its body. [s]"""
 CROWD: Final = 4
 """Open connections for each that the studio answers at once, beyond which one more is closed."""
@@ -195,7 +195,7 @@ async def _bytes(request: Request, most: str) -> bytes:
     except ClientDisconnect:
         raise _RefusedError("the connection was closed before the body came.") from None
     except TimeoutError:
-        raise _RefusedError(f"the body did not come within {PATIENCE:g} s.", 408) from None
+        raise _RefusedError(f"the body did not come within {REQUEST_TIMEOUT:g} s.", 408) from None
 
 
 class Guard:
@@ -259,7 +259,7 @@ async def _body(request: Request, most: float) -> bytes:
     TimeoutError    When it comes by drops.
     """
     body = bytearray()
-    async with asyncio.timeout(PATIENCE):
+    async with asyncio.timeout(REQUEST_TIMEOUT):
         async for part in request.stream():
             body += part
             if len(body) > most:
@@ -365,7 +365,7 @@ def limited(app: Any, **more: Any) -> Config:
             return self.cycle is None or self.cycle.response_complete
 
         def _wait(self) -> None:
-            self.waited = self.loop.call_later(PATIENCE, self._over)
+            self.waited = self.loop.call_later(REQUEST_TIMEOUT, self._over)
 
         def _over(self) -> None:
             self.waited = None

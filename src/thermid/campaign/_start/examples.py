@@ -178,9 +178,10 @@ def copy_example(
         if example.makes and logs:
             done = subprocess.run([sys.executable, "-B", example.makes, "."], cwd=half, capture_output=True, text=True, check=False)
             if done.returncode:
-                said = (done.stderr.strip().splitlines() or ["without a word"])[-1]
+                last_line = (done.stderr.strip().splitlines() or ["without a word"])[-1]
                 raise MissingDataError(
-                    f"the synthetic logs of this example were not made: {said}. Run python {example.makes} in its source.", example.makes
+                    f"the synthetic logs of this example were not made: {last_line}. Run python {example.makes} in its source.",
+                    example.makes,
                 )
         head_copies(half, [file for file in half.rglob("*") if file.is_file()])
         checked = _checked(example, half)

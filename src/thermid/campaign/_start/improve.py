@@ -155,7 +155,7 @@ def improve(path: Path, stage: str = "", evaluations: int = EVALUATIONS, data: P
     request = before.request
     refuse_unseen(request.model, "a search for another structure")
     may = _may_delay(source, request)
-    first = search_structure(request, changes=lambda seen: [c for c in changes_of(seen) if may or not c.delay], evaluations=evaluations)
+    first = search_structure(request, changes=lambda req: [c for c in changes_of(req) if may or not c.delay], evaluations=evaluations)
     if first.proposed is first.start:
         return Improved(first, before, before, ())
     longest = 2.0 * sum(c.delay for c in first.proposed.changes)
@@ -173,7 +173,9 @@ def improve(path: Path, stage: str = "", evaluations: int = EVALUATIONS, data: P
     )
     remaining = max(evaluations - first.evaluations, evaluations // 2)
     then = search_structure(
-        late, changes=lambda seen: [c for c in changes_of(seen) if _beside_a_delay(c, late.records)], evaluations=remaining
+        late,
+        changes=lambda req: [c for c in changes_of(req) if _beside_a_delay(c, late.records)],
+        evaluations=remaining,
     )
     new, longest = adopted(then.proposed), max(longest, float(f"{2.0 * max(value for value, _ in delays_found.values()):.3g}"))
     new = replace(new, records=tuple(_rebound(_ranged(old, longest), one) for old, one in zip(request.records, new.records, strict=True)))

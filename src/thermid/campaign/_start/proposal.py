@@ -44,7 +44,7 @@ PACES = (0.03, 0.15, 0.6)
 """Time constants that a fit is begun with, in parts of the log. [-]"""
 UNSAID = ("direction", "commands that act", "that settles")
 """Changes that a first project does not have: a coupling with a direction, a delay and a power that settles are left to `improve`."""
-UNEXPLAINED, NOISES = 0.2, 3.0
+MAX_UNEXPLAINED_SHARE, MAX_UNEXPLAINED_NOISES = 0.2, 3.0
 """Residuals above this share of the spread of the readings, and above so many noises, mean that no structure explains a log. [-]"""
 MOST_PLACEMENTS = 9
 """Ways to place powers in parts that are tried."""
@@ -59,7 +59,7 @@ FITS_AS_WELL, THREEFOLD = 1.05, 3.0
 FREE = ("capacitance", "mass", "conductance", "resistance", "htc", "effective_htc", "contact_conductance")
 """Fields of a deck that a first fit looks for, unless their source is a measurement or a data sheet."""
 STATED = ("measured", "published", "datasheet")
-REST = 10
+MIN_REST_READINGS = 10
 """Readings without power and drift from which a log begins at rest."""
 
 
@@ -120,7 +120,7 @@ class Proposal:
         spread = float(np.sqrt(np.mean([np.var(values) for values in readings])))
         # the usual residual, which single readings that leap do not move
         remaining = 1.4826 * max(float(np.median(np.abs(b.residuals))) for b in one.problem.blocks(one.end.fitted))
-        if remaining <= max(UNEXPLAINED * spread, NOISES * max(self.noise.values())):
+        if remaining <= max(MAX_UNEXPLAINED_SHARE * spread, MAX_UNEXPLAINED_NOISES * max(self.noise.values())):
             return ""
         problem_text = (
             f"No structure explains this log: its residuals are {100.0 * remaining / spread:.0f} % of the spread of the readings. "
@@ -220,7 +220,7 @@ def orders_text(orders: Sequence[int]) -> str:
 
 
 def at_rest(record: Record, roles: Roles, noise: Mapping[str, float]) -> float:
-    """Return for how long a record begins without power and without drift; 0 where that is less than `REST` readings. [s]"""
+    """Return for how long a record begins without power and without drift; 0 where that is less than `MIN_REST_READINGS` readings. [s]"""
     off = np.ones(record.times.size, dtype=bool)
     for p in (p for p in roles.powers if p.column in record.channels):
         watts = np.nan_to_num(record[p.column].values)
@@ -230,10 +230,10 @@ def at_rest(record: Record, roles: Roles, noise: Mapping[str, float]) -> float:
     for c in channels:
         values = c.values[:size][c.valid[:size]]
         half = values.size // 2
-        drift = abs(float(values[half:].mean() - values[:half].mean())) if half >= REST // 2 else np.inf
+        drift = abs(float(values[half:].mean() - values[:half].mean())) if half >= MIN_REST_READINGS // 2 else np.inf
         if drift > 3.0 * noise.get(c.name, min(noise.values())) / half**0.5 + 0.02:
             return 0.0
-    return float(record.times[size - 1] - record.times[0]) if roles.powers and size >= REST else 0.0
+    return float(record.times[size - 1] - record.times[0]) if roles.powers and size >= MIN_REST_READINGS else 0.0
 
 
 def base_deck(roles: Roles, capacity: float, loss: float, contact: float = 0.3, facts: StatedFacts = StatedFacts()) -> dict[str, Any]:

@@ -16,7 +16,7 @@ from thermid.base.units import unit
 from thermid.measure.readers import Column, clock_column, columns_of, decimal_sign, log_cells, name_and_unit, read_record
 from thermid.measure.records import Channel, FloatArray, Record
 
-MOST_SAMPLES = 600
+MAX_SEARCHED_READINGS = 600
 """Readings that a structure is searched with; longer logs are resampled. [-]"""
 ACCURACY = 0.5
 """Constant error that an instrument has unless somebody says better: DS18B20 and thermocouples of class 1, as their makers print. [K]"""
@@ -112,7 +112,7 @@ class Roles:
         return out
 
     def read(self, path: Path, noise: Mapping[str, float] | None = None) -> Record:
-        """Return a log with these roles, in at most `MOST_SAMPLES` readings."""
+        """Return a log with these roles, in at most `MAX_SEARCHED_READINGS` readings."""
         return thinned(read_record(path, self.channels(noise), time=self.time))
 
 
@@ -166,15 +166,15 @@ def part_name(column: str) -> str:
 
 
 def thinned(record: Record) -> Record:
-    """Return a record of at most `MOST_SAMPLES` readings, switching of powers kept."""
-    if record.times.size <= MOST_SAMPLES:
+    """Return a record of at most `MAX_SEARCHED_READINGS` readings, switching of powers kept."""
+    if record.times.size <= MAX_SEARCHED_READINGS:
         return record
     return record.resample(thinned_step(record), switches=True)
 
 
 def thinned_step(record: Record) -> float:
     """Return the interval that a long record is resampled to, two digits of it. [s]"""
-    step = record.duration / (MOST_SAMPLES - 1)
+    step = record.duration / (MAX_SEARCHED_READINGS - 1)
     scale = 10.0 ** (np.floor(np.log10(step)) - 1)
     return float(np.ceil(step / scale) * scale)
 

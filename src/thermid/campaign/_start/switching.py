@@ -21,7 +21,7 @@ MOST_INSTANTS = 12
 """Changes of power that have an instant of their own; where there are more, all act later or earlier by one time."""
 LEAST_CHANGE = 0.1
 """Change of a power, over its range, whose instant is looked for. [-]"""
-ROUNDS = 5
+MAX_SWITCHING_STEPS = 5
 """Steps of Gauss and Newton, each of an interval at most."""
 PROVES_INSTANT = 4.0
 """Log-likelihood that each instant has to gain, those that do nothing gain a half. [-]"""
@@ -128,7 +128,7 @@ def found_instants(begun: FittedStructure, changes: Callable[[Fitted], Sequence[
 def _settled(one: FittedStructure, begin: Mapping[str, Instants]) -> tuple[float, Mapping[str, Instants], FittedStructure]:
     """Return the least cost of a structure with instants of its own, these, and the structure fitted with them."""
     ends, at, instants, records = [], one, begin, one.request.records
-    for _ in range(ROUNDS):
+    for _ in range(MAX_SWITCHING_STEPS):
         try:
             instants = _stepped(at, records, instants)
             at = fitted_structure(one.changes, replace(one.request, records=_records_at(records, instants)), at.fitted)

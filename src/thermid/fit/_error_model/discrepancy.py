@@ -37,14 +37,14 @@ from thermid.physics.gas import GASES, REFERENCE
 from thermid.simulation.network import Media, Network
 from thermid.values.fitted import FittedValues
 
-MANY = 40
+MAX_SOLVED_ASSUMPTIONS = 40
 """Assumed values beyond which none is solved again: each costs a derivative of every run."""
 
 
-THINNEST: Final = 10e-6
+MIN_CONTACT_GAP: Final = 10e-6
 """Effective distance of machined surfaces that touch, from which the most that gas can carry follows. Yovanovich has 1.53 s (P/H)^-0.097,
 3 to 15 micrometres for roughness s of 1 to 5 (Bejan and Kraus, Heat Transfer Handbook, 2003, section 4.16). [m]"""
-MOST: Final = float(GASES["air"].k(REFERENCE)) / THINNEST
+MAX_GAS_CONDUCTANCE: Final = float(GASES["air"].k(REFERENCE)) / MIN_CONTACT_GAP
 """The most that gas between faces can carry. [W/(m^2 K)]"""
 
 
@@ -184,15 +184,15 @@ def with_discrepancy(fit: Calibration) -> Calibration:
 
 def _constant(network: Network) -> dict[str, FlatConductor]:
     """Return the constant coefficients between two places that follow no law."""
-    own = {p: c for p, c in constant_coefficients(network).items() if c.ends[0] != c.ends[1]}
-    return {p: c for p, c in own.items() if [law.form for law in laws_of(network, c)] == ["linear"]}
+    constants = {p: c for p, c in constant_coefficients(network).items() if c.ends[0] != c.ends[1]}
+    return {p: c for p, c in constants.items() if [law.form for law in laws_of(network, c)] == ["linear"]}
 
 
-def _surfaces(seen: Sequence[ElementCourse], several: Mapping[str, FlatConductor]) -> dict[str, tuple[float, float]]:
+def _surfaces(courses: Sequence[ElementCourse], several: Mapping[str, FlatConductor]) -> dict[str, tuple[float, float]]:
     """Return conductor -> mean temperatures of its ends over the records, weighted by the square of their difference. [K]"""
     out = {}
     for path, c in several.items():
-        first, second = (np.concatenate([np.zeros(0), *(run.kelvin[end] for run in seen if path in run.flows)]) for end in c.ends)
+        first, second = (np.concatenate([np.zeros(0), *(run.kelvin[end] for run in courses if path in run.flows)]) for end in c.ends)
         weight = (first - second) ** 2
         if weight.sum() > 0.0:
             out[path] = (float(weight @ first / weight.sum()), float(weight @ second / weight.sum()))
@@ -229,7 +229,7 @@ def _moved_by_assumed(fit: Calibration, problem: Problem, at: Array) -> tuple[di
     free = {t.name for u in problem.unknowns for t in u.targets}
     free |= {p for e in problem.experiments for p in e.scenario.driven(e.network.flat)}
     paths = [p for p, e in table.items() if e.parameter.source == "assumed" and e.parameter.is_literal and p not in free]
-    if not paths or len(paths) > MANY:
+    if not paths or len(paths) > MAX_SOLVED_ASSUMPTIONS:
         return {}, {}
     values = problem.experiments[0].network.numbers({p: v.value for p, v in fit.values.assignments.items()}).values
     runs = range(len(problem.experiments))
@@ -275,16 +275,16 @@ def _moved_in(fit: Calibration, problem: Problem, at: Array, pieces: Mapping[tup
     return np.asarray(-covariance_known @ cross / level)
 
 
-ROUNDING: Final = 1e-6
+MIN_WANDERING: Final = 1e-6
 """What wanders by less is the end of a search or of a step, not what a model does not follow. [K]"""
 
 
 def misfit_found(problem: Problem, autocorrelation: Autocorrelation) -> dict[str, float]:
-    """Return node -> standard deviation of what wanders in its residuals, over all records; 0 below `ROUNDING`. [K]"""
+    """Return node -> standard deviation of what wanders in its residuals, over all records; 0 below `MIN_WANDERING`. [K]"""
     slow = {(t.record, t.sensor): t.correlated_variance for t in autocorrelation.traces}
     parts: dict[str, list[float]] = {}
     for e in problem.experiments:
         for o in e.observations:
             parts.setdefault(o.seat, []).append(slow.get((e.record.name, o.sensor), 0.0) * o.sigma(problem.noise) ** 2)
     sizes = {n: float(np.sqrt(np.mean(several))) for n, several in parts.items()}
-    return {n: size if size >= ROUNDING else 0.0 for n, size in sizes.items()}
+    return {n: size if size >= MIN_WANDERING else 0.0 for n, size in sizes.items()}

@@ -178,19 +178,19 @@ def sampled(log_likelihood: Callable[[Array], Array], count: int, dimensions: in
     Mira and Robert, Scand. J. Stat. 39 (2012) 798). The sum of the weights over `count` estimates the integral. Deviations alone: so few
     points tell no correlations, and those of their scatter narrow what the next round covers.
     """
-    each = [len(x) for x in np.array_split(np.arange(count), rounds)]
-    laid: list[tuple[Array, Array]] = [(np.zeros(dimensions), np.ones(dimensions))]
+    sizes = [len(x) for x in np.array_split(np.arange(count), rounds)]
+    laws: list[tuple[Array, Array]] = [(np.zeros(dimensions), np.ones(dimensions))]
     points, targets, logs = np.empty((0, dimensions)), np.empty(0), np.empty(0)
-    for k, own in enumerate(each):
-        new = laid[k][0] + laid[k][1] * even_points(own, dimensions, len(points) + 1)
+    for k, size in enumerate(sizes):
+        new = laws[k][0] + laws[k][1] * even_points(size, dimensions, len(points) + 1)
         points = np.concatenate([points, new])
-        targets = np.concatenate([targets, log_likelihood(new) + _log_normal(new, *laid[0])])
+        targets = np.concatenate([targets, log_likelihood(new) + _log_normal(new, *laws[0])])
         logs = targets - np.logaddexp.reduce(
-            [np.log(n / len(points)) + _log_normal(points, *law) for n, law in zip(each, laid, strict=False)], axis=0
+            [np.log(n / len(points)) + _log_normal(points, *law) for n, law in zip(sizes, laws, strict=False)], axis=0
         )
         weights = _flattened(logs, min(float(dimensions), 0.5 * len(points)))
         mean = weights @ points
-        laid.append((mean, np.sqrt(weights @ (points - mean) ** 2 + LEAST_SPREAD**2)))
+        laws.append((mean, np.sqrt(weights @ (points - mean) ** 2 + LEAST_SPREAD**2)))
     return points, logs
 
 

@@ -35,7 +35,17 @@ from thermid.fit._error_model.elements import (
 from thermid.fit._error_model.gaussian import log_sum, weights_of
 from thermid.fit._error_model.model import GROUPS, FittedWay, before, evidence_of_structure, fitted_way, points_of
 from thermid.fit._error_model.runs import Departures, Smooth, UnknownColumn
-from thermid.fit._error_model.sizes import BEYOND_WIDENING, COUNTED, FAR_SIZE, KEPT_OF_PRIOR, LARGE_MOVE, OUTSIDE, SIZES, STRONG, SURE_MOVE
+from thermid.fit._error_model.sizes import (
+    BEYOND_WIDENING,
+    COUNTED,
+    FAR_SIZE,
+    KEPT_OF_PRIOR,
+    LARGE_MOVE,
+    MIN_LOG_BAYES_FACTOR,
+    OUTSIDE,
+    SIZES,
+    SURE_MOVE,
+)
 from thermid.fit._problem.residuals import Problem, Unknown
 from thermid.measure.amounts import short
 from thermid.model.elements import CARRIED_BY
@@ -47,7 +57,7 @@ KEY = "errors"
 """Where the provenance of fitted values keeps it."""
 FOLLOWED = "prediction.error-not-followed"
 """Code of what is said of a fit whose elements cannot be followed."""
-DIGITS = 7
+SIGNIFICANT_DIGITS = 7
 """Significant digits of a file."""
 
 
@@ -436,7 +446,7 @@ def _triangular(covariance: Array) -> Array:
 
 def _short(values: Array) -> Any:
     """Return numbers with as many digits as a file needs."""
-    return [_short(row) for row in values] if values.ndim > 1 else [float(f"{x:.{DIGITS}g}") for x in values]
+    return [_short(row) for row in values] if values.ndim > 1 else [float(f"{x:.{SIGNIFICANT_DIGITS}g}") for x in values]
 
 
 def _problem_of(fit: Calibration) -> Problem:
@@ -463,14 +473,14 @@ def with_structural_errors(fit: Calibration) -> tuple[Calibration, ErrorModel | 
     A value stays where its fit found it. Its error is the root of the sum of its variance by the model of error and of the square of what
     that would move it by; none becomes smaller. Where there is no model of error a warning of the fit says why.
     """
-    asked = fit.request is not None and fit.request.structural_errors
+    is_requested = fit.request is not None and fit.request.structural_errors
     try:
         errors = ErrorModel.of_fit(fit)
     except (ThermidError, np.linalg.LinAlgError) as error:
         why = getattr(error, "message", "the readings and the bounds together leave the sizes of departures open")
         words = f"the errors do not count what the structure may lack ({why.rstrip('.')}). Look for it with `thermid criticise`."
         return replace(fit, warnings=(*fit.warnings, words)), None
-    if not asked and errors.gain < STRONG:
+    if not is_requested and errors.gain < MIN_LOG_BAYES_FACTOR:
         return fit, errors  # what wanders is as likely noise
     moved = {n: float(x - fit.fitted[n]) for n, x in zip(errors.unknowns, errors.mean, strict=True)}
     variances = dict(zip(errors.unknowns, np.diag(errors.covariance).tolist(), strict=True))
@@ -483,16 +493,16 @@ def _widened(fit: Calibration, moved: Mapping[str, float], variances: Mapping[st
     slopes = {u.name: u.slope(fit.fitted[u.name]) for u in fit.problem.unknowns}
     sizes = {n: math.hypot(x, math.sqrt(max(variances[n], 0.0))) for n, x in moved.items()}
     items = {p: replace(v, error=max(v.error, float(sizes[p] * slopes[p]))) if p in sizes else v for p, v in fit.values.items()}
-    asked, stated = fit.request is not None and fit.request.structural_errors, fit.request is not None and fit.request.adequate > 0.0
+    is_requested, stated = fit.request is not None and fit.request.structural_errors, fit.request is not None and fit.request.adequate > 0.0
     logs = {u.name for u in fit.problem.unknowns if u.kind == "parameter" and u.log}
     far = {p: x for p, x in moved.items() if p in logs and abs(x) > BEYOND_WIDENING and x**2 > SURE_MOVE**2 * variances[p]}
     # with a stated `adequate` it is the user's to say what residuals may be
-    if far and not (asked or stated) and fit.own.fair:
+    if far and not (is_requested or stated) and fit.own.fair:
         fit = _inadequate(fit, max(far, key=lambda p: abs(far[p])), far)
         items = {p: replace(v, standing=fit.values[p].standing) for p, v in items.items()}
     grown = {p: v.error / fit.values[p].error for p, v in items.items() if v.kind == "parameter" and fit.values[p].error > 0.0}
-    said = (*fit.warnings, _words(grown, asked))
-    return replace(fit, values=replace(fit.values, items_=items), structural_errors=True, warnings=said)
+    warnings = (*fit.warnings, _words(grown, is_requested))
+    return replace(fit, values=replace(fit.values, items_=items), structural_errors=True, warnings=warnings)
 
 
 def _inadequate(fit: Calibration, worst: str, far: Mapping[str, float]) -> Calibration:
@@ -504,9 +514,9 @@ def _inadequate(fit: Calibration, worst: str, far: Mapping[str, float]) -> Calib
     return replace(fit, own=Standing("not adequate", because, fit.stage, accepted)).judged(fit.rests, fit.verdict)
 
 
-def _words(grown: Mapping[str, float], asked: bool) -> str:
+def _words(grown: Mapping[str, float], is_requested: bool) -> str:
     """Return what a reader must know; `grown` is by what factor the error of each value grew."""
     most = max(grown, key=grown.__getitem__, default="")
     times = f", most of '{most}': {short(grown[most], 2)} times the error of the fit itself" if most else ""
-    why = "the structure is a proposal" if asked else "the residuals refute the structure"
+    why = "the structure is a proposal" if is_requested else "the residuals refute the structure"
     return f"{FIRST}{why}, so the errors of the values count how its elements may depart from their laws{times}."

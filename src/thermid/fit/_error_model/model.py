@@ -40,10 +40,10 @@ from thermid.fit._error_model.sizes import (
     LEFT_TIMES,
     LIKELY,
     NEWTON_POINTS,
-    ROUNDS,
     SETS,
     SETS_COST,
     SHARES_OF_RUN,
+    SIZE_ROUNDS,
     SIZES,
     UNBOUNDED,
     USUAL_NOISE,
@@ -194,9 +194,9 @@ class RunsOfFit:
         """
         usual = np.array([[SIZES[g].value for g in GROUPS]])
         prior = left_prior()
-        found = [self.posterior(centre, usual, left) for left in prior]
-        logs = [log + float(f.log_evidence[0]) for log, f in zip(prior.values(), found, strict=True)]
-        return step_to_mode(logs, [f.mean[0][bent] for f in found], [f.root[0][bent] for f in found])
+        posteriors = [self.posterior(centre, usual, remainder) for remainder in prior]
+        logs = [log + float(f.log_evidence[0]) for log, f in zip(prior.values(), posteriors, strict=True)]
+        return step_to_mode(logs, [f.mean[0][bent] for f in posteriors], [f.root[0][bent] for f in posteriors])
 
     def _priors(self) -> RunRows:
         """Return the priors of the fit as rows about its values."""
@@ -293,14 +293,14 @@ def _averaged(runs: RunsOfFit, way: Way, laws: Mapping[str, ElementLaw], centre:
     likely = [remainder for remainder, share in zip(first, weights_of(list(first.values())), strict=True) if share > LIKELY]
     parts, sizes = [], []
     for remainder in likely:
-        made: list[Members] = []
+        members: list[Members] = []
 
-        def evidence(points: Array, remainder: tuple[float, float] = remainder, made: list[Members] = made) -> Array:
-            made.append(runs.posterior(centre, sizes_at(points), remainder))
-            return made[-1].log_evidence
+        def evidence(points: Array, remainder: tuple[float, float] = remainder, members: list[Members] = members) -> Array:
+            members.append(runs.posterior(centre, sizes_at(points), remainder))
+            return members[-1].log_evidence
 
-        points, logs = sampled(evidence, sets, len(GROUPS), max(min(ROUNDS, sets // (2 * len(GROUPS))), 1))
-        parts.append(replace(Members.joined(made), log_evidence=logs + prior[remainder] - float(np.log(sets))))
+        points, logs = sampled(evidence, sets, len(GROUPS), max(min(SIZE_ROUNDS, sets // (2 * len(GROUPS))), 1))
+        parts.append(replace(Members.joined(members), log_evidence=logs + prior[remainder] - float(np.log(sets))))
         sizes.append(sizes_at(points))
     sizes_left = np.repeat([(SIZES["left"].value * size, time) for size, time in likely], sets, axis=0)
     values = {runs.problem.unknowns[k].name: float(runs.fitted[k]) for k in runs.values}
@@ -311,7 +311,7 @@ def evidence_of_structure(problem: Problem, fitted: Array) -> float:
     """Return ln of the evidence of the readings where nothing departs from the structure of a fit, with what no element explains."""
     runs, nothing = RunsOfFit.of_problem(problem, fitted, Way(""), {}, {}, Departures({}, ())), np.zeros((1, len(GROUPS)))
     centre = np.zeros(len(runs.values))
-    return log_sum([runs.posterior(centre, nothing, left).log_evidence[0] + log for left, log in left_prior().items()])
+    return log_sum([runs.posterior(centre, nothing, remainder).log_evidence[0] + log for remainder, log in left_prior().items()])
 
 
 def left_prior() -> dict[tuple[float, float], float]:

@@ -133,11 +133,11 @@ def _found_in(fit: Calibration, request: Request, e: Experiment) -> dict[tuple[s
     find = {wired(e, n): n for n in request.locals_of(e.record)}
     out = {}
     for i in (i for i in fit.local if i.record == e.record.name):
-        found = fit.fitted[f"{i.record}: {i.name}"]
+        fitted_value = fit.fitted[f"{i.record}: {i.name}"]
         if i.name in find:
-            out[i.name, request.locals_of(e.record)[find[i.name]].start] = found - request.local_start(e.record, find[i.name])
+            out[i.name, request.locals_of(e.record)[find[i.name]].start] = fitted_value - request.local_start(e.record, find[i.name])
         elif (node := i.name.removeprefix("initial.")) in e.hidden and node != i.name:
-            out[i.name, BALANCE] = found - e.hidden[node].mean
+            out[i.name, BALANCE] = fitted_value - e.hidden[node].mean
     return out
 
 

@@ -3,7 +3,7 @@
 States are the nodes with heat capacity, then what each process noise adds. Massless nodes follow: their balance is solved, and their rows
 taken out of the Jacobian (Schur's complement). A linear network has one Jacobian, so its steps are exact; any other is linearised anew at
 the start of every step (local linearisation: Ozaki, Statistica Sinica 2 (1992) 113; J. N. Nielsen and H. Madsen, 2001, for the filter),
-and steps are halved until what the rates bend within them moves no temperature by more than `BENT`.
+and steps are halved until what the rates bend within them moves no temperature by more than `MAX_CURVATURE_ERROR`.
 """
 
 from __future__ import annotations
@@ -25,9 +25,9 @@ from thermid.fit._problem.residuals import Bench
 from thermid.model.laws import Sine, TableSignal
 from thermid.simulation.solver import Assembled, Traces
 
-BENT: Final = 1e-4
+MAX_CURVATURE_ERROR: Final = 1e-4
 """What a step may miss because rates bend within it. [K]"""
-MOMENT: Final = 1e-9
+JUMP_SHARE_OF_STEP: Final = 1e-9
 """Part of a step before its end at which inputs are taken that jump there."""
 UNKNOWN_START_SD: Final = 10.0
 """Standard deviation of the start of a node that its own sensor reads: as good as nothing is known before the first reading. [K]"""

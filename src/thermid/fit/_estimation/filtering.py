@@ -128,7 +128,7 @@ def _back(leg: FilterStep, later: Belief) -> Belief:
 
 
 LAGS: Final = 20
-LEVEL: Final = 0.01
+MIN_WHITENESS_PROBABILITY: Final = 0.01
 """Probability below which innovations are not taken as white."""
 LOUD: Final = 3.0
 """Standard deviations by which the size of innovations may exceed one before it widens errors."""
@@ -159,7 +159,7 @@ class Whiteness:
     @property
     def white(self) -> bool:
         """Whether they pass at one per cent."""
-        return self.probability >= LEVEL
+        return self.probability >= MIN_WHITENESS_PROBABILITY
 
     @property
     def loud(self) -> bool:

@@ -24,14 +24,14 @@ from thermid.fit._problem.residuals import Problem, Unknown, prior_rows
 
 DIFFERENCE: Final = 1e-4
 """Half the step of differences, in typical changes of an unknown."""
-STEP: Final = 1.5
+MAX_FIRST_STEP: Final = 1.5
 """Length of the first step at most, in typical changes of the unknowns."""
 TRIVIAL: Final = 1e-4
 """Gain in the log-likelihood that may be left where no step gains any more: a hundredth of a standard error."""
 CURVED: Final = 0.1
 """NoisyStep of differences of the gradient, in standard errors."""
 READING: Final = "reading noise of "
-FLOOR, CEILING = 1e-7, 1e4
+MIN_SIZE_RATIO, MAX_SIZE_RATIO = 1e-7, 1e4
 """Bounds of a size that is looked for, over where the search begins."""
 
 
@@ -158,7 +158,7 @@ class Likelihood:
             # rows r and slopes L' with the gradient L r and the information L L'
             return score.loss, np.asarray(np.linalg.lstsq(root, score.gradient, rcond=None)[0], dtype=float), root.T
 
-        end = descend(local, start, (low, high), np.array([u.scale for u in self.unknowns]), relative=1e-12, reach=STEP)
+        end = descend(local, start, (low, high), np.array([u.scale for u in self.unknowns]), relative=1e-12, reach=MAX_FIRST_STEP)
         score = scores[end.x.tobytes()]
         information, positive = self._observed(end.x, score) if observed else (score.information, False)
         rows, _ = self.priors(end.x)
@@ -202,7 +202,7 @@ def likelihood_of(problem: Problem, noises: Sequence[ProcessNoise], start_sd: Ma
 
 
 def _size(name: str, start: float, unit: str) -> Unknown:
-    return Unknown(name, "noise", (), start, True, FLOOR * start, CEILING * start, None, unit)
+    return Unknown(name, "noise", (), start, True, MIN_SIZE_RATIO * start, MAX_SIZE_RATIO * start, None, unit)
 
 
 def _loss(errors: Array, variances: Array) -> Array:

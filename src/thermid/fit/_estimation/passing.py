@@ -10,7 +10,7 @@ import numpy as np
 
 from thermid.base.errors import SolverError
 from thermid.base.linear_algebra import Array
-from thermid.fit._estimation.dynamics import BENT, MOMENT, At, Dynamics
+from thermid.fit._estimation.dynamics import JUMP_SHARE_OF_STEP, MAX_CURVATURE_ERROR, At, Dynamics
 from thermid.fit._estimation.filtering import Belief, FilterStep, Gain, Innovations, ReadingRow, moved, updated
 from thermid.fit._estimation.steps import responses, step
 
@@ -73,7 +73,7 @@ class Passing:
         direct = all(d.nodes.index(o.node) in d.massive for o in d.experiment.observations if o.node in d.nodes)
         self.still = direct and all(o.node in d.nodes for o in d.experiment.observations)
         lengths = np.diff(d.grid)
-        begins, ends = d.grid[:-1], d.grid[1:] - MOMENT * lengths
+        begins, ends = d.grid[:-1], d.grid[1:] - JUMP_SHARE_OF_STEP * lengths
         both = [d.course(m, about, np.concatenate([begins, ends])) for m, about in zip(self.members, self.about, strict=True)]
         first, last = np.split(np.stack(both), 2, axis=1)
         self._steps = {key: step(self.jacobian, self.noise, float(key)) for key in dict.fromkeys(d.lengths)}
@@ -93,7 +93,7 @@ class Passing:
     def _bent_step(self, belief: Belief, begin: float, end: float, halvings: int = 0) -> tuple[Belief, list[FilterStep]]:
         """Return the belief a step later and the legs to it, in halves where the rates bend too much."""
         d, seconds = self.dynamics, end - begin
-        late = end - MOMENT * seconds
+        late = end - JUMP_SHARE_OF_STEP * seconds
         rates, jacobian = d.rates(self.members, belief.mean, begin)
         rise = d.rates(self.members, belief.mean, late)[0] - rates
         _, start, slope = responses(jacobian, seconds)
@@ -102,7 +102,7 @@ class Passing:
         foreseen = rates + rise + np.einsum("mij,mj->mi", jacobian, change)
         rates_after, _ = d.rates(self.members, mean, late)
         missed = float(np.abs((rates_after - foreseen)[:, : d.massive.size]).max()) * seconds / 3.0
-        if not np.isfinite(missed) or (missed > BENT and halvings < HALVINGS):
+        if not np.isfinite(missed) or (missed > MAX_CURVATURE_ERROR and halvings < HALVINGS):
             if halvings >= HALVINGS:
                 raise SolverError(f"the filter diverged at {begin:.6g} s. Look for a noise that is far too large.", d.engine.title)
             middle = 0.5 * (begin + end)
@@ -193,7 +193,7 @@ class Passing:
     def _stretch(self, mean: Array, begin: int, end: int, settled_step: _Settled, out: _Sheet) -> Array:
         """Return the mean (members, states) after steps to times `begin` to before `end`, all alike and their gains settled.
 
-        The recursion ``x_k = M x_(k-1) + c_k`` is then one product with a block of powers of M for every `BLOCK` steps.
+        The recursion ``x_k = M x_(k-1) + c_k`` is then one product with a block of powers of M for every `STEPS_PER_BLOCK` steps.
         """
         d, n = self.dynamics, mean.shape[1]
         length, sensors = d.step_to(begin)
@@ -217,7 +217,7 @@ class Passing:
         return np.asarray(means[:, -1])
 
 
-BLOCK: Final = 32
+STEPS_PER_BLOCK: Final = 32
 
 
 def along(matrices: Array, vectors: Array) -> Array:
@@ -229,7 +229,7 @@ def recursion(move: Array, forcing: Array, start: Array) -> Array:
     """Return x_k = M x_(k-1) + c_k (members, steps, n) of M (members, n, n), c (members, steps, n) and x before the first (members, n)."""
     members, steps, n = forcing.shape
     powers = [np.tile(np.eye(n), (members, 1, 1))]
-    for _ in range(min(BLOCK, steps)):
+    for _ in range(min(STEPS_PER_BLOCK, steps)):
         powers.append(powers[-1] @ move)
     size = len(powers) - 1
     triangle = np.zeros((members, size * n, size * n))
@@ -247,7 +247,7 @@ def recursion(move: Array, forcing: Array, start: Array) -> Array:
     return out
 
 
-SETTLED: Final = 1e-12
+MAX_ROOT_DIFFERENCE: Final = 1e-12
 """Part of the largest entry by which roots may differ to count as settled."""
 
 
@@ -261,7 +261,7 @@ class _Settled:
 
     def holds(self, root: Array) -> bool:
         """Whether a root is the one that it was taken from, to rounding."""
-        return bool((np.abs(root - self.before) <= SETTLED * np.abs(root).max(axis=(1, 2), keepdims=True)).all())
+        return bool((np.abs(root - self.before) <= MAX_ROOT_DIFFERENCE * np.abs(root).max(axis=(1, 2), keepdims=True)).all())
 
 
 @dataclass(eq=False)

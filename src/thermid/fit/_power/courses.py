@@ -23,11 +23,11 @@ from thermid.model.tree import Model
 
 ONE_TURN = "100000 [h]"
 """Period of a cycle that does not come again in any run."""
-POINTS, FADED = 40, 7.0
+DECAY_POINTS, DECAY_TIME_CONSTANTS = 40, 7.0
 """Points of a decay in its table, and how many time constants they reach."""
 SHARP = 1e-3
 """Part of the time before a course begins in which it comes on. [-]"""
-GRID, NARROWINGS = 9, 9
+TRIED_SWITCH_TIMES, NARROWINGS = 9, 9
 """Times that are tried at first, and how often the bracket about the best one is narrowed."""
 Shape = Callable[[float], tuple[Array, Array, bool]]
 
@@ -41,7 +41,7 @@ def _ramp(time: float) -> tuple[Array, Array, bool]:
 
 
 def _decay(time: float) -> tuple[Array, Array, bool]:
-    at = FADED * np.linspace(0.0, 1.0, POINTS) ** 2
+    at = DECAY_TIME_CONSTANTS * np.linspace(0.0, 1.0, DECAY_POINTS) ** 2
     share = np.exp(-at)
     share[-1] = 0.0
     return at * time, share, False
@@ -140,7 +140,7 @@ def _profiled(request: Request, course: PowerCourse, low: float, high: float) ->
                 costs[log_time] = math.inf
         return costs[log_time]
 
-    grid = np.linspace(math.log(low), math.log(max(high, 2.0 * low)), GRID).tolist()
+    grid = np.linspace(math.log(low), math.log(max(high, 2.0 * low)), TRIED_SWITCH_TIMES).tolist()
     best = min(grid, key=cost)
     width = 0.5 * (grid[1] - grid[0])
     for _ in range(NARROWINGS):

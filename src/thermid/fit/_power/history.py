@@ -33,7 +33,7 @@ from thermid.simulation.runs import simulate
 from thermid.simulation.scenarios import Scenario
 from thermid.values.spreads import deviation
 
-STARTS, LAW_STEP = 12, 1e-6
+LAW_STARTS, LAW_STEP = 12, 1e-6
 """Starts of a law with a bend, and half the step of its differences, beside a coefficient."""
 TURN = 0.05
 """Half the width of the rounded turn of a V. [K]"""
@@ -355,7 +355,7 @@ def _vee(h: PowerHistory) -> PowerLaw | None:
         points = [[f"{t!r} [degC]", f"{b[0] + b[1] * abs(t - b[2])!r} [W]", f"{s!r} [W/K]"] for t, s in zip(ends, slopes, strict=True)]
         return f"{b[0]:.4g} W {b[1]:+.3g} W/K |T - {b[2]:.4g} degC|", {"table": {"over": "temperature", "points": points}}
 
-    starts = [[0.5 * mean, (top - mean) / wide + 1e-3, low + wide * k / (STARTS - 1)] for k in range(STARTS)]
+    starts = [[0.5 * mean, (top - mean) / wide + 1e-3, low + wide * k / (LAW_STARTS - 1)] for k in range(LAW_STARTS)]
     return _law(h, "V-shaped", lambda t, b: b[0] + b[1] * np.abs(t - b[2]), starts, ("power", "slope", "turning_point"), write)
 
 
@@ -368,7 +368,7 @@ def _proportional(h: PowerHistory) -> PowerLaw | None:
         fields = {"power": f"{b[2]!r} [W]", "proportional": {"gain": f"{b[0]!r} [W/K]", "setpoint": f"{b[1]!r} [degC]"}}
         return f"{b[0]:.4g} W/K below {b[1]:.4g} degC, at most {b[2]:.4g} W", fields
 
-    starts = [[top / (wide * f), s, top] for f in (0.1, 0.3, 1.0) for s in np.linspace(low + 0.1 * wide, high + 0.5 * wide, STARTS)]
+    starts = [[top / (wide * f), s, top] for f in (0.1, 0.3, 1.0) for s in np.linspace(low + 0.1 * wide, high + 0.5 * wide, LAW_STARTS)]
     names = ("gain", "setpoint", "power")
     law_found = _law(h, "proportional", lambda t, b: np.clip(b[0] * (b[1] - t), 0.0, max(b[2], 0.0)), starts, names, write)
     return law_found if law_found is not None and law_found.coefficients["gain"][0] > 0 else None
@@ -403,11 +403,11 @@ PRIORS = ("auto", "walk", "integrated walk")
 KNOTS = 120
 WIDER = 1.5
 """Times the default spacing from which knots are wide."""
-CLEAR = 3.0
+MIN_KNOT_DEVIATIONS = 3.0
 """Standard deviations of chance by which wide knots must leave more than narrow ones would."""
 PRIOR_WIDTH = 30.0
 """The history is held to zero by this many times the power that the deck gives (1 W at least), so that every prior is a proper one."""
-ROUNDS = 12
+MAX_HISTORY_ITERATIONS = 12
 
 
 @takes_objects
@@ -524,7 +524,7 @@ def _leaves_more(problem: Problem, solution: Solved, closer: Problem, finest: So
         (float(a.residuals @ a.residuals) - float(b.residuals @ b.residuals)) / s**2 for a, b, s in zip(wide, narrow, sizes, strict=True)
     )
     taken = max(float(np.trace(finest.covariance @ finest.seen)) - float(np.trace(solution.covariance @ solution.seen)), 1.0)
-    return bool(excess > taken + CLEAR * np.sqrt(2.0 * taken))
+    return bool(excess > taken + MIN_KNOT_DEVIATIONS * np.sqrt(2.0 * taken))
 
 
 def _undetermined(free: Sequence[str], where: str) -> IdentificationError:
@@ -631,7 +631,9 @@ def _history(request: Request, problem: Problem, path: str, knots: Array, pins: 
     run = simulate(bare, scenario, times=knots)
     is_known = np.zeros(count, dtype=bool)
     is_known[pins.at] = True
-    unsettled = () if solution.converged else (f"the history did not converge within {ROUNDS} iterations. Free fewer parameters.",)
+    unsettled = (
+        () if solution.converged else (f"the history did not converge within {MAX_HISTORY_ITERATIONS} iterations. Free fewer parameters.",)
+    )
     notes = (*unsettled, *_at_bounds(problem, solution.x), *solution.remarks)
     return PowerHistory(
         path, node, knots, power, covariance, run[node].kelvin, is_known, width, solution.prior, values, blocks, bare, scenario, notes
@@ -696,7 +698,7 @@ class Solved:
     noise: Mapping[str, float] = field(default_factory=dict)
 
 
-FINE = 200
+MAX_WEIGHED_STRETCHES = 200
 """Stretches of time at most in which readings with noise that is not white are weighed."""
 COLOURS, SIZES = 4, (0.1, 0.5, 2.0, 10.0, 50.0, 300.0, 2000.0)
 """Correlation times, and variances of autocorrelated noise in squares of the white noise, that are tried."""
@@ -733,9 +735,9 @@ class Colour:
 def _rows(problem: Problem, x: Array, colour: Colour | None) -> tuple[Array, Array]:
     """Return derivatives and residuals of the data at some values."""
     if colour is not None:
-        return colour.rows(binned(problem, x, bins=FINE))
-    compressed = problem.compressed(x)
-    return compressed.slopes, compressed.rows
+        return colour.rows(binned(problem, x, bins=MAX_WEIGHED_STRETCHES))
+    compressed_problem = problem.compressed(x)
+    return compressed_problem.slopes, compressed_problem.rows
 
 
 def solved(problem: Problem, knots: Array, pins: Pins, base: float, priors: Sequence[str]) -> Solved:
@@ -751,7 +753,7 @@ def solved(problem: Problem, knots: Array, pins: Pins, base: float, priors: Sequ
     solution = _in_rounds(problem, _with_heat(problem, knots, pins, base, priors[0]), knots, pins, base, priors, None)
     if not all(o.noise is not None for o in problem.observations()):
         problem = replace(problem, noise=_residual_noise(problem, solution))
-    pieces = binned(problem, solution.x, bins=FINE)
+    pieces = binned(problem, solution.x, bins=MAX_WEIGHED_STRETCHES)
     inputs = answers_to_inputs(problem, solution.x, pieces)
     best, remarks = _colour(problem, solution, knots, pins, base, pieces, inputs)
     if best is None:
@@ -839,7 +841,7 @@ def _in_rounds(problem: Problem, x: Array, knots: Array, pins: Pins, base: float
     levelled = colour is None and any(o.noise is None for o in problem.observations())
     theta = [k for k, u in enumerate(problem.unknowns) if u.kind == "parameter"]
     force = np.zeros(x.size)
-    for _ in range(ROUNDS):
+    for _ in range(MAX_HISTORY_ITERATIONS):
         slopes, rows = _rows(problem, x, colour)
         sides = _sides(problem, x, pins, slopes, rows)
         level = 1.0

@@ -255,9 +255,9 @@ MEASURED = "measured"
 """`start = "measured"`: observed nodes start at their own readings, all others at the mean of these."""
 UNSAID_NOISE = 0.1
 """Noise of a sensor where nobody said it, for what is worth a remark. [K]"""
-REST = 4.0
+MAX_REST_DEVIATIONS = 4.0
 """Standard deviations of a difference of two readings up to which they count as one temperature: a log then begins at rest."""
-STEPS = 20
+MAX_BALANCE_STEPS = 20
 """Newton steps for the balance; only radiation and laws that change with temperature need more than one."""
 
 
@@ -381,7 +381,9 @@ def _at_rest(temperatures: Mapping[str, float], channels: Mapping[str, Channel])
             return 0.0
         return float(np.hypot(UNSAID_NOISE if channel.noise is None else channel.noise, channel.accuracy or 0.0))
 
-    return all(abs(temperatures[a] - temperatures[b]) <= REST * np.hypot(sd(a), sd(b)) for a, b in combinations(temperatures, 2))
+    return all(
+        abs(temperatures[a] - temperatures[b]) <= MAX_REST_DEVIATIONS * np.hypot(sd(a), sd(b)) for a, b in combinations(temperatures, 2)
+    )
 
 
 def _unpowered(network: Network, scenario: Scenario) -> Engine:
@@ -400,7 +402,7 @@ def _balanced(engine: Engine, loose: Sequence[int]) -> tuple[Array, Array]:
     temperatures = np.array(assembled.initial)
     low, high = 0.5 * float(temperatures.min()), 2.0 * float(temperatures.max())
     jacobian = np.zeros((temperatures.size,) * 2)
-    for _ in range(STEPS):
+    for _ in range(MAX_BALANCE_STEPS):
         heat, jacobian, _ = engine.rhs(assembled, temperatures, 0.0)
         step = np.linalg.lstsq(jacobian[np.ix_(loose, loose)], -heat[loose], rcond=None)[0]
         temperatures[loose] = np.clip(temperatures[loose] + step, low, high)

@@ -129,7 +129,7 @@ def _percents(move: dict[str, float]) -> str:
     return " with ".join(f"{n} {100 * w:+.2g} %" for n, w in move.items())
 
 
-SHARE, CORRELATED = 0.02, 0.8
+SHARE, MIN_GROUP_CORRELATION = 0.02, 0.8
 ANGLE = 3e-4
 """Two null spaces are one when no direction of the second leans out of the first by more, in relative changes; where a law holds they
 agree to rounding."""
@@ -334,7 +334,7 @@ def practical_groups(info: Information, tell: float) -> tuple[Group, ...]:
     correlation = covariance / np.outer(scale, scale)
     sets: list[set[int]] = []
     for k in loose:
-        mine = {k, *(j for j in finite if j != k and abs(correlation[k, j]) > CORRELATED)}
+        mine = {k, *(j for j in finite if j != k and abs(correlation[k, j]) > MIN_GROUP_CORRELATION)}
         touching = [s for s in sets if s & mine]
         sets = [s for s in sets if not s & mine] + [mine.union(*touching)]
     return tuple(_practical(info, sorted(s), covariance, tell) for s in sets if len(s) > 1)

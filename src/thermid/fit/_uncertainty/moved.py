@@ -23,7 +23,7 @@ from thermid.values.store import State
 
 ALPHA, POWER = 0.05, 0.9
 """Chance of calling a value moved that did not, and of finding the shift that is stated as detectable."""
-SILENT = 1e-10
+NEGLIGIBLE_INFORMATION = 1e-10
 """Information, in parts of what the value was known with or of white noise, that counts as none."""
 
 
@@ -128,7 +128,7 @@ def _one(a: Test, k: int, loose: Sequence[int]) -> tuple[Array, Array]:
     """Return the shift of one value and its standard error, by each noise model."""
     scores, information, spread = _opened(a, [k], loose)
     information_of_value = information[:, 0, 0]
-    is_determined = information_of_value > SILENT * np.maximum(a.information[:, k, k], 1e-300)
+    is_determined = information_of_value > NEGLIGIBLE_INFORMATION * np.maximum(a.information[:, k, k], 1e-300)
     safe = np.where(is_determined, information_of_value, 1.0)
     return np.where(is_determined, scores[:, 0] / safe, 0.0), np.where(
         is_determined, np.sqrt(np.maximum(spread[:, 0, 0], 0.0)) / safe, np.inf
@@ -252,9 +252,9 @@ def _chi_square(weights: Array, scores: Array, spread: Array) -> Together:
 
 
 MOVED, NOT_REJECTED, UNDECIDED = "moved", "not rejected", "this log cannot decide"
-FINE = 0.1
+DETECTABLE_SHIFT_SHARE = 0.1
 """A value is called not rejected only where a shift by this part of it would be found."""
-STATED = 3.0
+MAX_STATED_ERRORS = 3.0
 """And only where it lies within so many of the errors that were stated of it."""
 NONSENSE = 10.0
 """Shift, in parts of the value, above which what the logs alone say is not worth printing."""
@@ -298,8 +298,8 @@ class Move:
         """Moved, not rejected, or this log cannot decide."""
         if self.chance < ALPHA and self.is_determined:
             return MOVED
-        near = abs(self.alone - self.below) <= STATED * self.below_error
-        return NOT_REJECTED if near and self.detectable_share <= FINE else UNDECIDED
+        near = abs(self.alone - self.below) <= MAX_STATED_ERRORS * self.below_error
+        return NOT_REJECTED if near and self.detectable_share <= DETECTABLE_SHIFT_SHARE else UNDECIDED
 
     @property
     def detectable_share(self) -> float:
@@ -423,9 +423,9 @@ class Moves:
         ]
 
 
-FARTHEST = 1.5
+MAX_LOG_CHANGE = 1.5
 """Logarithm of the factor by which a value changes at most before derivatives are taken again."""
-STRETCHES = 160
+STRETCHES_PER_TRACE = 160
 """Stretches of a trace, whose errors count what happens within minutes."""
 
 
@@ -512,7 +512,7 @@ def _tested(request: Request, opened: Opened, inherited: _Inherited, at: Array, 
     start = opened.fitted.copy()
     for k, state in zip(inherited.at, inherited.states, strict=True):
         start[k] = unknowns[k].to_fitted(state.value if state is not None else request.store[unknowns[k].name].value)
-    pieces = binned(opened.problem, at, request.loss, request.loss_scale, STRETCHES)
+    pieces = binned(opened.problem, at, request.loss, request.loss_scale, STRETCHES_PER_TRACE)
     here = [replace(b, mean=b.mean + b.slopes @ (start - at)) for b in pieces.values()]
     priors, pulls = _beside(opened.problem, start, inherited.at)
     data = weighed(here, priors, pulls, level)
@@ -529,14 +529,14 @@ def _tested(request: Request, opened: Opened, inherited: _Inherited, at: Array, 
     groups = _groups(values, lambda several: together(test, [[rows[p] for p in g] for g in several], far))
     step = estimate(data, priors, pulls, inherited.at, inherited.root, far)
     low, high = (np.array(b) for b in zip(*(u.fitted_bounds() for u in unknowns), strict=True))
-    inside = np.array([FARTHEST if u.log else math.inf for u in unknowns])
+    inside = np.array([MAX_LOG_CHANGE if u.log else math.inf for u in unknowns])
     return Moves(tuple(values), groups), np.clip(start + np.clip(step, -inside, inside), low, high)
 
 
 def _alone(u: Unknown, at: float, end: float) -> float:
     """Return the value at the end of a step along derivatives at some value, both in the fitted form; NaN where it is no value."""
     low, high = u.fitted_bounds()
-    reach = FARTHEST if u.log else NONSENSE * max(abs(at), u.scale)
+    reach = MAX_LOG_CHANGE if u.log else NONSENSE * max(abs(at), u.scale)
     return u.to_value(end) if low <= end <= high and abs(end - at) <= reach else math.nan
 
 

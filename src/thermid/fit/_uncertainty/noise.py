@@ -20,11 +20,11 @@ from thermid.measure.records import blur_of, shared_rounding, unrounded
 from thermid.model.laws import Constant, Signal, TableSignal
 from thermid.model.tree import FlatLoad
 
-BINS = 80
+MAX_STRETCHES = 80
 """A trace of more than twice as many samples is looked at in so many equal stretches of time; what ties neighbours within one together
 shows as a larger scatter of their means."""
 
-POINTS = 6
+TIMES_PER_STRETCH = 6
 """Times within a stretch at which the answer to a signal is taken, at most: a mean is not the value in the middle."""
 
 MIN_SHARED_ROUNDING = 0.02
@@ -57,7 +57,7 @@ class Binned:
     @property
     def sampled(self) -> Array:
         """Times at which its samples lie, to a few a stretch (stretches, points). [s]"""
-        points = min(POINTS, max(round(float(np.median(self.count))), 1)) if self.width else 1
+        points = min(TIMES_PER_STRETCH, max(round(float(np.median(self.count))), 1)) if self.width else 1
         return np.asarray(self.times[:, None] + self.width * ((np.arange(points) + 0.5) / points - 0.5))
 
     @property
@@ -114,7 +114,7 @@ def trace_in_stretches(z: Array, times: Array, slopes: Array, effective_share: f
     z : array (samples,)        Residuals in units of the noise.
     times : array (samples,)    [s]
     """
-    edges = times if z.size <= 2 * BINS else np.linspace(times[0], times[-1], BINS + 1)[:-1]
+    edges = times if z.size <= 2 * MAX_STRETCHES else np.linspace(times[0], times[-1], MAX_STRETCHES + 1)[:-1]
     place = np.searchsorted(edges, times, side="right") - 1
     columns = np.column_stack([stretch_means(column, place, edges.size) for column in slopes.T])
     return binned_trace(z, z, place, stretch_means(times, place, edges.size), columns, effective_share)
@@ -134,14 +134,14 @@ def rounding_of(block: SensorTrace, o: Observation, place: Indices, size: int) -
 
 
 def binned(
-    problem: Problem, fitted: Array, loss: str = "linear", loss_scale: float = 1.0, bins: int = BINS
+    problem: Problem, fitted: Array, loss: str = "linear", loss_scale: float = 1.0, bins: int = MAX_STRETCHES
 ) -> dict[tuple[str, str], Binned]:
     """Return (record, sensor) -> its residuals in so many stretches of time at most; a trace of up to 160 samples as it is."""
     out: dict[tuple[str, str], Binned] = {}
     blocks = iter(problem.blocks(fitted))
     for i, experiment in enumerate(problem.experiments):
         times = experiment.times
-        each_sample, count = times.size <= 2 * BINS, min(bins, times.size // 2)
+        each_sample, count = times.size <= 2 * MAX_STRETCHES, min(bins, times.size // 2)
         edges = times if each_sample else np.linspace(times[0], times[-1], count + 1)[:-1]
         centres = times if each_sample else edges + 0.5 * (times[-1] - times[0]) / count
         slopes = problem.slopes(i, fitted, centres)
@@ -156,10 +156,10 @@ def binned(
     return out
 
 
-LOST = 0.5
+ROUNDING_DECAY = 0.5
 """How fast the covariance of rounding errors ends along a predicted signal. [1/step]"""
 
-STRETCHES = 4 * BINS
+STRETCHES = 4 * MAX_STRETCHES
 """A logged signal is looked at in so many stretches of time at most, in which its noise averages out as in independent samples: in several
 for each stretch of the readings, or what it does within one would look like wandering."""
 
@@ -331,7 +331,7 @@ def _shifted(experiment: Experiment, paths: Sequence[str]) -> tuple[Experiment, 
     return shifted_experiment, [SCALE + beside[p] if p in beside else p for p in paths]
 
 
-TIMES = 7
+TRIED_TIMES = 7
 """Correlation times that are tried, from one stretch to half the record."""
 MIN_LIKELIHOOD_GAIN = 5.0
 """Twice the logarithm of the likelihood ratio from which a trace is held to wander: a few white traces in a hundred would."""
@@ -339,11 +339,11 @@ DECIDING_SHARE = 0.5
 """Share of what is known of a direction from which a trace is held to decide it alone."""
 PART, MIN_SINGULAR_VALUE = 0.02, 1e-9
 """Share from which a trace with noisy inputs has a part in a direction; singular value over the largest from which that is one at all."""
-EXPLAINED = 0.05
+MIN_EXPLAINED_BY_INPUTS = 0.05
 """Part of the squares of a trace's residuals from which what noise of inputs makes of it is separated by whitening."""
 ROUNDED = 2.0
 """What wanders by no more than so many times the variance of rounding is rounding."""
-FEWEST = 12
+MIN_SPARE_STRETCHES = 12
 """Stretches beyond the unknowns, below which nothing can be said."""
 
 
@@ -512,7 +512,7 @@ def covariance_of_means(
         block += t.correlated_variance * correlation(b.times, t.correlation_time)
         if b.shares_rounding:
             means = b.rounding / b.count[:, None]
-            block += means @ means.T * np.exp(-LOST * np.abs(b.path[:, None] - b.path))
+            block += means @ means.T * np.exp(-ROUNDING_DECAY * np.abs(b.path[:, None] - b.path))
         out[here, here] = block
         if (h := inputs.get((t.record, t.sensor))) is not None:
             causes.setdefault(t.record, np.zeros((size, h.shape[1])))[here] = h
@@ -557,7 +557,7 @@ class _Calm:
             moved = root[:, None] * inputs
             sizes, vectors = np.linalg.eigh(np.eye(root.size) + moved @ moved.T)
             weights = (vectors / np.sqrt(np.maximum(sizes, 1.0))) @ vectors.T * root
-            if float(np.sum(moved**2)) > EXPLAINED * b.squares:
+            if float(np.sum(moved**2)) > MIN_EXPLAINED_BY_INPUTS * b.squares:
                 plain = root[:, None] * b.slopes @ unknown_root
         decided, free = _beside(weights @ b.slopes @ unknown_root, plain)
         return cls(weights, decided, free, free.T @ (weights @ b.mean), plain is not None)
@@ -565,7 +565,7 @@ class _Calm:
     @property
     def tells(self) -> bool:
         """Whether enough is left to tell what the noise is."""
-        return self.left.size >= FEWEST and float(self.left @ self.left) > 0.0
+        return self.left.size >= MIN_SPARE_STRETCHES and float(self.left @ self.left) > 0.0
 
 
 def _parts(b: Binned, trace: _Calm, alike: dict[bytes, list[Array]]) -> tuple[float, float, float]:
@@ -580,7 +580,7 @@ def _parts(b: Binned, trace: _Calm, alike: dict[bytes, list[Array]]) -> tuple[fl
     spare = y.size
     calm = float(y @ y) / spare
     spacing, span = float(np.median(np.diff(b.times))), float(b.times[-1] - b.times[0])
-    times = np.geomspace(spacing, max(0.5 * span, 2.0 * spacing), TIMES)
+    times = np.geomspace(spacing, max(0.5 * span, 2.0 * spacing), TRIED_TIMES)
     key = b.times.tobytes()
     if key not in alike:
         alike[key] = [correlation(b.times, time) for time in times]
@@ -660,11 +660,11 @@ def _beside(slopes: Array, plain: Array | None = None) -> tuple[Array, Array]:
     return np.asarray(basis[:, :count]), np.asarray(basis[:, count:])
 
 
-GRID_TIMES, RATIOS, SIZES = 9, 16, 7
+GRID_TIMES, GRID_RATIOS, GRID_SIZES = 9, 16, 7
 """Nodes of the grid: correlation times, ratios of the variances of both parts, variances of the white part."""
-LARGEST, SMALLEST = 1e4, 0.05
+MAX_VARIANCE_RATIO, MIN_VARIANCE_RATIO = 1e4, 0.05
 """Ratios of the variance of the autocorrelated part to that of the white part of the mean of a stretch."""
-FLAT = 1e-9
+ZERO_INFORMATION = 1e-9
 """Information, in parts of what white noise would give, that stands for none."""
 DRAWS = 128
 """Noise models that are drawn where there are several traces."""
@@ -708,7 +708,7 @@ class _TraceBasis:
         root = np.sqrt(b.count)
         sizes, vectors = _bases(b.times.tobytes(), b.count.tobytes())
         turned = np.swapaxes(vectors, 1, 2)
-        shrunk = 1.0 / (1.0 + np.geomspace(SMALLEST, LARGEST, RATIOS)[:, None] * sizes[:, None, :])
+        shrunk = 1.0 / (1.0 + np.geomspace(MIN_VARIANCE_RATIO, MAX_VARIANCE_RATIO, GRID_RATIOS)[:, None] * sizes[:, None, :])
         acting = np.flatnonzero(b.slopes.any(axis=0))
         slopes = root[:, None] * -b.slopes[:, acting] * scale[acting]
         return cls(shrunk, turned @ (root * b.mean), turned @ slopes, acting)
@@ -773,10 +773,10 @@ def weighed(pieces: Sequence[Binned], priors: Array, pulls: Array, level: float 
     distribution given the others at their likeliest, and noise models are drawn from these (Latin hypercube, always the same).
     """
     scale = _scales(pieces, priors)
-    long = [b for b in pieces if b.count.size >= FEWEST]
+    long = [b for b in pieces if b.count.size >= MIN_SPARE_STRETCHES]
     traces = [_TraceBasis.of_trace(b, scale) for b in long]
     prior_information, start = priors * np.outer(scale, scale), pulls * scale
-    for b in (b for b in pieces if b.count.size < FEWEST):
+    for b in (b for b in pieces if b.count.size < MIN_SPARE_STRETCHES):
         turned = b.slopes * scale
         prior_information = prior_information + turned.T @ (b.count[:, None] * turned) / level
         start = start - turned.T @ (b.count * b.mean) / level
@@ -800,12 +800,17 @@ def evidences(pieces: Sequence[Binned], priors: Array, pulls: Array) -> tuple[Ar
     priors : array (several, unknowns, unknowns)    Information that is known beside the data.
     pulls : array (several, unknowns)               Its scores where the unknowns stand.
     """
-    calm = [replace(b, mean=b.mean / s, slopes=b.slopes / s) for b in pieces for s in [max(1.0, b.within) ** 0.5] if b.count.size >= FEWEST]
+    calm = [
+        replace(b, mean=b.mean / s, slopes=b.slopes / s)
+        for b in pieces
+        for s in [max(1.0, b.within) ** 0.5]
+        if b.count.size >= MIN_SPARE_STRETCHES
+    ]
     count = priors.shape[-1]
     scale = _scales(calm, priors[0])
-    prior_information = priors * np.outer(scale, scale) + FLAT * np.eye(count)
-    information, scores = np.zeros((GRID_TIMES, RATIOS, count, count)), np.zeros((GRID_TIMES, RATIOS, count))
-    alone = np.zeros((GRID_TIMES, RATIOS))
+    prior_information = priors * np.outer(scale, scale) + ZERO_INFORMATION * np.eye(count)
+    information, scores = np.zeros((GRID_TIMES, GRID_RATIOS, count, count)), np.zeros((GRID_TIMES, GRID_RATIOS, count))
+    alone = np.zeros((GRID_TIMES, GRID_RATIOS))
     for t in (_TraceBasis.of_trace(b, scale) for b in calm):
         taken = t.shrunk[..., None] * t.slopes[:, None]
         information[..., t.acting[:, None], t.acting] += np.swapaxes(taken, 2, 3) @ t.slopes[:, None]
@@ -831,7 +836,7 @@ def _scales(pieces: Sequence[Binned], priors: Array) -> Array:
 
 def _averaged(traces: Sequence[_TraceBasis], prior_information: Array, start: Array) -> tuple[Array, Array, Array]:
     """Return weights, information and scores of noise models of several traces."""
-    grids = [_likely(t, prior_information, start, np.arange(GRID_TIMES * RATIOS)) for t in traces]
+    grids = [_likely(t, prior_information, start, np.arange(GRID_TIMES * GRID_RATIOS)) for t in traces]
     if len(traces) == 1:
         chance = grids[0].chance.ravel()
         chosen = np.flatnonzero(chance > NEGLIGIBLE * chance.max())
@@ -867,11 +872,11 @@ def _add(t: _TraceBasis, information: Array, scores: Array, more: Array, pushed:
 
 def _sums(t: _TraceBasis, grid: _Grid, flat: Indices) -> tuple[Array, Array]:
     """Return X'V^-1 X and X'V^-1 z of what acts on a trace at some nodes and sizes of its grid, counted in one."""
-    of_node, of_size = np.divmod(flat, SIZES)
+    of_node, of_size = np.divmod(flat, GRID_SIZES)
     used, place = np.unique(of_node, return_inverse=True)
     information, scores = [], []
     for node in grid.nodes[used]:
-        at, ratio = divmod(int(node), RATIOS)
+        at, ratio = divmod(int(node), GRID_RATIOS)
         taken = t.slopes[at].T * t.shrunk[at, ratio]
         information.append(taken @ t.slopes[at])
         scores.append(taken @ t.residuals[at])
@@ -884,11 +889,11 @@ def _likely(t: _TraceBasis, others: Array, vector: Array, nodes: Indices) -> _Gr
 
     `others` and `vector` are information and scores of all that is known beside this trace: they say where the unknowns may stand.
     """
-    sizes, vectors = np.linalg.eigh(others + FLAT * np.eye(others.shape[0]))
-    root = vectors / np.sqrt(np.maximum(sizes, FLAT))
+    sizes, vectors = np.linalg.eigh(others + ZERO_INFORMATION * np.eye(others.shape[0]))
+    root = vectors / np.sqrt(np.maximum(sizes, ZERO_INFORMATION))
     middle, root = (root @ (root.T @ vector))[t.acting], root[t.acting]
     _, s, turn = np.linalg.svd(t.slopes[0] @ root, full_matrices=False)
-    of_time, of_ratio = np.divmod(nodes, RATIOS)
+    of_time, of_ratio = np.divmod(nodes, GRID_RATIOS)
     shrunk = t.shrunk[of_time, of_ratio]
     z = (t.residuals - t.slopes @ middle)[of_time]
     f = (t.slopes @ (root @ turn[s > MIN_SHIFT].T))[of_time]
@@ -904,7 +909,7 @@ def _likely(t: _TraceBasis, others: Array, vector: Array, nodes: Indices) -> _Gr
         squares_left = square - np.sum(part / (spread + variance[:, None]), axis=1)
         variance = np.maximum(squares_left, 1e-12 * square + 1e-300) / free
     width = np.sqrt(2.0 / max(float(free.mean()), 4.0))
-    grid = variance[:, None] * np.exp(width * np.linspace(-2.4, 2.4, SIZES))
+    grid = variance[:, None] * np.exp(width * np.linspace(-2.4, 2.4, GRID_SIZES))
     beside = spread[:, None, :] + grid[..., None]
     quadratic = (square[:, None] - np.sum(part[:, None, :] / beside, axis=-1)) / grid
     volume = np.log(grid) * (count - spread.shape[1]) + np.log(beside).sum(axis=-1) - np.log(shrunk).sum(axis=1)[:, None]

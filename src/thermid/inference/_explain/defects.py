@@ -25,18 +25,18 @@ from thermid.inference._explain.causes import SizedValue
 from thermid.inference._explain.thresholds import (
     FAR_PART,
     FAR_STEPS,
-    MIDDLE,
+    FIRST_SWITCH_POSITION,
+    MAX_DEFECT_FACTOR,
+    MAX_REFIT_EVALUATIONS,
+    MAX_REFIT_NODES,
+    MAX_REFIT_RECORDS,
+    MAX_REFIT_SAMPLES,
+    MAX_REFIT_STEPS,
+    MAX_REFIT_UNKNOWNS,
+    MAX_START_DEVIATIONS,
+    MAX_TIMED_CHANGES,
     MIN_DEFECT_WEIGHT,
-    MOST_CHANGES,
-    MOST_NODES,
-    MOST_RECORDS,
-    MOST_SAMPLES,
-    MOST_STEPS,
-    MOST_UNKNOWNS,
     NOISY,
-    PATIENCE,
-    REACH,
-    REST,
     TAKEN,
     UNDETERMINED,
     VERY_STRONG,
@@ -104,8 +104,8 @@ def asks(fit: Calibration) -> bool:
     surfaces = constant_coefficients(problem.experiments[0].network)
     if any(c.words.get(CARRIED_BY, FREE_AIR) == FREE_AIR for c in surfaces.values()):
         return False  # what wanders may be the law of a coefficient that is held constant: no proof of a defect
-    small = len(problem.unknowns) <= MOST_UNKNOWNS and fit.freedom <= MOST_SAMPLES and len(request.records) <= MOST_RECORDS
-    small = small and len(problem.experiments[0].network.nodes) <= MOST_NODES
+    small = len(problem.unknowns) <= MAX_REFIT_UNKNOWNS and fit.freedom <= MAX_REFIT_SAMPLES and len(request.records) <= MAX_REFIT_RECORDS
+    small = small and len(problem.experiments[0].network.nodes) <= MAX_REFIT_NODES
     stated = all(o.noise is not None for o in problem.observations())
     return small and stated and fit.reduced_chi_square > NOISY
 
@@ -115,11 +115,15 @@ def _explained(fit: Calibration, request: Request) -> tuple[ExplainedFit, ...]:
     clock = _clock(fit)
     every = [None, *hidden_defects(Fitted.of_calibration(fit, request))]
     changes = [c for c in every if _promises(fit, open_request, c, clock)]
-    attempts = [t for change in changes if (t := _tried(open_request, change, MIDDLE, clock, _begun(open_request, change))) is not None]
+    attempts = [
+        t
+        for change in changes
+        if (t := _tried(open_request, change, FIRST_SWITCH_POSITION, clock, _begun(open_request, change))) is not None
+    ]
     for change in changes:  # a search that begins elsewhere, where nothing explains the residuals yet
         for start in change.starts if change is not None else ():
             if min((t.fit.reduced_chi_square for t in attempts), default=np.inf) > NOISY:
-                attempts += [t for t in [_tried(open_request, change, MIDDLE, clock, start)] if t is not None]
+                attempts += [t for t in [_tried(open_request, change, FIRST_SWITCH_POSITION, clock, start)] if t is not None]
     if not attempts or _unproved(fit, max(attempts, key=_likeliest)):
         return ()
     if clock is not None and clock.sampled:
@@ -145,7 +149,7 @@ def _promises(fit: Calibration, request: Request, change: MissingElement | None,
         return False
     try:
         changed = request if change is None else change.make(request)
-        problem = build_problem(changed if clock is None else clock.make(changed, MIDDLE))
+        problem = build_problem(changed if clock is None else clock.make(changed, FIRST_SWITCH_POSITION))
         end = fit.fitted
         at = np.array([end.get(u.name, x) for u, x in zip(problem.unknowns, starting_point(problem.unknowns), strict=True)])
         here = problem.compressed(at)
@@ -200,13 +204,18 @@ def _instant(request: Request, near: _Tried, clock: _Clock) -> tuple[float, floa
     """
     begin = _values(near.fit)
     for step in (1.0 / 3.0, 1.0 / 6.0):
-        attempts = [_tried(request, near.change, f, clock, begin, False) for f in (MIDDLE - step, MIDDLE, MIDDLE + step)]
+        attempts = [
+            _tried(request, near.change, f, clock, begin, False)
+            for f in (FIRST_SWITCH_POSITION - step, FIRST_SWITCH_POSITION, FIRST_SWITCH_POSITION + step)
+        ]
         early, middle, late = (np.nan if t is None else t.fit.chi_square for t in attempts)
         curvature = (early - 2.0 * middle + late) / step**2
         if curvature > 0.0:
             level = max(1.0, near.fit.reduced_chi_square)
-            return float(np.clip(MIDDLE - 0.5 * (late - early) / step / curvature, 0.0, 1.0)), float(np.sqrt(2.0 * level / curvature))
-    return MIDDLE, np.inf
+            return float(np.clip(FIRST_SWITCH_POSITION - 0.5 * (late - early) / step / curvature, 0.0, 1.0)), float(
+                np.sqrt(2.0 * level / curvature)
+            )
+    return FIRST_SWITCH_POSITION, np.inf
 
 
 def _over_instants(request: Request, near: _Tried, clock: _Clock) -> list[_Tried]:
@@ -260,7 +269,7 @@ def _tried(
 
 
 def _refit(request: Request, begin: Mapping[str, float], deck_values: Sequence[str]) -> Calibration:
-    """Return the fit of a request from some values [SI], those that are not of the deck (`deck_values`) within `REACH` of where they begin.
+    """Return the fit of a request from values [SI]; those not in `deck_values` stay within `MAX_DEFECT_FACTOR` of where they begin.
 
     It is given up where it takes long: nothing there is to be found.
     """
@@ -268,15 +277,15 @@ def _refit(request: Request, begin: Mapping[str, float], deck_values: Sequence[s
 
     def begun(u: Unknown) -> Unknown:
         if u.kind == "parameter" and u.name not in deck_values and u.start > 0.0:
-            u = replace(u, low=u.start / REACH, high=u.start * REACH)
+            u = replace(u, low=u.start / MAX_DEFECT_FACTOR, high=u.start * MAX_DEFECT_FACTOR)
         inside = u.name in begin and u.low <= begin[u.name] <= u.high
         return replace(u, start=begin[u.name]) if inside else u
 
     def watch(count: int, rms: float) -> None:
-        if count > PATIENCE:
+        if count > MAX_REFIT_EVALUATIONS:
             raise IdentificationError(f"{count} evaluations did not end a refit.", request.name)
 
-    options = replace(problem.options, max_steps=MOST_STEPS)
+    options = replace(problem.options, max_steps=MAX_REFIT_STEPS)
     return fit_problem(request, replace(problem, unknowns=tuple(begun(u) for u in problem.unknowns), options=options), watch)
 
 
@@ -342,7 +351,7 @@ def _clock(fit: Calibration) -> _Clock | None:
         return replace(request, records=tuple(records), scenarios=scenarios)
 
     sampled = any(
-        0 < _changes(r.channels[n]).size <= MOST_CHANGES and not r.channels[n].prompt
+        0 < _changes(r.channels[n]).size <= MAX_TIMED_CHANGES and not r.channels[n].prompt
         for r in request.records
         for n in driven.get(r.name, [])
     )
@@ -372,7 +381,10 @@ def _at_rest(e: Experiment, fit: Calibration) -> str:
     if not rooms or len(rooms) != len(e.network.boundaries):
         return ""
     first = [float(c.values[0]) for c in rooms]
-    near = all(abs(float(o.measured[0]) - first[0]) <= REST * float(np.hypot(o.noise or 0.0, o.accuracy or 0.0)) for o in e.observations)
+    near = all(
+        abs(float(o.measured[0]) - first[0]) <= MAX_START_DEVIATIONS * float(np.hypot(o.noise or 0.0, o.accuracy or 0.0))
+        for o in e.observations
+    )
     return rooms[0].name if near and np.ptp(first) == 0.0 and e.observations else ""
 
 
@@ -387,7 +399,7 @@ def _with_instants(record: Record, driven: list[str], instant: float, before: fl
     """
     changes_of_channel = {n: _changes(record.channels[n]) for n in driven}
     changes_of_channel = {
-        n: places for n, places in changes_of_channel.items() if not record.channels[n].prompt and 0 < places.size <= MOST_CHANGES
+        n: places for n, places in changes_of_channel.items() if not record.channels[n].prompt and 0 < places.size <= MAX_TIMED_CHANGES
     }
     times = record.times
     rows = sorted({float(times[k - 1] + instant * (times[k] - times[k - 1])) for places in changes_of_channel.values() for k in places})

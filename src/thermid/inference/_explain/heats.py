@@ -16,7 +16,7 @@ from thermid.fit.power import ONE_TURN, SHAPES, PowerCourse, watts, with_load
 from thermid.fit.problem import Experiment, Influence, Request, Unknown, build_problem
 from thermid.inference._explain.candidates import MissingElement, first_step, laid_open
 from thermid.inference._explain.causes import SIZES, SizedValue
-from thermid.inference._explain.rough_fit import QUICK, ROUNDS, RoughEnd, RoughFit
+from thermid.inference._explain.rough_fit import MAX_DESCENT_STEPS, MAX_RANKING_STEPS, RoughEnd, RoughFit
 from thermid.inference._explain.thresholds import MANY_LOADS, MAX_HEATED_NODES, MAX_WINDOW_SEARCHES, PULSES, TELLING_DIFFERENCE
 from thermid.measure.amounts import duration_text, short
 from thermid.model.elements import HeatLoad
@@ -106,14 +106,14 @@ class Heat:
 
     def placed(self, fit: RoughFit, base: RoughEnd) -> tuple[Heat, RoughEnd]:
         """Return this heat with the edges of its window where they fit best, and the end of the rough fit with it."""
-        best, end = self, self.fitted(fit, fit.named(base), ROUNDS, fresh=True)
+        best, end = self, self.fitted(fit, fit.named(base), MAX_DESCENT_STEPS, fresh=True)
         if self.load:
             return best, end
         for _ in range(MAX_WINDOW_SEARCHES):
             values_before = best.rough(fit).named(end)
             windows = Pulses.of_record(self.request, fit, self.experiment).windows(best, values_before)
             others = [replace(best, window=w) for w in windows if w != best.window]
-            tried = [(h, h.fitted(fit, values_before, ROUNDS)) for h in others]
+            tried = [(h, h.fitted(fit, values_before, MAX_DESCENT_STEPS)) for h in others]
             better = min(tried, key=lambda attempt: attempt[1].cost, default=(best, end))
             if better[1].cost > end.cost - 1.0:
                 break
@@ -126,7 +126,7 @@ class Heat:
                 if edges[1] - edges[0] < 0.5 * self.span / PULSES or edges[side] == best.window[side]:
                     continue
                 moved = replace(best, window=(edges[0], edges[1]))
-                other = moved.fitted(fit, best.rough(fit).named(end), QUICK)
+                other = moved.fitted(fit, best.rough(fit).named(end), MAX_RANKING_STEPS)
                 if other.cost < end.cost:
                     best, end = moved, other
             width *= 0.5
@@ -367,7 +367,7 @@ def unlogged_powers(request: Request) -> Iterator[MissingElement]:
 
 def _end(rough: RoughFit, values_before: Mapping[str, float]) -> RoughEnd | None:
     try:
-        return rough.best(values_before, rounds=QUICK)
+        return rough.best(values_before, rounds=MAX_RANKING_STEPS)
     except (ThermidError, np.linalg.LinAlgError):
         return None
 

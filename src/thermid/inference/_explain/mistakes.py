@@ -21,7 +21,7 @@ from thermid.fit.problem import Prior, Request, Unknown
 from thermid.inference._explain.candidates import Fitted, plain_lacks
 from thermid.inference._explain.causes import MISTAKES, SIZES
 from thermid.inference._explain.heats import Heat, heats_of, stores_of
-from thermid.inference._explain.rough_fit import QUICK, ROUNDS, Extra, RoughEnd, RoughFit
+from thermid.inference._explain.rough_fit import MAX_DESCENT_STEPS, MAX_RANKING_STEPS, Extra, RoughEnd, RoughFit
 from thermid.inference._explain.thresholds import (
     ANY_NEW_VALUE,
     CONTRADICTED_PRIOR,
@@ -31,8 +31,8 @@ from thermid.inference._explain.thresholds import (
     MAX_HEATED_NODES,
     MAX_MISFIT_LEFT,
     MAX_SQUARES_UNSEARCHED,
+    MIN_NAMED_GAIN,
     MOST_RECORDS_SEARCHED,
-    NAMED,
     OVER_STRUCTURE,
     SECOND,
     SHIFTS,
@@ -162,8 +162,8 @@ def _mistakes_of(request: Request, name: str) -> Mistakes:
     quick = [(h, _fitted(h, fit, base)) for h in candidates]
     ranked = sorted((f for f in quick if f[1] is not None), key=lambda f: -_gain(f[0], f[1], base))
     placed = sorted((f for h, _ in ranked[:SECOND] for f in _placed(h, fit, base)), key=lambda f: -_gain(f[0], f[1], base))
-    placed = [f for f in placed if _gain(f[0], f[1], base) >= NAMED and f[1].cost < MAX_MISFIT_LEFT * base.cost]
-    least = OVER_STRUCTURE + base.cost - _of_structure(request, fit, base) if placed else NAMED
+    placed = [f for f in placed if _gain(f[0], f[1], base) >= MIN_NAMED_GAIN and f[1].cost < MAX_MISFIT_LEFT * base.cost]
+    least = OVER_STRUCTURE + base.cost - _of_structure(request, fit, base) if placed else MIN_NAMED_GAIN
     named: dict[tuple[str, str], Mistake] = {}
     for h, end in placed:
         if _gain(h, end, base) >= least:
@@ -185,7 +185,7 @@ def _of_structure(request: Request, fit: RoughFit, base: RoughEnd) -> float:
                 values_before | {p: unknown_of_name[p].to_fitted(v) for p, v in start.items() if p in unknown_of_name}
                 for start in element.starts or ({},)
             ]
-            ends.append((rough, rough.best(*starts, rounds=QUICK)))
+            ends.append((rough, rough.best(*starts, rounds=MAX_RANKING_STEPS)))
     ends.sort(key=lambda attempt: attempt[1].cost)
     return min([base.cost, *(rough.solve(end.x).cost for rough, end in ends[:SECOND])])
 
@@ -215,7 +215,7 @@ def _gain(h: Hypothesis, end: RoughEnd | None, base: RoughEnd) -> float:
     return -np.inf if end is None else base.cost - end.cost - MISTAKES[h.kind].against - h.against
 
 
-def _fitted(h: Hypothesis, fit: RoughFit, base: RoughEnd, rounds: int = QUICK) -> RoughEnd | None:
+def _fitted(h: Hypothesis, fit: RoughFit, base: RoughEnd, rounds: int = MAX_RANKING_STEPS) -> RoughEnd | None:
     """Return the end of a hypothesis after some rounds; None where it cannot be fitted."""
     try:
         if h.heat is not None:
@@ -234,13 +234,13 @@ def _placed(h: Hypothesis, fit: RoughFit, base: RoughEnd) -> list[tuple[Hypothes
         except (ThermidError, np.linalg.LinAlgError):
             return []
         return [(replace(h, heat=heat, words=heat.words, remedy=heat.remedy), end)]
-    best = _fitted(h, fit, base, ROUNDS)
+    best = _fitted(h, fit, base, MAX_DESCENT_STEPS)
     if best is None or h.extra is None:
         return [] if best is None else [(h, best)]
     extra = h.extra
     for since, lag in chain(((d, -1.0) for d in (-2, -1, 1, 2)), ((0, s) for s in LAGS)):
         moved = replace(extra, since=max(0, extra.since + since), lag=extra.lag if lag < 0.0 else lag)
-        end_of = _fitted(of_reading(moved, fit), fit, base, ROUNDS)
+        end_of = _fitted(of_reading(moved, fit), fit, base, MAX_DESCENT_STEPS)
         if end_of is not None and end_of.cost < best.cost:
             extra, best = moved, end_of
     return [(of_reading(extra, fit), best)]
@@ -470,10 +470,10 @@ def _shift(request: Request, fit: RoughFit, names: list[str]) -> Hypothesis:
         except ThermidError:
             return np.inf
 
-    shift = min((sign * part * span for part in SHIFTS for sign in (-1.0, 1.0)), key=lambda s: cost(s, QUICK))
-    best, width = (cost(shift, ROUNDS), shift), 0.5 * max(abs(shift) * 0.35, 0.005 * span)
+    shift = min((sign * part * span for part in SHIFTS for sign in (-1.0, 1.0)), key=lambda s: cost(s, MAX_RANKING_STEPS))
+    best, width = (cost(shift, MAX_DESCENT_STEPS), shift), 0.5 * max(abs(shift) * 0.35, 0.005 * span)
     while width > 0.001 * span:
-        best = min(best, *((cost(best[1] + d, ROUNDS), best[1] + d) for d in (-width, width)))
+        best = min(best, *((cost(best[1] + d, MAX_DESCENT_STEPS), best[1] + d) for d in (-width, width)))
         width *= 0.5
     shift = best[1]
     late = "behind" if shift < 0.0 else "ahead of"

@@ -17,14 +17,14 @@ from thermid.fit.calibration import descend
 from thermid.fit.problem import Observation, Prior, Problem, Request, Unknown, build_problem
 from thermid.model.tree import Model, parameter_table
 
-BINS, FINE = 40, 4
+STRETCHES_PER_RECORD, INSTANTS_PER_STRETCH = 40, 4
 """Stretches into which every record is thinned, and instants in each at which the model is looked at."""
-FLOOR = 0.015
+HONEST_MISFIT_SHARE = 0.015
 """Standard deviation of what an honest model leaves, wandering over a fifth of a log, as a share of what the sensor ranged over. [-]"""
-STEP, STEP_AHEAD = 1.5, 0.02
+MAX_FIRST_STEP, STEP_AHEAD = 1.5, 0.02
 """Root mean square of a first step at most, in typical changes (a factor of 4.5 of a logarithm), and the step ahead that ends a descent, in
 standard errors."""
-ROUNDS, QUICK = 25, 4
+MAX_DESCENT_STEPS, MAX_RANKING_STEPS = 25, 4
 """Most steps of a descent, and of one that only ranks."""
 HEAT = tuple(unit(u).dimension for u in ("kg", "J/K", "J/(kg K)"))
 
@@ -249,7 +249,7 @@ class RoughFit:
         begun = [(values_before or {}).get(u.name, u.to_fitted(u.start)) for u in self.problem.unknowns]
         return np.array([*begun, *([0.0] if self.extra is not None else [])])
 
-    def best(self, *starts: Mapping[str, float] | None, rounds: int = ROUNDS) -> RoughEnd:
+    def best(self, *starts: Mapping[str, float] | None, rounds: int = MAX_DESCENT_STEPS) -> RoughEnd:
         """Return the best end of descents from several starts: the deck's, or those of another end by name.
 
         Raises
@@ -288,7 +288,7 @@ class RoughFit:
         # a further column c, cleared of what the slopes span, takes (c'r)^2 / (c'c + 1 / sd^2) off the squares
         return int(np.argmax((columns.T @ residuals) ** 2 / (np.sum(columns**2, axis=0) + 1.0 / sd**2)))
 
-    def solve(self, start: Array, rounds: int = ROUNDS) -> RoughEnd:
+    def solve(self, start: Array, rounds: int = MAX_DESCENT_STEPS) -> RoughEnd:
         """Return the end of a descent of at most some steps.
 
         Raises
@@ -306,7 +306,7 @@ class RoughFit:
             end = ends[x.tobytes()] = self.at(x)
             return end.cost, end.rows, end.slopes
 
-        reach = STEP * math.sqrt(len(scale))
+        reach = MAX_FIRST_STEP * math.sqrt(len(scale))
         descent = descend(local, start, (low, high), np.array(scale), done=STEP_AHEAD, relative=1e-4, rounds=rounds + 1, reach=reach)
         return ends[descent.x.tobytes()]
 
@@ -325,12 +325,12 @@ def _about_zero(u: Unknown, sd: float) -> Unknown:
 
 def _stretches(times: Array) -> tuple[Array, Array]:
     """Return the middle of every stretch of a record, and the edges between them; each holds readings. [s]"""
-    if times.size <= BINS:
+    if times.size <= STRETCHES_PER_RECORD:
         parts = list(times[:, None])
     elif np.ptp(np.diff(times)) < 0.5 * float(np.median(np.diff(times))):
-        parts = np.array_split(times, BINS)
+        parts = np.array_split(times, STRETCHES_PER_RECORD)
     else:
-        place = np.searchsorted(np.linspace(times[0], times[-1], BINS + 1)[1:-1], times, side="right")
+        place = np.searchsorted(np.linspace(times[0], times[-1], STRETCHES_PER_RECORD + 1)[1:-1], times, side="right")
         parts = [times[place == k] for k in np.unique(place)]
     between = [0.5 * (before[-1] + right[0]) for before, right in pairwise(parts)]
     return np.array([p.mean() for p in parts]), np.array([times[0], *between, times[-1]])
@@ -338,9 +338,9 @@ def _stretches(times: Array) -> tuple[Array, Array]:
 
 def _mesh(edges: Array) -> tuple[Array, NDArray[np.int64]]:
     """Return instants at which a record is simulated [s], and the stretch of each."""
-    share = (np.arange(FINE) + 0.5) / FINE
+    share = (np.arange(INSTANTS_PER_STRETCH) + 0.5) / INSTANTS_PER_STRETCH
     mesh = (edges[:-1, None] + share[None, :] * np.diff(edges)[:, None]).ravel()
-    return mesh, np.repeat(np.arange(edges.size - 1), FINE)
+    return mesh, np.repeat(np.arange(edges.size - 1), INSTANTS_PER_STRETCH)
 
 
 def _means(times: Array, values: Array, edges: Array) -> tuple[Array, NDArray[np.int64]]:
@@ -360,7 +360,7 @@ def _whitener(o: Observation, centres: Array, counts: NDArray[np.int64], edges: 
     steps = np.diff(values)
     noise = o.noise or max(1.4826 * float(np.median(np.abs(steps - np.median(steps)))) / math.sqrt(2.0), 0.02) if steps.size else 0.1
     spread = float(np.quantile(values, 0.98) - np.quantile(values, 0.02)) if values.size else 1.0
-    floor = max(FLOOR * spread, 0.5 * noise, 0.03)
+    floor = max(HONEST_MISFIT_SHARE * spread, 0.5 * noise, 0.03)
     span = max(float(edges[-1] - edges[0]), 1e-9)
     wander = floor**2 * np.exp(-np.abs(centres[:, None] - centres[None, :]) / (0.2 * span))
     own_noise = np.where(counts > 0, noise / np.sqrt(np.maximum(counts, 1)), 10.0 * max(spread, 1.0))

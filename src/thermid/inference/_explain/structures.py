@@ -31,9 +31,9 @@ from thermid.inference._explain.thresholds import (
     CHOSEN,
     EVALUATIONS,
     FREE_STEP,
+    MAX_SEPARATING_READINGS,
     PROMISED_STEP,
     SEARCHED,
-    SHOWN,
     TIE,
     WIDE_ERRORS,
 )
@@ -566,7 +566,7 @@ def telling_test(one: FittedStructure, other: FittedStructure) -> str:
     watts = {c.target or c.name: float(np.nanmax(c.values)) for c in driven}
     if not any(watts.values()):
         return "To decide, run a test with a known power; this log has none."
-    span, step = record.duration, max(record.step, record.duration / SHOWN)
+    span, step = record.duration, max(record.step, record.duration / MAX_SEPARATING_READINGS)
     tests: dict[str, tuple[float, Callable[[Array], Any]]] = {
         f"on at the highest power for {_hours(0.5 * span)}, then off for as long": (span, lambda t: t < 0.5 * span),
         f"on and off in turns of {_hours(0.05 * span)}, for {_hours(span)}": (span, lambda t: (t // (0.05 * span)) % 2 < 1),

@@ -43,21 +43,21 @@ MIN_DEFECT_WEIGHT: Final = 0.02
 """Weight beside the best below which a defect is left out. [-]"""
 TAKEN: Final = 0.25
 """Part of chi-square that a linearised step with a defect takes off, below which it is not worth its refits. [-]"""
-MIDDLE: Final = 0.5
+FIRST_SWITCH_POSITION: Final = 0.5
 """Where in the interval between two samples a power is taken to have changed at first. [-]"""
-MOST_CHANGES: Final = 20
+MAX_TIMED_CHANGES: Final = 20
 """Changes of a power up to which their instants matter; of more of them a shift of all is the clock's."""
 FAR_STEPS, FAR_PART = 8.0, 0.05
 """How far a clock may be off: in samples, and in lengths of the record, whichever is more. [-]"""
-MOST_STEPS: Final = 20_000
+MAX_REFIT_STEPS: Final = 20_000
 """Steps of one run after which a refit is given up."""
-REACH: Final = 100.0
+MAX_DEFECT_FACTOR: Final = 100.0
 """Factor from where they begin within which the values of a defect are looked for. [-]"""
-PATIENCE: Final = 60
+MAX_REFIT_EVALUATIONS: Final = 60
 """Evaluations after which a refit is given up."""
-REST: Final = 4.0
+MAX_START_DEVIATIONS: Final = 4.0
 """Standard deviations of noise and accuracy within which first readings and surroundings are one temperature. [-]"""
-MOST_UNKNOWNS, MOST_SAMPLES, MOST_NODES, MOST_RECORDS = 16, 20_000, 20, 4
+MAX_REFIT_UNKNOWNS, MAX_REFIT_SAMPLES, MAX_REFIT_NODES, MAX_REFIT_RECORDS = 16, 20_000, 20, 4
 """What a fit may hold for some ten refits of it to be worth their time."""
 
 # ---- diagnosis
@@ -92,7 +92,7 @@ DEGREE: Final = 1.8
 """Degrees Fahrenheit in a kelvin. [-]"""
 USUAL_ROOM: Final = (14.0, 34.0)
 """Readings at the start of a log that a room may have. [degC]"""
-NAMED: Final = 9.0
+MIN_NAMED_GAIN: Final = 9.0
 """Least gain in the logarithm of the posterior's height from which a mistake is named; chance and the search among many are in it. [-]"""
 MAX_MISFIT_LEFT: Final = 0.4
 """Part of the misfit, of readings and deck together, that a named mistake may leave. [-]"""
@@ -136,7 +136,7 @@ PROMISED_STEP: Final = 1.5
 """Standard deviation that a promise allows each logarithm, so that one step is not believed farther than it can be. [-]"""
 FREE_STEP: Final = 20.0
 """The same for a value that begins small and whose effect is proportional to it, over `PROMISED_STEP`. [-]"""
-SHOWN: Final = 400
+MAX_SEPARATING_READINGS: Final = 400
 """Most readings of a test that may separate two structures. [-]"""
 CHALLENGES: Final = 3
 """Structures of one mass more that are refitted at the end."""
@@ -158,7 +158,7 @@ BALANCE_STEP: Final = 1e-3
 
 # ---- weighing
 
-STRETCHES: Final = 240
+MAX_SEEN_STRETCHES: Final = 240
 """Stretches of time in which a trace of more readings is looked at, two readings in each at least: a lag or a delay shows in the first of
 them after a step. [-]"""
 WIDTHS: Final = (0.5, 1.0, 2.0)

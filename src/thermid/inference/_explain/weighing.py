@@ -16,7 +16,7 @@ from thermid.base.linear_algebra import Array
 from thermid.fit.problem import Problem
 from thermid.fit.uncertainty import binned, evidences
 from thermid.inference._explain.causes import SizedValue
-from thermid.inference._explain.thresholds import STRETCHES, WIDTHS
+from thermid.inference._explain.thresholds import MAX_SEEN_STRETCHES, WIDTHS
 
 
 @dataclass(frozen=True, eq=False)
@@ -75,7 +75,7 @@ def weighed_at(
     """
     from scipy.special import log_ndtr
 
-    pieces = [*binned(problem, fitted, loss, loss_scale, STRETCHES).values()]
+    pieces = [*binned(problem, fitted, loss, loss_scale, MAX_SEEN_STRETCHES).values()]
     is_sized = np.array([u.name in sizes for u in problem.unknowns], dtype=bool)
     values, slopes = problem.prior_rows(fitted)
     stated = ~slopes[:, is_sized].any(axis=1) if values.size else np.zeros(0, dtype=bool)

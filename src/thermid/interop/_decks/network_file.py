@@ -25,7 +25,7 @@ GROUP: Final[Mapping[str, float]] = {"value": 1.0, "min": 0.05, "max": 20.0}
 """A factor of all conductors that one statement of the deck's author made: what an analyst correlates."""
 TWOFOLD: Final = 2.0
 """How far an emissivity may move from its value in the file: conductors follow it to first order."""
-STEP: Final = 1e-9
+CYCLE_END_SHARE: Final = 1e-9
 """Share of a period over which the end of a cycle steps to its beginning."""
 
 
@@ -437,12 +437,14 @@ class FileCourse:
         """Return the course as a table of a scenario."""
         t, v = self.seconds, self.numbers * factor + offset
         if t.size > 1:  # two values at one time are a step
-            t = np.where(np.append(np.diff(t) == 0.0, False), t - STEP * (t[-1] - t[0]), t)
+            t = np.where(np.append(np.diff(t) == 0.0, False), t - CYCLE_END_SHARE * (t[-1] - t[0]), t)
         if self.period and t.size > 1:
-            if t[0] + self.period - t[-1] > STEP * self.period:  # a straight line from the last point to the first of the next period
+            if (
+                t[0] + self.period - t[-1] > CYCLE_END_SHARE * self.period
+            ):  # a straight line from the last point to the first of the next period
                 t, v = np.append(t, t[0] + self.period), np.append(v, v[0])
             elif v[-1] != v[0]:  # the end of the cycle steps to its beginning
-                t, v = np.append(t[:-1], (t[0] + (1.0 - STEP) * self.period, t[0] + self.period)), np.append(v, v[0])
+                t, v = np.append(t[:-1], (t[0] + (1.0 - CYCLE_END_SHARE) * self.period, t[0] + self.period)), np.append(v, v[0])
         values = [f"{number!r} [{unit}]" if unit else number for number in v.tolist()]
         table: dict[str, Any] = {"times": [f"{number!r} [s]" for number in t.tolist()], "values": values}
         return table | ({"after": "repeat"} if self.period and t.size > 1 else {"after": "hold", "before": "hold"})

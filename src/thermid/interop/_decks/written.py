@@ -18,7 +18,7 @@ from thermid.physics.constants import ICE_POINT, STEFAN_BOLTZMANN
 from thermid.simulation.network import ConductorRow
 from thermid.simulation.scenarios import Scenario
 
-LONGEST: Final = 24
+MAX_SUBMODEL_LETTERS: Final = 24
 """Letters of a submodel's name; SINDA/FLUINT takes 32."""
 
 
@@ -78,7 +78,7 @@ class _Deck:
         for node in (*w.network.nodes, *w.network.boundaries):
             # what an import named keeps its submodel and number; everything else is counted
             match = re.fullmatch(r"(?:(\w+)[._])?T(\d+)", node)
-            owner = (match[1] if match and match[1] else self.main).upper()[:LONGEST]
+            owner = (match[1] if match and match[1] else self.main).upper()[:MAX_SUBMODEL_LETTERS]
             number = int(match[2]) if match else 0
             while number == 0 or (owner, number) in taken:
                 number = 1 + max((n for o, n in taken if o == owner), default=0)
@@ -203,7 +203,7 @@ class _Esatan(_Deck):
     tool = "ESATAN"
 
     def __init__(self, w: Wired) -> None:
-        self.main = re.sub(r"\W", "_", w.network.title).upper()[:LONGEST] or "MODEL"
+        self.main = re.sub(r"\W", "_", w.network.title).upper()[:MAX_SUBMODEL_LETTERS] or "MODEL"
         super().__init__(w)
         # one model: numbers must differ over all of it
         numbers: set[int] = set()

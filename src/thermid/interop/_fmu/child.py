@@ -23,19 +23,19 @@ import numpy as np
 
 from thermid.base.errors import SolverError, ThermidError, cap
 from thermid.base.linear_algebra import Array
-from thermid.interop._fmu.host import ARRAYS, EVENTS, REFUSED, STEP, FmuDescribed, FmuSetting, InputCourse, fmpy_package, stride
+from thermid.interop._fmu.host import ARRAYS, DIFFERENCE_SHARE, EVENTS, REFUSED, FmuDescribed, FmuSetting, InputCourse, fmpy_package, stride
 from thermid.interop._fmu.process import NOTE, receive, send
 
 MOST_BYTES: Final = 1 << 40
 """Requests come from the session, which may ask for anything."""
 MOST_LETTERS: Final = 400
 """Of an error. What an FMU says of itself is cut there."""
-TOLERANCE: Final = 1e-8
+CVODE_TOLERANCE: Final = 1e-8
 """Relative tolerance that is asked of CVode, and of the FMU where it integrates itself."""
-MOST_STEPS: Final = 100_000
+MAX_CVODE_STEPS: Final = 100_000
 MOST_EVENTS: Final = 100_000
 """Events of a run, of which an FMU may announce the next without end."""
-NEAR: Final = 1e-9
+SAME_INSTANT: Final = 1e-9
 """Part of a run within which two instants are one. [-]"""
 _DOUBLES: Final = POINTER(c_double)
 
@@ -76,7 +76,7 @@ class _FmuRun(ABC):
         self.end = float(times[-1])
         self.driven, self.courses = list(setting.inputs), list(setting.inputs.values())
         jumps = np.unique(np.concatenate([np.zeros(0), *(c.jumps for c in self.courses)]))
-        self.jumps = jumps[(jumps > NEAR * self.end) & (jumps < self.end * (1.0 - NEAR))]
+        self.jumps = jumps[(jumps > SAME_INSTANT * self.end) & (jumps < self.end * (1.0 - SAME_INSTANT))]
         self.messages: list[str] = []
         self.stand: list[float] = []
         self.now = 0.0
@@ -107,13 +107,13 @@ class _FmuRun(ABC):
 
     def _begin(self) -> None:
         if self.file.second:
-            self.fmu.setupExperiment(tolerance=TOLERANCE, startTime=0.0, stopTime=None)
+            self.fmu.setupExperiment(tolerance=CVODE_TOLERANCE, startTime=0.0, stopTime=None)
         if self.setting.values:
             self.put(list(self.setting.values), [float(v) for v in self.setting.values.values()])
         if self.file.second:
             self.fmu.enterInitializationMode()
         else:
-            self.fmu.enterInitializationMode(tolerance=TOLERANCE, startTime=0.0)
+            self.fmu.enterInitializationMode(tolerance=CVODE_TOLERANCE, startTime=0.0)
         self.drive(0.0, 0.0)
         self.fmu.exitInitializationMode()
 
@@ -174,14 +174,14 @@ class _Exchange(_FmuRun):
             while True:
                 ahead = min(stop, due)
                 event = self._step(solver, ahead)
-                jump = stop <= due and not wanted and not event and self.now >= stop - NEAR * self.end
+                jump = stop <= due and not wanted and not event and self.now >= stop - SAME_INSTANT * self.end
                 if jump:
                     self.since = stop
-                if event or jump or (due <= stop and self.now >= due - NEAR * self.end):
+                if event or jump or (due <= stop and self.now >= due - SAME_INSTANT * self.end):
                     if self.ways and not jump:
                         raise EventsFound
                     due = self._event(solver)
-                if self.now >= stop - NEAR * self.end:
+                if self.now >= stop - SAME_INSTANT * self.end:
                     break
             if wanted:
                 outputs[place] = self.get(self.wanted) if self.wanted else []
@@ -228,7 +228,7 @@ class _Exchange(_FmuRun):
     def _step(self, solver: Any, to: float) -> bool:
         """Go on to a time, or to an event before it; return whether there was one."""
         event = False
-        if to - self.now > NEAR * self.end:
+        if to - self.now > SAME_INSTANT * self.end:
             event, _, self.now = solver.step(self.now, to)
             if not event:
                 self.now = to
@@ -256,8 +256,8 @@ class _Exchange(_FmuRun):
             input=self,
             startTime=0.0,
             maxStep=max(min(self.end / 50.0, 3.0 * finest), 1e-6 * self.end),
-            relativeTolerance=TOLERANCE,
-            maxNumSteps=MOST_STEPS,
+            relativeTolerance=CVODE_TOLERANCE,
+            maxNumSteps=MAX_CVODE_STEPS,
         )
 
     def apply(self, time: float) -> None:
@@ -295,7 +295,7 @@ class _Exchange(_FmuRun):
         whole = self._whole(pointer)
         for k, way in enumerate(self.ways):
             # a sensitivity counts to the tolerance of the state, moved by as much as a difference would move it
-            whole[(1 + k) * self.n : (2 + k) * self.n] = whole[: self.n] * STEP / stride(self.setting, way, self.end)
+            whole[(1 + k) * self.n : (2 + k) * self.n] = whole[: self.n] * DIFFERENCE_SHARE / stride(self.setting, way, self.end)
 
     def _derived(self, unknowns: Sequence[int], time: float | None = None) -> Array:
         """Return the derivatives (unknowns, ways) of some variables where the FMU stands."""
@@ -325,7 +325,7 @@ class _Steps(_FmuRun):
         rows = [self.get(self.wanted) if self.wanted else []]
         for begin, end in pairwise(grid):
             self.now = float(begin)
-            self.drive(0.5 * (begin + end), begin + NEAR * self.end)
+            self.drive(0.5 * (begin + end), begin + SAME_INSTANT * self.end)
             done = self.fmu.doStep(currentCommunicationPoint=float(begin), communicationStepSize=float(end - begin))
             if done is not None and done[1]:
                 raise SolverError("the FMU asked to end the simulation.", str(self.file.path))
@@ -336,7 +336,7 @@ class _Steps(_FmuRun):
     def _grid(self) -> Array:
         """Return the instants from one of which to the next it steps."""
         every: Array = np.unique(np.concatenate([[0.0, self.end], self.times, self.jumps]))
-        every = every[np.concatenate([[True], np.diff(every) > NEAR * self.end])]
+        every = every[np.concatenate([[True], np.diff(every) > SAME_INSTANT * self.end])]
         form = self.file.described.coSimulation
         fixed_step = getattr(form, "fixedInternalStepSize", None)
         if form.canHandleVariableCommunicationStepSize and fixed_step is None:
@@ -344,7 +344,7 @@ class _Steps(_FmuRun):
         # a fixed step of its own: communication points are multiples of it
         step = float(fixed_step) if fixed_step is not None else float(np.median(np.diff(every)))
         whole = max(1, round(float(np.median(np.diff(every))) / step)) * step
-        count = int(np.ceil(self.end / whole - NEAR)) + 1
+        count = int(np.ceil(self.end / whole - SAME_INSTANT)) + 1
         return np.asarray(np.linspace(0.0, (count - 1) * whole, count))
 
 

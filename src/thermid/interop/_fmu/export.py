@@ -34,7 +34,7 @@ from thermid.simulation.scenarios import Scenario
 from thermid.simulation.solver import Assembled, Engine, Wiring
 
 VERSIONS: Final = ("2.0", "3.0")
-LARGEST: Final = 5000
+MAX_KERNEL_NODES: Final = 5000
 """Nodes that the kernel's integrator takes."""
 _KELVIN, _WATT, _RATE = (unit(text).dimension for text in ("K", "W", "K/s"))
 _ENDING: Final = {"win32": ".dll", "darwin": ".dylib"}.get(sys.platform, ".so")
@@ -128,9 +128,10 @@ def to_fmu(model: Model, scenario: Scenario, to: str | Path, version: str = "3.0
         raise OutputError("the file of an FMU ends with .fmu: hosts know it by that.", str(to))
     library = _library()
     network = network_for(model, scenario)
-    if len(network.nodes) > LARGEST:
+    if len(network.nodes) > MAX_KERNEL_NODES:
         raise ThermidError(
-            f"an FMU takes at most {LARGEST} nodes; this model has {len(network.nodes)}. Reduce it first: thermid reduce.", model.title
+            f"an FMU takes at most {MAX_KERNEL_NODES} nodes; this model has {len(network.nodes)}. Reduce it first: thermid reduce.",
+            model.title,
         )
     wiring = Wiring(network, scenario, free_parameters(network, scenario))
     wiring.gone = ()  # parameters may change what elimination would rest on

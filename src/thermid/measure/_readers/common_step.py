@@ -14,15 +14,15 @@ import numpy as np
 
 from thermid.measure._record.channel import FloatArray
 
-POINTS, OFFSETS = 1500, 300
+MAX_COMPARED_READINGS, TRIED_OFFSETS = 1500, 300
 """Most readings that two courses are compared at, and offsets that are tried at first. [-]"""
 RESPONSES = (8, 5, 12)
 """First-order responses that stand for the way from a power to a thermometer; what they disagree by is an error of the offset. [-]"""
 SHARED = 0.5
 """Part of the shorter log that must overlap the other one. [-]"""
-EXPLAINED = 0.9
+MIN_EXPLAINED_SHARE = 0.9
 """Part of the squares that the other course must explain; two courses that wander explain half of each other by chance. [-]"""
-VAGUE = 0.1
+MAX_OFFSET_ERROR = 0.1
 """Error of an offset, in lengths of the shorter log, from which there is no step that both show. [-]"""
 FINER = 3
 """How often offsets are tried again, eight times as close about the best."""
@@ -106,7 +106,7 @@ def common_step(first: Sequence[LogCourse], second: Sequence[LogCourse]) -> Comm
         spread = float(np.std([f.offset for f in places]))
         offsets = [replace(f, error=float(np.hypot(f.error, spread))) if f in places else f for f in offsets]
     best = min(offsets, key=lambda f: f.error, default=None)
-    return best if best is not None and best.error <= VAGUE * length else None
+    return best if best is not None and best.error <= MAX_OFFSET_ERROR * length else None
 
 
 def _compared(a: LogCourse, b: LogCourse) -> CommonStep | None:
@@ -118,19 +118,19 @@ def _compared(a: LogCourse, b: LogCourse) -> CommonStep | None:
     shorter = SHARED * min(a.times[-1], b.times[-1])
     low, high = shorter - cause.times[-1], effect.times[-1] - shorter
     step = max(float(np.median(np.diff(a.times))), float(np.median(np.diff(b.times))))
-    offsets, spacing = np.linspace(low, high, OFFSETS + 1), (high - low) / OFFSETS
+    offsets, spacing = np.linspace(low, high, TRIED_OFFSETS + 1), (high - low) / TRIED_OFFSETS
     ways = _ways(effect, cause)
     first = _lowest(effect, ways[0], offsets)
-    if not 1.0 - _part_unexplained(effect, ways[0], first) >= EXPLAINED:
+    if not 1.0 - _part_unexplained(effect, ways[0], first) >= MIN_EXPLAINED_SHARE:
         return None
-    refined = [_refined_offset(effect, responses, first, spacing, step) for responses in ways]
-    error = max(_error(effect, responses, offset, step) for responses, offset in zip(ways, refined, strict=True))
+    refined_offsets = [_refined_offset(effect, responses, first, spacing, step) for responses in ways]
+    error = max(_error(effect, responses, offset, step) for responses, offset in zip(ways, refined_offsets, strict=True))
     return CommonStep(
-        sign * float(np.median(refined)),
-        float(np.hypot(error, np.std(refined))),
+        sign * float(np.median(refined_offsets)),
+        float(np.hypot(error, np.std(refined_offsets))),
         a.name,
         b.name,
-        1.0 - _part_unexplained(effect, ways[0], refined[0]),
+        1.0 - _part_unexplained(effect, ways[0], refined_offsets[0]),
     )
 
 
@@ -161,16 +161,16 @@ def _part_unexplained(effect: LogCourse, responses: Made, offset: float) -> floa
     rows, target = _rows(effect, responses, offset)
     if target.size < 4 * rows.shape[1] or float(np.ptp(rows[:, 2])) == 0.0:
         return 1.0
-    (without, _), (left, shares) = _solved(rows[:, :1], target), _solved(rows, target)
+    (without, _), (remaining, shares) = _solved(rows[:, :1], target), _solved(rows, target)
     if without <= 0.0 or (responses[1].shape[1] == 1 and shares[-1] <= 0.0):  # of one kind: what warms one place does not cool the other
         return 1.0
-    return left / without
+    return remaining / without
 
 
 def _rows(effect: LogCourse, responses: Made, offset: float) -> tuple[FloatArray, FloatArray]:
     """Return the rows of the linear model (readings, unknowns), constant and drift first, and the readings that they explain."""
     at, values = responses
-    thin = slice(None, None, max(1, effect.times.size // POINTS))
+    thin = slice(None, None, max(1, effect.times.size // MAX_COMPARED_READINGS))
     times, target = effect.times[thin], effect.values[thin]
     inside = (times >= offset) & (times <= offset + at[-1])
     times, target = times[inside], target[inside]
@@ -183,8 +183,8 @@ def _solved(rows: FloatArray, target: FloatArray) -> tuple[float, FloatArray]:
     scale = np.linalg.norm(rows, axis=0)
     scale[scale == 0.0] = 1.0
     shares = np.linalg.lstsq(rows / scale, target, rcond=None)[0] / scale
-    left = target - rows @ shares
-    return float(left @ left), shares
+    residuals = target - rows @ shares
+    return float(residuals @ residuals), shares
 
 
 def _error(effect: LogCourse, responses: Made, best: float, step: float) -> float:

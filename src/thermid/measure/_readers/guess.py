@@ -15,7 +15,7 @@ from thermid.measure._readers.columns import kelvin_sized, numbers
 from thermid.measure._readers.headers import name_and_unit
 from thermid.measure._readers.questions import begins_again, counts_time
 from thermid.measure._readers.textfile import Cells
-from thermid.measure._record.channel import OVERLOAD, SENSOR_FAULT_CODES, BoolArray, FloatArray, codes_of
+from thermid.measure._record.channel import MIN_OVERLOAD_READING, SENSOR_FAULT_CODES, BoolArray, FloatArray, codes_of
 
 _SURROUNDINGS: Final = re.compile(
     r"room|amb|air\b|_air|luft|raum|umgebung|sala|ambiente|\bar\b|shroud|bath|coolant|water|chamber|outdoor|outside|inlet|sky|"
@@ -66,7 +66,7 @@ class Column:
     @property
     def good(self) -> BoolArray:
         """Where a reading is one (samples,)."""
-        return np.asarray(np.isfinite(self.values) & (np.abs(self.values) < OVERLOAD) & ~np.isin(self.values, list(self.codes)))
+        return np.asarray(np.isfinite(self.values) & (np.abs(self.values) < MIN_OVERLOAD_READING) & ~np.isin(self.values, list(self.codes)))
 
 
 def columns_of(cells: Cells, decimal: str, times: tuple[int, ...]) -> list[Column]:
@@ -162,7 +162,7 @@ def _with_faults(column: Column) -> Column:
     values, heat = column.values, column.guess in ("temperature", "boundary")
     codes = codes_of(values, float(from_si(0.0, column.unit))) if heat else {}
     faults = Counter(codes[v] for v in values.tolist() if v in codes)
-    if not heat and (over := int(np.count_nonzero(np.isfinite(values) & (np.abs(values) >= OVERLOAD)))):
+    if not heat and (over := int(np.count_nonzero(np.isfinite(values) & (np.abs(values) >= MIN_OVERLOAD_READING)))):
         faults["overload or open sensor"] = over
     column = replace(column, codes=codes)
     good = np.flatnonzero(column.good)

@@ -24,7 +24,7 @@ from thermid.measure._record.channel import BoolArray, Channel, FloatArray, Orig
 from thermid.measure._record.record import Record
 from thermid.measure.amounts import amount
 
-OVERLOAD: Final = 9.9e36
+SCPI_OVERLOAD: Final = 9.9e36
 """What instruments with SCPI write for an overload or an open sensor is 9.9e37, of either sign; it is masked as infinite."""
 _SCALES: Final = ("degC", "K", "degF", "°C")
 
@@ -197,7 +197,7 @@ def _samples(cells: Cells, parsed: list[FloatArray | int], at: int) -> FloatArra
             cells.where(samples, name_and_unit(cells.header[at])[0]),
             code="record.not-a-number",
         )
-    return np.where(np.abs(samples) >= OVERLOAD, np.inf, samples)
+    return np.where(np.abs(samples) >= SCPI_OVERLOAD, np.inf, samples)
 
 
 def _power(cells: Cells, binding: Binding, parsed: list[FloatArray | int], times: FloatArray) -> Channel:

@@ -511,11 +511,11 @@ def within_log(record: Samples, time: object, what: str) -> None:
         )
 
 
-LEVELS: Final = 2
+MIN_SAMPLES_PER_LEVEL: Final = 2
 """Samples a level must have on average for readings to count as ones of steps."""
 ON_GRID: Final = 0.05
 """Part of a step by which the distance of two levels may miss a whole number of steps; one in ten may miss it by more, as spikes do."""
-DIGITS: Final = 6
+MAX_DECIMALS: Final = 6
 """Decimals down to which the last digit of a constant reading is looked for."""
 ORDERS: Final = (2, 4, 6)
 """Orders of the differences by which noise is told from what a signal does."""
@@ -534,7 +534,7 @@ def step_of(channel: Channel) -> float:
     levels, count = np.unique(np.round(readings, 6), return_counts=True)
     if levels.size == 1 and channel.quantity == "temperature" and readings.size >= SWITCHED:
         return _last_digit(float(readings[0]), channel.unit)
-    if not 1 < levels.size <= readings.size / LEVELS:
+    if not 1 < levels.size <= readings.size / MIN_SAMPLES_PER_LEVEL:
         return 0.0
     apart, weight = np.diff(levels), np.minimum(count[1:], count[:-1])
     # the lower quarter, because spikes leave wide gaps between levels, and fillers a few narrow ones
@@ -549,7 +549,7 @@ def _last_digit(value: float, text: str) -> float:
     """Return the step of the last decimal digit of a value in a unit; zero where it has more than six. [SI]"""
     of = read_unit(text)
     shown = (value - float(of.offset)) / float(of.factor)
-    for digits in range(DIGITS + 1):
+    for digits in range(MAX_DECIMALS + 1):
         if abs(shown * 10.0**digits - round(shown * 10.0**digits)) < 1e-6 * 10.0**digits:
             return float(of.factor) * 10.0**-digits
     return 0.0
@@ -590,7 +590,7 @@ def unrounded(times: FloatArray, values: FloatArray) -> FloatArray:
 
 SENSOR_FAULT_CODES: Final = {-127.0: "sensor lost (-127)", 85.0: "reset of a DS18B20 (85)"}
 """Codes of a common sensor, and what they stand for. [degC]"""
-OVERLOAD: Final = 1e6
+MIN_OVERLOAD_READING: Final = 1e6
 """A reading beyond it is the sign of an overload or an open sensor, 9.9e37 of a Keysight logger. [the column's unit]"""
 MAX_LEAP_OF_TEMPERATURE: Final = 2.0
 """Distance from the line between its neighbours up to which a known code may be a temperature. [the column's unit]"""
@@ -600,7 +600,7 @@ MIN_GAP_OF_CODE: Final = 500.0
 """The same for any value. [the column's unit]"""
 SELDOM: Final = 0.1
 """Part of the readings that a value has at most that stands alone and is not far. [-]"""
-FEWEST: Final = 8
+MIN_OTHER_READINGS: Final = 8
 """Readings besides it without which no value stands alone. [-]"""
 
 
@@ -616,8 +616,8 @@ def codes_of(values: FloatArray, zero: float = -273.15) -> dict[float, str]:
     zero : float                Absolute zero in that unit.
     """
     finite = values[np.isfinite(values)]
-    out = {float(v): "overload or open sensor" for v in np.unique(finite[np.abs(finite) >= OVERLOAD])}
-    readings = finite[np.abs(finite) < OVERLOAD]
+    out = {float(v): "overload or open sensor" for v in np.unique(finite[np.abs(finite) >= MIN_OVERLOAD_READING])}
+    readings = finite[np.abs(finite) < MIN_OVERLOAD_READING]
     if not readings.size:
         return out
     out |= {code: words for code, words in SENSOR_FAULT_CODES.items() if np.any(readings == code) and _leaps(readings, code)}
@@ -643,7 +643,7 @@ def _alone(values: FloatArray) -> float | None:
     for end in (float(values.max()), float(values.min())) if values.size else ():
         here = values == end
         others = values[~here]
-        if others.size < FEWEST:
+        if others.size < MIN_OTHER_READINGS:
             continue
         gap = float(np.abs(others - end).min())
         brief = np.mean(here) <= SELDOM and not here[0] and not here[-1]

@@ -15,7 +15,7 @@ from thermid.base.linear_algebra import Array, Indices
 
 TERMS = 32
 """Terms of the series; what is left of it is no more than a fiftieth of the variance and counts as white."""
-FINE = 1e-4
+NEGLIGIBLE_TERM_SHARE = 1e-4
 """Part of the first term below which further ones do not count."""
 BLURS = 61
 """Values of the blur that are tried, up to one step."""
@@ -44,7 +44,7 @@ def shared_rounding(path: Array, step: float, blur: float, place: Indices, size:
     own : float                             That variance. [K^2]
     """
     sizes = _terms(step, blur)
-    terms = np.flatnonzero(sizes > FINE * step**2 / (2.0 * np.pi**2))
+    terms = np.flatnonzero(sizes > NEGLIGIBLE_TERM_SHARE * step**2 / (2.0 * np.pi**2))
     columns = []
     for m in terms:
         phase = 2.0 * np.pi * (m + 1) / step * (path - path[0])

@@ -24,7 +24,7 @@ from thermid.model._deck.rows import Reader, rows_of_file
 from thermid.model._laws.signal import literal
 from thermid.model._parts.kinds import KINDS
 
-WORST: Final = 0.3
+MAX_TWO_RESISTOR_ERROR: Final = 0.3
 """Largest error of a junction's rise by a two-resistor model, as a share, in comparisons with detailed models (DELPHI project;
 Lasance); JESD15-3 (2008) defines the model and states no bound. From memory: check before quoting. [-]"""
 WHY_WORST: Final = "in published worst cases two-resistor models are wrong by up to 30 % of the junction's temperature rise"
@@ -124,7 +124,13 @@ class PackageTable(StrictTable):
                 continue
             way = theta.removeprefix("theta_")
             values.take(theta, raw)
-            values.parameters[f"deviation_{way}"] = {"value": 0, "min": -WORST, "max": WORST, "source": "published", "basis": WHY_WORST}
+            values.parameters[f"deviation_{way}"] = {
+                "value": 0,
+                "min": -MAX_TWO_RESISTOR_ERROR,
+                "max": MAX_TWO_RESISTOR_ERROR,
+                "source": "published",
+                "basis": WHY_WORST,
+            }
             conductors[way] = {"kind": "conduction", "between": [here, there], "resistance": f"{theta}*(1 + deviation_{way})"}
         for psi in READINGS:
             if getattr(self, psi) is not None:

@@ -13,15 +13,15 @@ from thermid.base.linear_algebra import Array, Indices
 from thermid.model._laws.curves import Curve, hermite
 from thermid.model._laws.options import Source
 
-FINEST: Final = 1e-3
+MIN_POINT_DISTANCE: Final = 1e-3
 """Points stand no closer than this: a kink is rounded over it. [K]"""
 MAX_POINTS: Final = 20_000
 """Points of one table, beyond which the function is refused."""
 WATCH: Final = 0.1
 """Distance of the points at which the function is looked at before anything is known of it. [K]"""
-FLAT: Final = 1e-3
+ERROR_FLOOR_SHARE: Final = 1e-3
 """Share of the largest value below which errors count relative to that share, so that a zero needs no end of points."""
-NUDGE: Final = 1e-5
+SLOPE_STEP: Final = 1e-5
 """Step of the differences that give slopes. [K]"""
 
 
@@ -108,11 +108,11 @@ class _CheckedFunction:
 
     def slopes(self, at: Array, low: float, high: float) -> Array:
         """Return the slopes (points,) by central differences, of second order at the ends too, where they lean inward."""
-        middle = np.clip(at, low + NUDGE, high - NUDGE)
-        below, right = middle - NUDGE, middle + NUDGE
+        middle = np.clip(at, low + SLOPE_STEP, high - SLOPE_STEP)
+        below, right = middle - SLOPE_STEP, middle + SLOPE_STEP
         before, here, after = self(below), self(middle), self(right)
         slope = (after - before) / (right - below)
-        bend = (after - 2.0 * here + before) / NUDGE**2
+        bend = (after - 2.0 * here + before) / SLOPE_STEP**2
         return np.asarray(slope + np.where(at == middle, 0.0, bend * (at - middle)))
 
 
@@ -131,10 +131,10 @@ def _refined(checked: _CheckedFunction, x: Array, tolerance: float) -> tuple[Arr
         largest = max(largest, float(np.abs(real).max()))
         old = opened[_interval(x, watch)]
         at, want = np.concatenate((fresh, watch[old])), np.concatenate((real, watched[old]))
-        wrong = np.abs(hermite(x, y, d, at)[0] - want) > tolerance * np.maximum(np.abs(want), FLAT * largest)
+        wrong = np.abs(hermite(x, y, d, at)[0] - want) > tolerance * np.maximum(np.abs(want), ERROR_FLOOR_SHARE * largest)
         coarse = np.unique(_interval(x, at[wrong]))
-        halve = coarse[width[coarse] > FINEST]
-        _refuse_jumps(checked, x, coarse[width[coarse] <= FINEST], largest)
+        halve = coarse[width[coarse] > MIN_POINT_DISTANCE]
+        _refuse_jumps(checked, x, coarse[width[coarse] <= MIN_POINT_DISTANCE], largest)
         if not halve.size:
             return x, y, d
         if x.size + halve.size > MAX_POINTS:

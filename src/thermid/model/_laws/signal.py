@@ -27,11 +27,11 @@ SAMPLES = ("instant", "average")
 """What a sample of a log is: the value at its stamp, or the mean over the interval that ends there."""
 SINE_SAMPLES = 400
 """Samples of a period where a sine must become a table: within 3e-5 of its amplitude. [-]"""
-JUMP = 1e-6
+JUMP_TIME = 1e-6
 """Time in which a held value jumps where it meets one that is not held. [s]"""
 END_TOLERANCE = 1e-12
 """Share of a run by which times of an edge and of its end may differ. [-]"""
-BEND = 2e-5
+MAX_LINE_ERROR_SHARE = 2e-5
 """Share of a signal's range by which straight lines may miss what follows from other signals. [-]"""
 MOST_HALVINGS = 8
 """Times that a stretch is halved until straight lines do."""
@@ -352,7 +352,7 @@ class TableSignal:
         times = self.drawn(end).times if self.after == "repeat" else self.times
         if not self.hold or times.size < 2:
             return times
-        moment = min(JUMP, 0.25 * float(np.diff(times).min()))
+        moment = min(JUMP_TIME, 0.25 * float(np.diff(times).min()))
         return np.union1d(times, times[1:] - moment)
 
     def mean_over(self, begin: float, end: float) -> float:
@@ -482,7 +482,7 @@ class Mixed:
 
     law: Callable[..., Array]
     parts: tuple[Signal, ...]
-    bend: float = BEND
+    bend: float = MAX_LINE_ERROR_SHARE
 
     @property
     def span(self) -> Span:
@@ -625,7 +625,7 @@ def in_run(signal: Signal, end: float) -> Drawn:
             if drawn.values[last] == drawn.values[following]
             else replace(drawn, times=drawn.times[before], values=drawn.values[before])
         )
-    if drawn.times[following] - drawn.times[last] <= 2.0 * JUMP:  # a jump that is written as a steep line
+    if drawn.times[following] - drawn.times[last] <= 2.0 * JUMP_TIME:  # a jump that is written as a steep line
         values = drawn.values.copy()
         values[following:] = values[last]
         return replace(drawn, values=values)
@@ -737,7 +737,7 @@ def _straightened(law: Callable[[Array], Array], times: Array, bend: float) -> t
         middles = 0.5 * (times[1:] + times[:-1])
         mine = law(middles)
         size = max(float(np.ptp(values)), 1e-300)
-        bent = (np.abs(mine - 0.5 * (values[1:] + values[:-1])) > bend * size) & (np.diff(times) > 2.0 * JUMP)
+        bent = (np.abs(mine - 0.5 * (values[1:] + values[:-1])) > bend * size) & (np.diff(times) > 2.0 * JUMP_TIME)
         if not bent.any():
             break
         order = np.argsort(np.concatenate((times, middles[bent])), kind="stable")
@@ -878,8 +878,8 @@ def own_signal(value: Any, where: str = "") -> Any:
         raise error.located(where) from None
     if of is None:
         return signal(value, "1", where)
-    own = signal(value, TEMPERATURE if of.unit.absolute else of.unit.text, where)
-    return replace(own, unit=of.unit.text) if isinstance(own, TableSignal | Sine) else own
+    parsed = signal(value, TEMPERATURE if of.unit.absolute else of.unit.text, where)
+    return replace(parsed, unit=of.unit.text) if isinstance(parsed, TableSignal | Sine) else parsed
 
 
 def _column(values: Any, slot: str, where: str) -> Array:

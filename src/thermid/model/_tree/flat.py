@@ -596,10 +596,10 @@ def still(flat: Flat) -> dict[str, str]:
 
 def surrounding(flat: Flat) -> frozenset[str]:
     """Return the nodes, boundaries among them, that surfaces, gaps and leads convect to, and that have no surface of their own."""
-    found = {face.to for face in flat.faces.values() if face.exchange}
-    found |= {c.gas for c in flat.conductors if (c.path.endswith(".gap") and c.kind == "convection") or c.kind in ("duct", "heat_sink")}
-    found |= {c.gas for c in flat.conductors if c.kind == "lead" and {"htc", "effective_htc"} & set(c.fields)}
-    return frozenset(found) - {face.node for face in flat.faces.values()}
+    gases = {face.to for face in flat.faces.values() if face.exchange}
+    gases |= {c.gas for c in flat.conductors if (c.path.endswith(".gap") and c.kind == "convection") or c.kind in ("duct", "heat_sink")}
+    gases |= {c.gas for c in flat.conductors if c.kind == "lead" and {"htc", "effective_htc"} & set(c.fields)}
+    return frozenset(gases) - {face.node for face in flat.faces.values()}
 
 
 def streams_of(conductors: Iterable[FlatConductor]) -> tuple[FlatConductor, ...]:

@@ -103,9 +103,9 @@ def _local_identities(model: Tree, owner: str) -> dict[str, Identity]:
     of = dict(instances(model))
     copies = Counter(of.values())
     out: dict[str, Identity] = {}
-    for (who, local, laid), paths in classes.items():
+    for (who, local, is_separated), paths in classes.items():
         row = rows[paths[0]]
-        if laid and states[who, local] > 1:  # a stage below separated this instance from its twins
+        if is_separated and states[who, local] > 1:  # a stage below separated this instance from its twins
             one = Identity(owner, paths[0], tuple(paths), APART)
         else:
             twin = any(copies[of[p]] > 1 for p in _prefixes(paths[0]) if p in of)

@@ -245,8 +245,8 @@ def _joints(model: Tree, after: Tree, path: str, values: ParameterSet, keep: fro
             if kind not in INTERFACE or row not in new_parameters.table or inside(row, path):
                 continue
             # the number behind a field if it acts on nothing elsewhere; empty where the field needs a number of its own
-            own = [p for p in _roots(values, row) if not any(q in beside.shared for q in values.downstream([p]))]
-            root = own[0] if len(own) == 1 else ""
+            own_roots = [p for p in _roots(values, row) if not any(q in beside.shared for q in values.downstream([p]))]
+            root = own_roots[0] if len(own_roots) == 1 else ""
             at = root or row
             if at in done or row in done:
                 continue

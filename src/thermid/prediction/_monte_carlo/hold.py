@@ -36,7 +36,7 @@ from thermid.values.store import LeftOut
 MONTE_CARLO = 0.95
 """Two-sided probability of the intervals that say what the number of members leaves open. [-]"""
 NO_MISFIT = "the residuals of the fit are no larger than their noise"
-NAMED = 0.05
+MIN_NAMED_SHARE = 0.05
 """Share below which a driver is not named in a sentence. [-]"""
 
 
@@ -328,7 +328,7 @@ def _filled(
 
 def driven_by(point: HoldPoint) -> str:
     """Return what drives a limit, in words."""
-    return ", ".join(f"{d.name} ({100 * d.share:.0f} %)" for d in point.drivers[:5] if d.share >= NAMED)
+    return ", ".join(f"{d.name} ({100 * d.share:.0f} %)" for d in point.drivers[:5] if d.share >= MIN_NAMED_SHARE)
 
 
 @dataclass(frozen=True, eq=False)

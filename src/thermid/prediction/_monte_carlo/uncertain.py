@@ -35,7 +35,7 @@ from thermid.simulation.solver import MemberTurnings, Options
 from thermid.values.fitted import FittedValues
 from thermid.values.store import Choice, LeftOut, Source, model_standing
 
-STEP = 1800.0
+START_TIME_STEP = 1800.0
 """Step of start times where none is given. [s]"""
 
 
@@ -61,7 +61,7 @@ def starts(spec: Any, scenario: Scenario) -> tuple[list[float], tuple[str, ...],
     if not isinstance(spec, Mapping) or not {"low", "high"} <= set(spec) <= {"low", "high", "step", "stays"}:
         raise ScenarioError('write { low = "0 [h]", high = "6 [h]", step = "30 [min]" }.', where)
     low, high = (literal(spec[k], "s", where) for k in ("low", "high"))
-    step = literal(spec["step"], "s", where) if "step" in spec else STEP
+    step = literal(spec["step"], "s", where) if "step" in spec else START_TIME_STEP
     if not (0.0 <= low <= high and step > 0.0 and (high - low) / step <= 1000.0):
         raise ScenarioError("start times must increase from zero or later, in at most 1000 steps.", where)
     times = np.arange(low, high + 1e-9 * step, step).tolist()
@@ -72,8 +72,8 @@ def starts(spec: Any, scenario: Scenario) -> tuple[list[float], tuple[str, ...],
     return times, stays, remarks if still and len(times) > 1 else ()
 
 
-SAMPLES = 121
-CHUNK = 500
+TIMES_OF_RUN = 121
+MEMBERS_PER_CHUNK = 500
 
 Values = Calibration | FittedValues | Spread
 
@@ -89,7 +89,7 @@ def plan_runs(
     seed: int = 0,
     nodes: Sequence[str] | None = None,
     every: str | float | None = None,
-    chunk: int = CHUNK,
+    chunk: int = MEMBERS_PER_CHUNK,
     options: Options | None = None,
 ) -> tuple[Job, tuple[str, ...]]:
     """Return what `uncertain_runs` would run, and what a reader must know."""
@@ -115,7 +115,7 @@ def plan_runs(
     points = [n.path for n in network.flat.nodes if n.reference_point]
     wanted = nodes if nodes is not None else points or [n for n in network.nodes if network.numbers().capacitances.get(n) is not None]
     nodes_kept = tuple(dict.fromkeys(network.find(n) for n in wanted))
-    grid = output_times(first, every, None if every is not None else np.linspace(0.0, first.seconds, SAMPLES))
+    grid = output_times(first, every, None if every is not None else np.linspace(0.0, first.seconds, TIMES_OF_RUN))
     return Job(budget, variants, nodes_kept, grid, seed, chunk, options or Options(), version("thermid")), (*remarks, *budget.remarks)
 
 
@@ -219,9 +219,9 @@ class UncertainRuns(Result):
         sources = job.budget.drawn(job.budget.numbers(job.seed, 0, members))
         chosen = job.budget.chosen(sources)
         out: dict[str, Array] = {}
-        for k, (_, own) in enumerate(job.budget.weighted_ways):
+        for k, (_, way) in enumerate(job.budget.weighted_ways):
             here = np.flatnonzero(chosen == k)
-            setting = Setting.of_budget(own, scenario=job.scenarios[0], times=job.times, options=job.options)
+            setting = Setting.of_budget(way, scenario=job.scenarios[0], times=job.times, options=job.options)
             for name, values in setting.member_values(sources[:, here]).items():
                 out.setdefault(name, np.zeros(members))[here] = values
         return out | ({AVERAGED: chosen.astype(float)} if len(job.budget.ways) > 1 else {})
@@ -234,7 +234,7 @@ class UncertainRuns(Result):
     @property
     def not_counted(self) -> str:
         """What a reader must know first: what members do not count and could matter; empty where nothing is."""
-        errors = [float(self._kept(n)[:, -1].std()) for n in self.nodes] if self.reached.size else []
+        errors = [float(self._kept_temperatures(n)[:, -1].std()) for n in self.nodes] if self.reached.size else []
         return first_line(self.left_out, min(errors, default=0.0))
 
     @cached_property
@@ -256,7 +256,7 @@ class UncertainRuns(Result):
             # beside the straight model at the same draws, so that their number does not count
             lines = [w.linear.run[n].kelvin[:, None] + w.linear.columns[n][:-1] @ sources[:, chosen == k] for k, w in enumerate(ways)]
             straight = np.concatenate(lines, axis=1).mean(axis=1)
-            moved[n] = {c: v[:-1] for c, v in shifts.items()} | {BENT: self._kept(n).mean(axis=0) - straight}
+            moved[n] = {c: v[:-1] for c, v in shifts.items()} | {BENT: self._kept_temperatures(n).mean(axis=0) - straight}
         return centre_words(moved, job.times)
 
     @cached_property
@@ -281,9 +281,9 @@ class UncertainRuns(Result):
             raise ScenarioError(
                 f"only the first {self.whole} of {len(self)} members were kept whole. Give keep=True to keep all.", self.title
             )
-        return self._kept(node)
+        return self._kept_temperatures(node)
 
-    def _kept(self, node: str) -> Array:
+    def _kept_temperatures(self, node: str) -> Array:
         return self._followed(node)[0]
 
     def _followed(self, node: str) -> tuple[Array, MemberTurnings | None]:
@@ -307,7 +307,11 @@ class UncertainRuns(Result):
 
         Where members were counted it is read off counts and may be wrong by `quantile_error`.
         """
-        return self._counted(node, share)[0][..., :-2] if self.counts else np.asarray(np.quantile(self._kept(node), share, axis=0))
+        return (
+            self._counted(node, share)[0][..., :-2]
+            if self.counts
+            else np.asarray(np.quantile(self._kept_temperatures(node), share, axis=0))
+        )
 
     def quantile_error(self, node: str, share: Any) -> Array:
         """Return by how much `quantile` may be wrong because members were counted in bins: half a bin; zero where they were kept. [K]"""
@@ -315,14 +319,14 @@ class UncertainRuns(Result):
 
     def highest_quantile(self, node: str, share: Any) -> Array:
         """Return the highest temperature of the run, between samples too, below which that of a share of the members lies. [degC]"""
-        found = self._counted(node, share)[0][..., -2] if self.counts else np.quantile(self.furthest(node), share)
-        return np.asarray(found - ICE_POINT)
+        highest = self._counted(node, share)[0][..., -2] if self.counts else np.quantile(self.furthest(node), share)
+        return np.asarray(highest - ICE_POINT)
 
     def _counted(self, node: str, share: Any) -> tuple[Array, Array]:
         """Return quantiles of the rows of a node, and by how much each may be wrong. [K]"""
-        self._kept(node)
-        found, error = self.counts[self.job.model.canonical(node)].read(share)
-        return found, error
+        self._kept_temperatures(node)
+        quantiles, error = self.counts[self.job.model.canonical(node)].read(share)
+        return quantiles, error
 
     def turnings_of(self, node: str) -> MemberTurnings | None:
         """Return the turning points of a node between samples in the members that reached the end; None where they were not followed."""
@@ -402,7 +406,7 @@ def uncertain_runs(
     keep: bool = False,
     folder: str | os.PathLike[str] | None = None,
     executor: Workers = None,
-    chunk: int = CHUNK,
+    chunk: int = MEMBERS_PER_CHUNK,
     progress: Progress | None = None,
     options: Options | None = None,
 ) -> UncertainRuns:
@@ -450,19 +454,23 @@ def uncertain_runs(
     wanted = _limits_of(job, limits)
     store = JobFolder.below(folder, job.key()) if folder is not None else None
     campaign = MemberRuns(job, n, n if keep else job.whole(n), wanted, store, executor, progress)
-    return _told(campaign, campaign.sample(), remarks)
+    return _runs_of_members(campaign, campaign.sample(), remarks)
 
 
 def _limits_of(job: Job, limits: Mapping[str, Any] | None) -> tuple[Limit, ...]:
     named = limits_of(limits, job.model.title) if limits else []
-    found = tuple(dict.fromkeys(Limit(job.model.canonical(name), SIDES[side], kelvin) for name, side, kelvin in named))
+    limits_of_job = tuple(dict.fromkeys(Limit(job.model.canonical(name), SIDES[side], kelvin) for name, side, kelvin in named))
     refuse_unknown(
-        [x.node for x in found], job.nodes, job.model.title, "'{}' has a limit and was not stored. Name it in 'nodes'.", NameNotFoundError
+        [x.node for x in limits_of_job],
+        job.nodes,
+        job.model.title,
+        "'{}' has a limit and was not stored. Name it in 'nodes'.",
+        NameNotFoundError,
     )
-    return found
+    return limits_of_job
 
 
-def _told(campaign: MemberRuns, sample: Sequence[Chunk], remarks: tuple[str, ...]) -> UncertainRuns:
+def _runs_of_members(campaign: MemberRuns, sample: Sequence[Chunk], remarks: tuple[str, ...]) -> UncertainRuns:
     """Return what the members say: the first kept whole, the others run and counted."""
     job, n, whole = campaign.job, campaign.members, campaign.whole
     failed = {m: why for c in sample for m, why in c.failed.items()}
@@ -470,7 +478,7 @@ def _told(campaign: MemberRuns, sample: Sequence[Chunk], remarks: tuple[str, ...
     if whole < n and len(failed) == whole:
         n, remarks = whole, (*remarks, f"none of the first {whole} members reached the end, so the other {n - whole} were not run")
     elif whole < n:
-        table = CountTable.of(job, campaign.limits, sample)
+        table = CountTable.of_pilot(job, campaign.limits, sample)
         first = [(c.first, table.counted(job, c)) for c in sample]
         counted = Counted.gathered(chain(first, campaign.others(table)), n)
     if counted.failed:
@@ -485,8 +493,8 @@ def _told(campaign: MemberRuns, sample: Sequence[Chunk], remarks: tuple[str, ...
     turnings, blind = _turnings(job, sample)
     campaign.say(0)
     passed = dict(zip(campaign.limits, counted.rows.get("crossings", ()), strict=False))
-    told = (counted.failed, counted.tallies, passed, campaign.reused, (*remarks, *blind))
-    return UncertainRuns(job, n, temperatures, turnings, *told)
+    outcome = (counted.failed, counted.tallies, passed, campaign.reused, (*remarks, *blind))
+    return UncertainRuns(job, n, temperatures, turnings, *outcome)
 
 
 def _turnings(job: Job, ordered: Sequence[Chunk]) -> tuple[dict[str, MemberTurnings], tuple[str, ...]]:
@@ -505,4 +513,4 @@ def kept_members(job: Job, members: int, limits: Mapping[str, Any] | None, folde
     if folder is None:
         return 0
     campaign = MemberRuns(job, members, job.whole(members), _limits_of(job, limits), JobFolder.below(folder, job.key()), None, None)
-    return campaign.kept()
+    return campaign.members_in_folder()

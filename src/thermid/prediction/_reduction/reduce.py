@@ -27,7 +27,7 @@ from thermid.simulation.network import ConductorRow, Network, Numbers, conductan
 from thermid.simulation.runs import Solution, network_for, simulate
 from thermid.simulation.scenarios import STEADY, Scenario, Start
 
-SAMPLES = 201
+COMPARED_SAMPLES = 201
 """Samples of a run by which reductions are compared."""
 MIN_LINK_SHARE = 1e-9
 """Conductance beside the largest below which a link that elimination made is rounding. [-]"""
@@ -147,7 +147,7 @@ def _share(network: Network, run: Solution, node: str) -> tuple[float, float, fl
         )
     course = run[node].kelvin
     low, high = float(course.min()), float(course.max())
-    share = heat_store.share(np.linspace(low, high, SAMPLES))
+    share = heat_store.share(np.linspace(low, high, COMPARED_SAMPLES))
     level = heat_store.level(np.array([low, high]))
     mean = float((level[1] - level[0]) / (high - low)) if high - low > 1e-6 else float(share[0])
     return mean, float(share.min()), float(share.max())
@@ -210,8 +210,8 @@ class Drive:
     @classmethod
     def of_run(cls, part: Subnetwork, network: Network, run: Solution, settled: bool) -> Drive:
         """Return that of a run."""
-        times = np.linspace(run.times[0], run.times[-1], SAMPLES)
-        powers = np.zeros((SAMPLES, len(part.nodes)))
+        times = np.linspace(run.times[0], run.times[-1], COMPARED_SAMPLES)
+        powers = np.zeros((COMPARED_SAMPLES, len(part.nodes)))
         for load in network.flat.loads:
             if load.node in part.nodes:
                 powers[:, part.nodes.index(load.node)] += np.interp(times, run.times, run.load_powers[load.path])

@@ -34,13 +34,13 @@ from thermid.simulation.solver import Assembled, Engine, Options, Traces, Wiring
 
 TAIL = 1e6
 """Time for which the conditions at the end of a course can be held. [s]"""
-SHORT: Final = 60.0
+SIMULATED_WINDOW: Final = 60.0
 """Window of a rule that names none, on a simulated trace. [s]"""
-SAMPLES: Final = 60
+OUTPUTS_PER_WINDOW: Final = 60
 """Outputs within the window of a rule that names one."""
 MAX_OUTPUTS: Final = 3000
 """Outputs of one stretch of waiting."""
-WITHIN: Final = 30
+MIN_OUTPUTS_PER_AVERAGE: Final = 30
 """Outputs within the time that temperatures are averaged over, at least."""
 PUMP_POINTS = 25
 """Points of a pressure that falls or rises by equal factors."""
@@ -325,7 +325,7 @@ class Wanted:
     @property
     def window(self) -> float:
         """The window over which changes are taken. [s]"""
-        return self.rule.window or SHORT
+        return self.rule.window or SIMULATED_WINDOW
 
 
 def wait(leg: Leg, state: Array, wanted: Wanted) -> Reached:
@@ -338,9 +338,9 @@ def wait(leg: Leg, state: Array, wanted: Wanted) -> Reached:
     """
     if wanted.average and wanted.rule.stored:
         raise ScenarioError(f"'{wanted.rule.name}' does not apply to averages. Use a rule on the rate, or no average.", wanted.where)
-    step = wanted.window / (SAMPLES if wanted.rule.window else 1)
+    step = wanted.window / (OUTPUTS_PER_WINDOW if wanted.rule.window else 1)
     if wanted.average:
-        step = wanted.average / max(WITHIN, math.ceil(wanted.average / step))
+        step = wanted.average / max(MIN_OUTPUTS_PER_AVERAGE, math.ceil(wanted.average / step))
     times, traces = np.zeros(1), state[None, :]
     reach = 2.0 * (wanted.window + wanted.average)
     while True:

@@ -19,18 +19,18 @@ from thermid.base.memo import Memo
 from thermid.measure.records import FloatArray
 from thermid.measure.steadiness import effective_samples
 
-BINS: Final = 120
+MEDIANS_OF_READINGS: Final = 120
 """Medians that stand for the readings."""
 SKIP: Final = 0.3
 """Share of the stretch whose beginning is left to the fast parts, which two exponentials do not describe; decision 067 has the figures."""
 FASTEST: Final = 1.0 / 12.0
 """Shortest time constant tried, over the stretch."""
-STEPS: Final = 12
+TIME_CONSTANTS_PER_DECADE: Final = 12
 """Time constants tried in each factor of ten."""
-BEND: Final = 0.1
+CURVATURE_ERROR_SHARE: Final = 0.1
 """Error of the change that is still to come, as a share of it: coefficients that grow with differences bend the exponentials. A natural
 convection with an exponent of 1/4 changes by a tenth over the last third of an approach. [-]"""
-BENT: Final = 0.005
+CURVATURE_SHARE_OF_READINGS: Final = 0.005
 """The same within the readings, as a share of the change in them: what cannot be told from noise. [-]"""
 SCALES: Final = np.exp(0.2 * np.linspace(-2.0, 2.0, 9))
 """Factors on time constants that a model gives: it is trusted to 20 %."""
@@ -119,7 +119,7 @@ class Approach:
         means = np.einsum("pt,pt->p", terms, self.means)
         variances = np.einsum("pt,ptu,pu->p", terms, self.covariances, terms) * self._spread_factor**2
         stands = np.einsum("pt,pt->p", self._terms(self.now), self.means)
-        variances = variances + (BEND * (means - stands)) ** 2
+        variances = variances + (CURVATURE_ERROR_SHARE * (means - stands)) ** 2
         # the wander that the fit leaves is there at any later time too
         variances = variances + self.noise**2 + (self.scatter**2 if reading else 0.0)
         return Mixture(self.weights, means, np.sqrt(variances))
@@ -179,7 +179,7 @@ def approach(
     slowest: float,
     time_constants: Sequence[float] = (),
     room: tuple[FloatArray, FloatArray] | None = None,
-    bent: float = BENT,
+    bent: float = CURVATURE_SHARE_OF_READINGS,
 ) -> Approach:
     """Return what readings under constant conditions say about their end.
 
@@ -223,12 +223,12 @@ def _medians(times: FloatArray, kelvin: FloatArray, begin: float) -> tuple[Float
     """Return times and medians of bins, and the scatter of readings about them (by their median deviation). [s], [K], [K]"""
     late = times >= begin
     t, y = times[late], kelvin[late]
-    if t.size <= BINS:
+    if t.size <= MEDIANS_OF_READINGS:
         steps = np.diff(y)
         return t, y, float(np.median(np.abs(steps)) / 0.6745 / 2.0**0.5) if steps.size else 0.0
-    edges = np.linspace(t[0], t[-1], BINS + 1)
-    index = np.clip(np.searchsorted(edges, t, side="right") - 1, 0, BINS - 1)
-    groups = [index == k for k in range(BINS)]
+    edges = np.linspace(t[0], t[-1], MEDIANS_OF_READINGS + 1)
+    index = np.clip(np.searchsorted(edges, t, side="right") - 1, 0, MEDIANS_OF_READINGS - 1)
+    groups = [index == k for k in range(MEDIANS_OF_READINGS)]
     filled = [g for g in groups if g.any()]
     axis = np.array([t[g].mean() for g in filled])
     # a mean of the middle half resists spikes as a median does, and is not bound to the steps of a sensor
@@ -256,7 +256,7 @@ def _pairs(span: float, slowest: float) -> FloatArray:
     """Return pairs of time constants (pairs, 2), the slower one second. [s]"""
     fast = span * FASTEST
     top = max(slowest, 3.0 * fast)
-    count = max(3, round(STEPS * np.log10(top / fast)) + 1)
+    count = max(3, round(TIME_CONSTANTS_PER_DECADE * np.log10(top / fast)) + 1)
     grid = np.geomspace(fast, top, count)
     return np.array([(a, b) for i, a in enumerate(grid) for b in grid[i + 2 :]])
 

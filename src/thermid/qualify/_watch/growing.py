@@ -30,14 +30,14 @@ RAW: Final = 1200.0
 MIN_READINGS: Final = 240
 """Readings that stay at least, however far apart."""
 RECENT: Final = 4800.0
-"""What is averaged over `BLOCK` at most: twice the window of the filter. [s]"""
-MIDDLE: Final = 60.0
+"""What is averaged over `MAX_BLOCK` at most: twice the window of the filter. [s]"""
+MEAN_WINDOW: Final = 60.0
 """What is averaged where a longer stretch is not complete. [s]"""
-BLOCK: Final = 2.0
+MAX_BLOCK: Final = 2.0
 """Readings closer than this are averaged for fit and filter; a node that is ten times as slow moves by 0.04 % less than its mean. [s]"""
-SHARE: Final = 1000.0
+AVERAGES_PER_LOG: Final = 1000.0
 """Part of a short log over which its readings are averaged at most."""
-FINE: Final = 250.0
+ROWS_PER_E_FOLD: Final = 250.0
 """Rows in which the time since the beginning grows by e."""
 MAX_ROWS: Final = 6000
 """Rows of averages at most, beyond which powers are averaged too."""
@@ -49,7 +49,7 @@ RARE: Final = 0.05
 """Part of the readings up to which those far from their neighbours are spikes."""
 SWITCHED: Final = 8.0
 """Usual changes between neighbours from which a power counts as switched."""
-GAP: Final = 300.0
+MIN_GAP: Final = 300.0
 """Without readings from which on the state of the unit is open, and ten times their interval. [s]"""
 MINUTE: Final = 60.0
 """Between the moments at which a log is judged. [s]"""
@@ -59,7 +59,7 @@ MIN_NOISE: Final = 0.05
 """Noise of a reading at least, where nobody stated it. [K]"""
 CALM: Final = 600.0
 """Without a switch of a power before one that begins another plateau; powers that cycle faster do not. [s]"""
-CHUNK: Final = 1 << 18
+CHUNK_BYTES: Final = 1 << 18
 """Bytes that are read at once."""
 MAX_UNREAD_LINES: Final = 20
 """Lines that a log is read from, or its refusal is said."""
@@ -131,8 +131,8 @@ def _raw_step(record: Record) -> float:
 def _begins(since: Array, changed: Array, alone: Bools, step: float, raw: float, block: float) -> Places:
     """Return the samples that begin a stretch, of times since the beginning and since a power changed [s]; each stretch is complete."""
     age, every = since[-1] - since, np.arange(since.size)
-    wide = np.floor(FINE * np.log1p(changed / (FINE * max(step, BLOCK))))
-    middle, short = (_stretches(since, size, step) for size in (MIDDLE, max(block, _block(float(since[-1])))))
+    wide = np.floor(ROWS_PER_E_FOLD * np.log1p(changed / (ROWS_PER_E_FOLD * max(step, MAX_BLOCK))))
+    middle, short = (_stretches(since, size, step) for size in (MEAN_WINDOW, max(block, _block(float(since[-1])))))
     out, done = [], 0
     for place, far in ((wide, RECENT), (middle, RECENT), (short, max(raw, MIN_READINGS * step) if raw else -1.0)):
         firsts = np.flatnonzero((np.diff(place, prepend=-1.0) != 0.0) | alone)
@@ -150,7 +150,7 @@ def _stretches(since: Array, size: float, step: float) -> Array:
 
 def _block(duration: float) -> float:
     """Return over how long readings of a log of a length are averaged, halved while the log is short. [s]"""
-    return float(BLOCK * 2.0 ** min(0.0, np.floor(np.log2(max(duration, 1e-9) / (SHARE * BLOCK)))))
+    return float(MAX_BLOCK * 2.0 ** min(0.0, np.floor(np.log2(max(duration, 1e-9) / (AVERAGES_PER_LOG * MAX_BLOCK)))))
 
 
 def blocked(record: Record, least: float = 0.0) -> Record:
@@ -196,12 +196,12 @@ def without_spikes(record: Record) -> Record:
 
 
 def smoothed(record: Record) -> Record:
-    """Return a record whose logged powers are means over `MIDDLE` between their switches: the noise of a power meter heats nothing."""
+    """Return a record whose logged powers are means over `MEAN_WINDOW` between their switches: the noise of a power meter heats nothing."""
     since, smooth_powers = record.times - record.times[0], []
     for c in record.channels.values():
         if c.quantity == "power" and c.held and c.valid.all() and found_noise(c) > 0.0:
             jumps = np.cumsum(_switched(c))
-            begins = np.flatnonzero((np.diff(jumps, prepend=-1) != 0) | (np.diff(np.floor(since / MIDDLE), prepend=-1.0) != 0.0))
+            begins = np.flatnonzero((np.diff(jumps, prepend=-1) != 0) | (np.diff(np.floor(since / MEAN_WINDOW), prepend=-1.0) != 0.0))
             count = np.diff(begins, append=since.size)
             smooth_powers.append(replace(c, values=np.repeat(np.add.reduceat(c.values, begins) / count, count)))
     return record.with_channels(*smooth_powers) if smooth_powers else record
@@ -209,7 +209,7 @@ def smoothed(record: Record) -> Record:
 
 def gap_from(record: Record) -> float:
     """Return the time without readings from which on the state of the unit is open. [s]"""
-    return max(GAP, 10.0 * record.step)
+    return max(MIN_GAP, 10.0 * record.step)
 
 
 def after_gaps_left_out(record: Record) -> Record:
@@ -428,7 +428,7 @@ class GrowingLog:
         """Take the next piece; whether there was one."""
         with self.path.open("rb") as file:
             file.seek(self._at)
-            piece = file.read(min(CHUNK, size - self._at))
+            piece = file.read(min(CHUNK_BYTES, size - self._at))
         piece = piece[: piece.rfind(b"\n") + 1]
         if not self._at and (b"\0" in piece[:4096] or piece[:2] == b"\x1f\x8b"):
             self.whole = True

@@ -18,10 +18,10 @@ from thermid.base.linear_algebra import Array, covariance
 from thermid.fit.calibration import minimise
 from thermid.fit.problem import Bench, Compressed, Experiment, Prior, Unknown, bind
 from thermid.measure.records import Record, step_of
-from thermid.measure.steadiness import CORRELATED, StabilityRule, effective_samples
+from thermid.measure.steadiness import MIN_INDEPENDENT_SHARE, StabilityRule, effective_samples
 from thermid.model.tree import Model
 from thermid.physics.constants import ICE_POINT
-from thermid.qualify._steadiness.forecast import FEWEST, EndForecast, IntervalEstimate
+from thermid.qualify._steadiness.forecast import MIN_FORECAST_READINGS, EndForecast, IntervalEstimate
 from thermid.qualify._watch.growing import MIN_NOISE
 from thermid.qualify._watch.suspects import suspects_of
 from thermid.simulation.scenarios import Scenario
@@ -29,13 +29,13 @@ from thermid.simulation.solver import Options, Traces, kept_for, settle
 
 TRUST: Final = 0.3
 """Prior spread of conductances, coefficients and powers about the deck's, of their logarithm: readings decide where they say more."""
-STORED: Final = 0.1
+CAPACITANCE_SPREAD: Final = 0.1
 """The same of capacitances, which masses and tables give."""
 SENSOR: Final = 0.2
 """Prior spread of a sensor's constant error where no accuracy is stated. [K]"""
-BENT: Final = 0.03
+CURVATURE_SHARE_OF_LAWS: Final = 0.03
 """Error of the change that is still to come, as a share of it, for laws that bend otherwise than the model's. [-]"""
-FIRST: Final = 8
+MIN_READINGS_TO_FIT: Final = 8
 """Readings of every channel from which values are fitted; a forecast needs more."""
 DONE_STEP: Final = 0.05
 """Part of a standard error below which a step ahead ends the fit."""
@@ -84,7 +84,7 @@ class LiveFit:
         ------
         SolverError, RecordError   When the model cannot follow the record.
         """
-        enough = all(np.count_nonzero(record.channel(n).valid) >= FIRST for n in channels)
+        enough = all(np.count_nonzero(record.channel(n).valid) >= MIN_READINGS_TO_FIT for n in channels)
         new_fit = _Fit(bind(self.model, record, self._until(record), errors={}), record, self.values) if enough else None
         if new_fit is not None:
             new_fit.run()
@@ -108,7 +108,7 @@ class LiveFit:
         if self._last is None or self._last[:2] != (now, tuple(channels)):
             self.fit(record, channels)
         last_fit = self._last[2] if self._last is not None else None
-        if last_fit is None or any(np.count_nonzero(record.channel(n).valid) < FEWEST for n in channels):
+        if last_fit is None or any(np.count_nonzero(record.channel(n).valid) < MIN_FORECAST_READINGS for n in channels):
             return {}
         return {n: _forecast(n, record, end, rule, within, level) for n, end in last_fit.ends(rule, level).items() if n in channels}
 
@@ -212,7 +212,7 @@ class _Fit:
             scatter = float(np.sqrt(r @ r / free))
             self.sizes[k] = max(scatter, self.steps[k] / 12.0**0.5, 1e-4) * np.sqrt(r.size / worth)
             self.worth += worth
-            if worth < CORRELATED * r.size:
+            if worth < MIN_INDEPENDENT_SHARE * r.size:
                 self.wander[self.sensors[k].sensor] = max(self.sizes[k] / self.sensors[k].sigma({self.sensors[k].sensor: MIN_NOISE}), 1.0)
 
     def ends(self, rule: StabilityRule, level: float) -> dict[str, Settled]:
@@ -233,7 +233,7 @@ class _Fit:
             slope[:count] = traces.slope(o.node)[0] * scale
             slope[count + k] = 1.0
             now = float(courses[0, k]) + bias
-            variance = float(slope @ self.inverse @ slope) + (BENT * (end - now)) ** 2 + self.steps[k] ** 2 / 12.0
+            variance = float(slope @ self.inverse @ slope) + (CURVATURE_SHARE_OF_LAWS * (end - now)) ** 2 + self.steps[k] ** 2 / 12.0
             half = _quantile(level, self.worth - count) * float(np.sqrt(variance))
             holds = _holds(ahead, courses[:, k], rule, rates)
             at = None if holds is None else float(self.record.times[0]) + holds
@@ -268,7 +268,7 @@ def unknowns_of(experiment: Experiment) -> tuple[tuple[str, ...], Array, Array, 
         if "capacitance" in node.fields:
             path = parameters.literal_behind(node.fields["capacitance"])
             if number(path) > 0.0:
-                rows.setdefault(path, (number(path), STORED, True))
+                rows.setdefault(path, (number(path), CAPACITANCE_SPREAD, True))
     rows = {n: r for n, r in rows.items() if r[0] > 0.0}
     first = experiment.scenario.initial
     for name in (*experiment.loose, *experiment.hidden):

@@ -39,14 +39,14 @@ from thermid.qualify._watch.growing import (
     switches,
     without_spikes,
 )
-from thermid.qualify._watch.live_fit import STORED, TRUST, unknowns_of
+from thermid.qualify._watch.live_fit import CAPACITANCE_SPREAD, TRUST, unknowns_of
 from thermid.qualify._watch.stopping import WAIT, StopAdvice, Stopping
 from thermid.qualify._watch.suspects import SuspectValue, ambients_of, suspects_of
 from thermid.simulation.network import compile_network
 from thermid.simulation.scenarios import Scenario
 from thermid.simulation.solver import Traces, settle
 
-JUMP: Final = 8.0
+MIN_JUMP_CHANGES: Final = 8.0
 """Usual changes between neighbours by which a reading that jumps exceeds them, all at once, while what it measures cannot."""
 LEAST_JUMP: Final = 3.0
 """The same at least. [K]"""
@@ -114,7 +114,7 @@ def pending(record: Record, names: Sequence[str]) -> bool:
 def _min_jump(steps: Array) -> float:
     """Return the step between neighbours that counts as a jump. [K]"""
     usual = max(float(np.median(np.abs(steps))) / 0.6745, float(np.quantile(np.abs(steps), 0.9)) / 1.645, 1e-3)
-    return max(JUMP * usual, LEAST_JUMP)
+    return max(MIN_JUMP_CHANGES * usual, LEAST_JUMP)
 
 
 def _of_readings(name: str, times: Array, kelvin: Array, valid: Bools, changed: Array) -> Alarm | None:
@@ -172,14 +172,15 @@ OFF: Final = 10.0
 CHANGE: Final = 1.0
 """By which a suspected value is changed either way for its signature, of its logarithm."""
 FITTED: Final = (
-    f"the structure of the deck; its conductances, coefficients and powers to {100 * TRUST:g} %, its capacitances to {100 * STORED:g} %"
+    f"the structure of the deck; its conductances, coefficients and powers to {100 * TRUST:g} %, "
+    f"its capacitances to {100 * CAPACITANCE_SPREAD:g} %"
 )
 """What a fit to the readings takes as given."""
-STRANGE: Final = 4.0
+MIN_CAUSE_DEVIATIONS: Final = 4.0
 """Mean of neighbouring innovations, in its standard deviations, from which a cause is looked for: a gain of `CERTAIN` is a mean of 6."""
 STANDS: Final = 300.0
 """Between the beliefs from which a closer look can begin. [s]"""
-UNKNOWN: Final = 10.0
+SPREAD_AFTER_GAP: Final = 10.0
 """Spread of every node after a gap. [K]"""
 MORE: Final = 0.5
 """By how much such a mean must exceed that of the last closer look, where that found no cause, before the next one."""
@@ -436,13 +437,13 @@ class Watcher:
         """Return the nodes as they are now, and what the model's suspects explain that no other values of the model do."""
         f = self._passed(record, names)
         self._cleared = min(self._cleared, f.largest)
-        if self._named or f.largest <= max(STRANGE, self._cleared + MORE):
+        if self._named or f.largest <= max(MIN_CAUSE_DEVIATIONS, self._cleared + MORE):
             return self._nodes, []
         if not fitted and self._fitted(after_gaps_left_out(record), names, False):
             f = self._passed(record, names)
         settling = self.stopping.settling
         alarms = []
-        if f.largest > STRANGE and (settling is None or settling.values):
+        if f.largest > MIN_CAUSE_DEVIATIONS and (settling is None or settling.values):
             begin, belief = f.stands[0]
             alarms = self._window(
                 self._without_broken(blocked(whole, min(CLOSER, f.fastest / 5.0)), names).trim(begin, "end"), belief
@@ -469,7 +470,7 @@ class Watcher:
         if not gaps.size or f.belief is None:
             return f
         mean = f.belief.mean
-        return _Filter(float(times[gaps[-1]]), Belief(mean, UNKNOWN * np.eye(mean.shape[1])[None]))
+        return _Filter(float(times[gaps[-1]]), Belief(mean, SPREAD_AFTER_GAP * np.eye(mean.shape[1])[None]))
 
     def _without_broken(self, record: Record, names: Sequence[str]) -> Record:
         """Return a record without the channels that are broken."""

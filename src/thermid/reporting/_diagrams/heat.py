@@ -25,7 +25,7 @@ LETTERS: Final = 11.0
 """Size of letters. [px]"""
 SIGN: Final = 0.26
 """How much wider a plus or an arrow is than other signs, in letters' size. [-]"""
-TALL: Final = 46.0
+CHIP_HEIGHT: Final = 46.0
 """Height of a chip. [px]"""
 MOST_APART: Final = 112.0
 """Height of a row of chips at most. [px]"""
@@ -149,7 +149,7 @@ def _chips(
         if i != j:
             weight[i, j] = weight[j, i] = weight[i, j] + 1.0
     room = size[1] - SCALE
-    lines = max(1, min(round(math.sqrt(0.62 * len(keys))), int(room // (TALL + 14.0))))
+    lines = max(1, min(round(math.sqrt(0.62 * len(keys))), int(room // (CHIP_HEIGHT + 14.0))))
     columns, rows, spots = grid(weight, lines, (1.0, 0.8))
     wide, high = size[0] / columns, min(room / rows, MOST_APART)
     into: dict[str, float] = {}
@@ -211,13 +211,13 @@ def _lines(links: Mapping[tuple[str, str], float], of: Mapping[str, Chip], chips
 
 def _edge(chip: Chip, along: np.ndarray) -> tuple[float, float]:
     """Return where a line from the middle of a chip leaves it."""
-    far = min(0.5 * chip.width / max(abs(along[0]), 1e-9), 0.5 * TALL / max(abs(along[1]), 1e-9))
+    far = min(0.5 * chip.width / max(abs(along[0]), 1e-9), 0.5 * CHIP_HEIGHT / max(abs(along[1]), 1e-9))
     return chip.x + far * float(along[0]), chip.y + far * float(along[1])
 
 
 def _drawn(chip: Chip, shown: Mapping[str, float]) -> Iterator[str]:
     """Yield a chip: name, temperature, heat in and heat to the boundaries."""
-    x_left, top = chip.x - 0.5 * chip.width, chip.y - 0.5 * TALL
+    x_left, top = chip.x - 0.5 * chip.width, chip.y - 0.5 * CHIP_HEIGHT
     heat = [f"+{quantity(chip.power, 'W', 2)}"] if chip.power else []
     heat += [f"\u2192 {quantity(chip.lost, 'W', 2)}"] if abs(chip.lost) > 5e-4 else []
     lines = (
@@ -227,7 +227,7 @@ def _drawn(chip: Chip, shown: Mapping[str, float]) -> Iterator[str]:
     )
     tip = f"<title>{escape(', '.join(chip.nodes))}</title>"
     yield (
-        f'<rect class="chip" x="{x_left:.1f}" y="{top:.1f}" width="{chip.width:.1f}" height="{TALL:g}" rx="6" '
+        f'<rect class="chip" x="{x_left:.1f}" y="{top:.1f}" width="{chip.width:.1f}" height="{CHIP_HEIGHT:g}" rx="6" '
         f'style="fill:{tint(chip.kelvin, shown)};stroke:var(--f-soft,#556172)">{tip}</rect>'
     )
     for k, (text, look) in enumerate(lines):

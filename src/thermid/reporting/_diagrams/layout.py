@@ -11,7 +11,7 @@ from dataclasses import dataclass, field
 
 from thermid.model.tree import Flat, FlatConductor, Tree
 
-PAD, HEADER, GAP, WIDE_GAP, MARGIN = 12.0, 26.0, 16.0, 40.0, 14.0
+BOX_PAD, BOX_HEADER, BOX_GAP, WIDE_GAP, MARGIN = 12.0, 26.0, 16.0, 40.0, 14.0
 PORT, LOAD_PORT, LOAD_WIDTH = 19.0, 34.0, 104.0
 NARROW = "iljtfrI.,:;'|()[] "
 
@@ -112,8 +112,8 @@ class DiagramLayout:
 
     def box_edges(self, box: Box) -> tuple[float, float]:
         """Left and right edge of a box. [px]"""
-        inset = PAD * box.depth
-        return MARGIN + inset, self.frame if box.depth == 0 else self.right + PAD * (1 + self.depth - box.depth)
+        inset = BOX_PAD * box.depth
+        return MARGIN + inset, self.frame if box.depth == 0 else self.right + BOX_PAD * (1 + self.depth - box.depth)
 
     @property
     def depth(self) -> int:
@@ -211,11 +211,11 @@ def _ports(wires: Sequence[Wire], rows: Mapping[str, Row]) -> None:
 def _stack(box: Box, rows: Mapping[str, Row], y: float, straight: Mapping[tuple[str, str], list[Wire]]) -> float:
     """Give every box and row its place from y down; return the end of the box."""
     box.y = y
-    y += HEADER
+    y += BOX_HEADER
     for k, item in enumerate(box.items):
         if k:
             joined = straight.get((_ends(box.items[k - 1])[1], _ends(item)[0]), [])
-            gap = WIDE_GAP if joined else GAP
+            gap = WIDE_GAP if joined else BOX_GAP
             for wire in joined:
                 wire.label_y = y + gap / 2
             y += gap
@@ -224,7 +224,7 @@ def _stack(box: Box, rows: Mapping[str, Row], y: float, straight: Mapping[tuple[
         else:
             rows[item].y = y
             y += rows[item].height
-    box.bottom = y + PAD
+    box.bottom = y + BOX_PAD
     return box.bottom
 
 
@@ -272,17 +272,17 @@ def arrange(flat: Flat, values: Mapping[str, str], notes: Mapping[str, str], fol
     bottom = _stack(root, rows, top, straight)
     _label_lanes(wires, rows)
     depth = max(b.depth for b in root.boxes())
-    x_left = MARGIN + PAD * (depth + 1) + LOAD_WIDTH
+    x_left = MARGIN + BOX_PAD * (depth + 1) + LOAD_WIDTH
     texts = [(p.rpartition(".")[2], notes.get(p, "")) for p in rows]
     column = min(210.0, max(118.0, *(24 + max(width_of(a, 13), width_of(b)) for a, b in texts)))
     right = x_left + column
-    x = right + PAD * (depth + 1) + 10
+    x = right + BOX_PAD * (depth + 1) + 10
     lanes = []
     for lane in range(1 + max((w.lane for w in wires if w.way == "lane"), default=-1)):
         lanes.append(x)
         x += 16 + min(110.0, max(max(width_of(w.name), width_of(w.value)) for w in wires if w.way == "lane" and w.lane == lane))
     to_rails = [width_of(f"{w.name}  {w.value}") for w in wires if w.way in ("rail", "rails")]
-    frame = x + 8 + min(240.0, max([*to_rails, 20.0])) + PAD
+    frame = x + 8 + min(240.0, max([*to_rails, 20.0])) + BOX_PAD
     rails, at = {}, frame + 22
     used = {b: sum(b in w.rails for w in wires) for b in flat.names.boundaries}
     for name in sorted(used, key=lambda b: -used[b]):

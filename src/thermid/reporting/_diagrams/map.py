@@ -18,7 +18,7 @@ from thermid.reporting._diagrams.layout import clipped, width_of
 from thermid.reporting._diagrams.places import Card, MapPlaces, Point, places
 from thermid.simulation.network import Numbers, compile_network
 
-SMALLEST: Final = 10.5
+MIN_LETTER_SIZE: Final = 10.5
 """Letters of badges and labels. [px]"""
 NAME: Final = 11.0
 """Letters of names. [px]"""
@@ -75,7 +75,7 @@ class _Badge:
     @property
     def width(self) -> float:
         """Of its box. [px]"""
-        return _room(self.text, SMALLEST) + 12.0
+        return _room(self.text, MIN_LETTER_SIZE) + 12.0
 
 
 @dataclass(frozen=True)
@@ -338,10 +338,10 @@ def _row(item: _Item, x: float, y: float, dark: str, key: str, bold: bool) -> It
             x += _room(words, NAME) + 8.0
     for badge in item.badges:
         yield f'<rect class="badge" x="{x:.1f}" y="{y - 7:.1f}" width="{badge.width:.1f}" height="14" rx="7"/>'
-        yield _text(x + 5.0, y + 3.5, badge.text, SMALLEST, "", badge.tip)
+        yield _text(x + 5.0, y + 3.5, badge.text, MIN_LETTER_SIZE, "", badge.tip)
         x += badge.width + 5.0
     if item.more:
-        yield _text(x, y + 3.5, f"+{item.more}", SMALLEST, f"m-soft{dark}")
+        yield _text(x, y + 3.5, f"+{item.more}", MIN_LETTER_SIZE, f"m-soft{dark}")
 
 
 def _labels(drawing: _Drawing, plan: MapPlaces) -> Iterator[str]:
@@ -353,13 +353,13 @@ def _labels(drawing: _Drawing, plan: MapPlaces) -> Iterator[str]:
         if abs(drawing.heat[pair]) <= FAINT * most:
             continue
         words = quantity(abs(drawing.heat[pair]), "W", 2)
-        wide = _room(words, SMALLEST) + 8.0
+        wide = _room(words, MIN_LETTER_SIZE) + 8.0
         for x, y in _along(plan.lines[pair]):
             box = (x - 0.5 * wide, y - 8.0, x + 0.5 * wide, y + 7.0)
             inside = box[0] >= 0.0 and box[2] <= plan.width and box[1] >= 0.0
             if inside and all(box[2] <= t[0] or t[2] <= box[0] or box[3] <= t[1] or t[3] <= box[1] for t in taken):
                 taken.append(box)
-                place = f'x="{x:.1f}" y="{y + 3.5:.1f}" text-anchor="middle" font-size="{SMALLEST:g}"'
+                place = f'x="{x:.1f}" y="{y + 3.5:.1f}" text-anchor="middle" font-size="{MIN_LETTER_SIZE:g}"'
                 yield f'<text {place} class="halo label">{escape(words)}</text>'
                 break
 

@@ -148,7 +148,7 @@ def _charts(campaign: Campaign) -> Iterator[Plot]:
             if c.sensor:
                 ratio, met = cells.get((test, c.sensor), (0.0, True))
                 cells[test, c.sensor] = (max(ratio, c.used), c.passed if c.used >= ratio else met)
-    most = (correlation.MOST_ROWS, correlation.MOST_COLUMNS)
+    most = (correlation.MAX_ROWS_OF_PICTURE, correlation.MOST_COLUMNS)
     counts = sorted((len({k[i] for k in cells}) for i in (0, 1)), reverse=True)
     more = f" The worst of {counts[0]} and {counts[1]}." if counts[0] > most[0] or counts[1] > most[1] else ""
     if cells:

@@ -464,7 +464,7 @@ def inputs(calibration: Calibration) -> Table:
 
 MAX_VALUES_AT_TOP, LINES = 8, 5
 """Fitted values, and remarks of each kind, at the top; the rest stands below."""
-VAGUE = 0.25
+MAX_KNOWN_HALF_WIDTH = 0.25
 """Relative half-width of an interval from which a value counts as hardly known."""
 
 
@@ -583,7 +583,7 @@ def _unknown(campaign: Campaign) -> Iterator[tuple[str, str]]:
             elif at_bound(value):
                 yield f"{value.path} ended at its {at_bound(value)} bound, so its standard error is not meaningful.", c.stage
         widths = [(_half(value), value.path) for value in c.values.parameters.values()]
-        vague = sorted((pair for pair in widths if VAGUE < pair[0] < math.inf), reverse=True)
+        vague = sorted((pair for pair in widths if MAX_KNOWN_HALF_WIDTH < pair[0] < math.inf), reverse=True)
         if vague:
             yield f"Poorly determined (95 %): {_some([f'{path} ± {number(100 * half, 2)} %' for half, path in vague])}.", c.stage
         twins = [f"{a} with {b}" for a, b, _ in _twins(c)]

@@ -1,7 +1,7 @@
 """Charts as SVG whose lines can be read back: whole numbers on a grid, scaled by the panel, so that a page's script needs no second copy.
 
-Every line lies on a grid of `GRID` by `GRID` steps over its panel, written as differences: small, and as exact as a hundredth of a
-per cent of the axis. The script of a page zooms by the panel's scale and reads values back from the same numbers.
+Every line lies on a grid of `PANEL_GRID_STEPS` by `PANEL_GRID_STEPS` steps over its panel, written as differences: small, and as exact
+as a hundredth of a per cent of the axis. The script of a page zooms by the panel's scale and reads values back from the same numbers.
 """
 
 from __future__ import annotations
@@ -18,9 +18,9 @@ from numpy.typing import NDArray
 
 from thermid.base.linear_algebra import Array
 
-GRID = 10_000
+PANEL_GRID_STEPS = 10_000
 """Steps of the grid of a panel, each way."""
-POINTS, MAX_POINTS_OF_FIGURE = 400, 24_000
+POINTS_PER_LINE, MAX_POINTS_OF_FIGURE = 400, 24_000
 """Points of a line, and of a figure."""
 
 
@@ -77,7 +77,7 @@ class Panel:
     zero: bool = False
 
 
-def thinned(values: Array, limit: int = POINTS) -> NDArray[np.int64]:
+def thinned(values: Array, limit: int = POINTS_PER_LINE) -> NDArray[np.int64]:
     """Return the positions of at most `limit` samples that look like all of them: the ends, lowest and highest of each stretch.
 
     Parameters
@@ -142,7 +142,7 @@ def chart(panels: Sequence[Panel], *, key: str, label: str, x_name: tuple[str, s
     edge, right, top, bottom, gap = 54.0, 8.0, 8.0, 38.0, 12.0
     every = [line.x for p in panels for line in p.lines]
     ends = min(float(x.min()) for x in every), max(float(x.max()) for x in every)
-    limit = min(POINTS, MAX_POINTS_OF_FIGURE // max(len(every), 1))
+    limit = min(POINTS_PER_LINE, MAX_POINTS_OF_FIGURE // max(len(every), 1))
     samples = _together(panels, limit)
     whole = height - top - bottom - gap * (len(panels) - 1)
     out = []
@@ -220,13 +220,13 @@ def _panel(
     middle = top + height / 2
     name = ", ".join(t for t in (p.name, p.unit) if t)
     ends = " ".join(f"{v:.9g}" for v in (*x_ends, low, high))
-    flat = "".join(f"M0 {scale.down(level)}h{GRID}" for level in p.levels)
+    flat = "".join(f"M0 {scale.down(level)}h{PANEL_GRID_STEPS}" for level in p.levels)
     return (
         f'<g class="panel" data-box="{x_left:g} {top:.1f} {width:g} {height:.1f}" data-ends="{ends}" data-unit="{escape(p.unit)}">'
         f'<path class="grid" d="{rules}" style="fill:none;stroke:var(--f-grid,#e3e8ee)"/><g class="ticks">{"".join(texts)}</g>'
         f'<text transform="translate(11 {middle:.1f})rotate(-90)" text-anchor="middle">{escape(name)}</text>'
         f'<clipPath id="{key}"><path d="M{x_left:g} {top:.1f}h{width:g}v{height:.1f}h-{width:g}z"/></clipPath><g clip-path="url(#{key})">'
-        f'<g class="view" transform="translate({x_left:g} {top:.1f})scale({width / GRID:.7g} {height / GRID:.7g})" '
+        f'<g class="view" transform="translate({x_left:g} {top:.1f})scale({width / PANEL_GRID_STEPS:.7g} {height / PANEL_GRID_STEPS:.7g})" '
         'style="fill:none;stroke-linejoin:round;stroke-linecap:round">'
         + (f'<path d="{flat}" vector-effect="non-scaling-stroke" style="stroke:var(--f-soft,#556172);stroke-width:.8"/>' if flat else "")
         + "".join(shapes)
@@ -248,11 +248,11 @@ class _Scale:
     y: tuple[float, float]
 
     def across(self, values: Array) -> NDArray[np.int64]:
-        return np.rint(GRID * (values - self.x[0]) / (self.x[1] - self.x[0])).astype(np.int64)
+        return np.rint(PANEL_GRID_STEPS * (values - self.x[0]) / (self.x[1] - self.x[0])).astype(np.int64)
 
     def down(self, values: float | Array) -> NDArray[np.int64]:
-        far = GRID * (self.y[1] - np.asarray(values)) / (self.y[1] - self.y[0])
-        return np.rint(np.clip(far, -20 * GRID, 20 * GRID)).astype(np.int64)
+        far = PANEL_GRID_STEPS * (self.y[1] - np.asarray(values)) / (self.y[1] - self.y[0])
+        return np.rint(np.clip(far, -20 * PANEL_GRID_STEPS, 20 * PANEL_GRID_STEPS)).astype(np.int64)
 
 
 def _moves(x: NDArray[np.int64], y: NDArray[np.int64]) -> str:

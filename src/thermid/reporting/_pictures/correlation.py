@@ -14,15 +14,15 @@ from thermid.reporting._blocks.content import Graphic, Plot
 from thermid.reporting._pictures.chart import nice_ticks, number_text
 from thermid.reporting._pictures.figures import GRID, INK, RESIDUAL, SIMULATED, SOFT
 
-CHART_WIDTH, TALL = 300.0, 232.0
+CHART_WIDTH, CHART_HEIGHT = 300.0, 232.0
 """Size of a chart. [px]"""
-BOX: Final = (46.0, 8.0, CHART_WIDTH - 56.0, TALL - 52.0)
+BOX: Final = (46.0, 8.0, CHART_WIDTH - 56.0, CHART_HEIGHT - 52.0)
 """Left, top, width and height of its axes. [px]"""
 BANDS: Final = ((2.0, ""), (3.0, "6 2.5"), (5.0, "1.5 2.5"))
 """Distance from equality [K] and dashes of its lines."""
-POINTS: Final = 900
+MAX_SCATTER_DOTS: Final = 900
 """Dots of the scatter at most."""
-MOST_ROWS: Final = 30
+MAX_ROWS_OF_PICTURE: Final = 30
 MOST_COLUMNS: Final = 16
 """Rows and columns of the matrix at most, the worst first where there are more."""
 CELL: Final = 22.0
@@ -39,7 +39,7 @@ def matrix(cells: Mapping[tuple[str, str], tuple[float, bool | None]]) -> Graphi
     tests, sensors = (_ordered(cells, axis) for axis in (0, 1))
     across = len(sensors) <= len(tests) or len(sensors) <= 8
     rows, columns = (tests, sensors) if across else (sensors, tests)
-    rows, columns = rows[:MOST_ROWS], columns[:MOST_COLUMNS]
+    rows, columns = rows[:MAX_ROWS_OF_PICTURE], columns[:MOST_COLUMNS]
     x_left = min(130.0, 12.0 + 6.6 * max(len(r) for r in rows))
     steep = any(6.6 * len(c) > (CHART_WIDTH - x_left) / len(columns) - 4.0 for c in columns)
     cell = max(36.0, (CHART_WIDTH - x_left - (28.0 if steep else 0.0)) / len(columns))
@@ -114,11 +114,11 @@ def scatter(measured: Sequence[Array], predicted: Sequence[Array]) -> Graphic:
         out.append(f'<path d="M{x1:.1f} {y1:.1f}L{x2:.1f} {y2:.1f}" style="fill:none;stroke:var(--f-soft,{SOFT});{look}"/>')
         if shift > 0:
             out.append(f'<text x="{x1 + 3:.1f}" y="{y1 + 4:.1f}" >{shift:g} K</text>')
-    step = max(1, x.size // POINTS)
+    step = max(1, x.size // MAX_SCATTER_DOTS)
     dots = "".join(f"M{at(v, w)[0]:.1f} {at(v, w)[1]:.1f}h.01" for v, w in zip(x[::step].tolist(), y[::step].tolist(), strict=True))
     look = f"fill:none;stroke:var(--f-simulated,{SIMULATED});stroke-width:3.4;stroke-linecap:round;stroke-opacity:.55"
     out.append(f'<path d="{dots}" style="{look}"/>')
-    return _whole(out, f"Predicted against measured, {x.size} readings: {_shares_within(y - x)}", CHART_WIDTH, TALL)
+    return _whole(out, f"Predicted against measured, {x.size} readings: {_shares_within(y - x)}", CHART_WIDTH, CHART_HEIGHT)
 
 
 def histogram(residuals: Sequence[Array]) -> Graphic:
@@ -141,7 +141,9 @@ def histogram(residuals: Sequence[Array]) -> Graphic:
     out.append(f'<path d="{bars}" style="fill:var(--f-residual,{RESIDUAL});fill-opacity:.8"/>')
     middle = box[0] + 0.5 * box[2]
     out.append(f'<path d="M{middle:.1f} {box[1]:.1f}v{box[3]:.1f}" style="stroke:var(--f-ink,{INK});stroke-width:.9;fill:none"/>')
-    return _whole(out, f"Residuals of {r.size} readings: mean {r.mean():+.3g} K, standard deviation {r.std():.3g} K", CHART_WIDTH, TALL)
+    return _whole(
+        out, f"Residuals of {r.size} readings: mean {r.mean():+.3g} K, standard deviation {r.std():.3g} K", CHART_WIDTH, CHART_HEIGHT
+    )
 
 
 def against_measured(measured: Sequence[Array], predicted: Sequence[Array], word: str, of: str = "") -> tuple[Plot, Plot]:

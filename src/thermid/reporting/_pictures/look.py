@@ -371,8 +371,8 @@ def clock_lines(looks: Sequence[Look]) -> list[str]:
         f"  {f['file']} begins {abs(f['offset']):.6g} s {'after' if f['offset'] >= 0 else 'before'} {looks[0].path.name}"
         for f in with_stamp
     ]
-    for f, each in zip(clocks, looks[1:], strict=True):
-        lines += _by_step(f, looks[0], each)
+    for f, other in zip(clocks, looks[1:], strict=True):
+        lines += _by_step(f, looks[0], other)
     pairs = ", ".join(f'{{ record = "{f["record"]}", offset = {_offset(f)} }}' for f in clocks)
     return [
         *lines,
@@ -385,14 +385,14 @@ def clock_lines(looks: Sequence[Look]) -> list[str]:
 def _by_step(clock: dict[str, Any], first: Look, other: Look) -> list[str]:
     """Return what a common step says of a clock, and whether the stamps agree with it."""
     if "step" not in clock:
-        bare = [f"{each.path.name} {_bare(each)}" for each in (first, other) if _time_of_day(each) is None]
+        bare = [f"{look.path.name} {_bare(look)}" for look in (first, other) if _time_of_day(look) is None]
         return [f"  {', '.join(bare)}, and there is no common step: give the offset"] if bare else []
     step = clock["step"]
     late, error = step["offset"], step["error"]
     a, b = step["columns"]
     side = "after" if late >= 0 else "before"
     text = f"  by a common step of {a} and {b}, {clock['file']} begins {abs(late):.4g} s {side} {first.path.name}, +- {error:.2g} s"
-    if clock["offset"] is not None and abs(late - clock["offset"]) > APART * error:
+    if clock["offset"] is not None and abs(late - clock["offset"]) > MAX_OFFSET_ERRORS * error:
         text += f"; its stamps are {abs(late - clock['offset']):.3g} s away from that: one of the clocks is wrong, or heat arrives late"
     return [text]
 
@@ -406,10 +406,10 @@ def _offset(clock: dict[str, Any]) -> str:
     if clock["offset"] is not None or "step" not in clock:
         return '"... [s]"' if clock["offset"] is None else f'"{clock["offset"]:.6g} [s]"'
     late, error = clock["step"]["offset"], clock["step"]["error"]
-    return f'["{late - APART * error:.4g} [s]", "{late + APART * error:.4g} [s]"]'
+    return f'["{late - MAX_OFFSET_ERRORS * error:.4g} [s]", "{late + MAX_OFFSET_ERRORS * error:.4g} [s]"]'
 
 
-APART = 4.0
+MAX_OFFSET_ERRORS = 4.0
 """Standard errors of an offset that a fit may look for it in, and beyond which stamps disagree with it. [-]"""
 
 

@@ -146,8 +146,8 @@ class Tally:
 
     def read(self, share: float | Sequence[float]) -> tuple[Array, Array]:
         """Return the quantiles (rows,) of a share, or (shares, rows) of several, and by how much each may be wrong. [K]"""
-        found, error = self.quantiles(np.atleast_1d(share).tolist())
-        return (found, error) if np.ndim(share) else (found[0], error[0])
+        quantiles, error = self.quantiles(np.atleast_1d(share).tolist())
+        return (quantiles, error) if np.ndim(share) else (quantiles[0], error[0])
 
     def _rows(self) -> list[tuple[Array, Array, Indices]]:
         """Return of each row the bins that hold members, in order: their middles and half widths [K], and how many."""

@@ -18,7 +18,7 @@ from thermid.physics.constants import STEFAN_BOLTZMANN
 
 Given = Mapping[str, Signal]
 
-HOTTEST = 5e4
+MAX_IRRADIATION = 5e4
 """Radiation beyond this is a mistake of units: the sun has 1361. [W/m^2]"""
 SOLAR = ("direct", "diffuse", "albedo", "total")
 
@@ -58,7 +58,7 @@ class Irradiation:
             if name != "infrared" and low < 0.0:
                 what = "a temperature below absolute zero" if name == "sky" else f"{name} radiation of {low:.4g} W/m^2"
                 raise ScenarioError(f"{what} is not possible.", "irradiation")
-            if high > HOTTEST:
+            if high > MAX_IRRADIATION:
                 raise ScenarioError(
                     f"{name} reaches {high:.4g}; the sun has 1361 W/m^2 above the atmosphere. Check the unit.", "irradiation"
                 )

@@ -25,13 +25,13 @@ from thermid.physics.constants import AMBIENT_DEFAULT, ATMOSPHERE, STANDARD_GRAV
 from thermid.physics.convection import duct_nusselt, fin_efficiency
 from thermid.physics.correlations import forced_plate_nusselt, signed_gap, signed_nusselt
 from thermid.physics.gas import MolecularGas, free_molecular_htc, gas_named
-from thermid.physics.plates import THINNEST
+from thermid.physics.plates import DISC_SHAPE_FACTOR
 from thermid.physics.radiation import radiation_coefficient
 from thermid.simulation._network.environment import GROUND, Environment
 from thermid.simulation._network.irradiation import Irradiation, Sky
 from thermid.simulation._network.rows import ANCHOR, ConductorRow
 
-PARTS = 40
+SAMPLES_PER_PRESSURE_STRETCH = 40
 """Samples put into each stretch of a pressure, equally spaced in its root. [-]"""
 
 
@@ -60,7 +60,7 @@ def sampled(pressure: Signal, end: float) -> TableSignal:
 
 VACUUM_LIMIT = 1e-2
 """Pressure below which gas carries no heat worth counting between walls of equipment. [Pa]"""
-LEVELS = 12
+INTERPOLATED_STREAMS = 12
 """Streams between which a wind that changes is interpolated, denser where it is light: within 2 % of a blend at its own speed. [-]"""
 
 
@@ -72,7 +72,9 @@ def stream(wind: Signal, pressure: Signal, end: float) -> TableSignal:
         return steps if isinstance(steps, TableSignal) else TableSignal(np.zeros(1), steps.at(np.zeros(1)), hold=True)
     parts = [course.drawn(end) for course in (wind, pressure)]
     knots = np.unique(np.concatenate([course.knots(0.0, end) for course in parts]))
-    points_per_interval = 1 if any(isinstance(course, Sine) for course in parts) else PARTS if knots.size < 2000 else 4
+    points_per_interval = (
+        1 if any(isinstance(course, Sine) for course in parts) else SAMPLES_PER_PRESSURE_STRETCH if knots.size < 2000 else 4
+    )
     times = np.unique(np.concatenate([np.linspace(a, b, points_per_interval + 1) for a, b in _pairs(knots)])) if knots.size > 1 else knots
     return TableSignal(times, thin.at(times))
 
@@ -88,7 +90,7 @@ class Thinned:
 
 def levels_of(course: TableSignal) -> Array:
     """Return speeds from nothing to the fastest (levels,). [m/s]"""
-    root = np.sqrt(course.bounds[1]) * np.linspace(0.0, 1.0, LEVELS) ** 1.5
+    root = np.sqrt(course.bounds[1]) * np.linspace(0.0, 1.0, INTERPOLATED_STREAMS) ** 1.5
     return np.asarray(root**2)
 
 
@@ -295,7 +297,7 @@ def thinned(c: FlatConductor, law: Law, area: Number, state: GasState) -> tuple[
     if value_of(area) == 0.0:
         return (fitted,)
     gas = state.gas
-    least = THINNEST * gas.k(ANCHOR) * area**0.5
+    least = DISC_SHAPE_FACTOR * gas.k(ANCHOR) * area**0.5
     if law.form == "linear" and value_of(least) > value_of(first):
         least = first
     if value_of(least) == 0.0:

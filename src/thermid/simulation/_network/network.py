@@ -412,7 +412,7 @@ class Reduced:
         return [held[n] if n in held else temperatures[n] for n in self.nodes]
 
 
-QUICK: Final = 1e5
+HEAT_FOLLOWING_RATE: Final = 1e5
 """Rate at which a node follows the heat that it holds, where its specific heat changes: late by ten microseconds. [1/s]"""
 
 
@@ -432,7 +432,7 @@ def with_stores(reduced: Reduced, stores: Mapping[str, HeatStore]) -> Reduced:
             continue
         capacitances |= {node: None, held: capacitance}
         stored[held] = (node, store)
-        tie = ConductorRow(held, (held, node), Law("potential", (QUICK * capacitance,)), store.curve)
+        tie = ConductorRow(held, (held, node), Law("potential", (HEAT_FOLLOWING_RATE * capacitance,)), store.curve)
         if store.melt is None:
             rows.append(tie)
             continue

@@ -14,9 +14,9 @@ from thermid.physics.constants import ICE_POINT
 
 PIECES = 16
 """Into how many an interval is divided in which a course passes a level."""
-ROUNDS = 4
+MAX_DIVISIONS = 4
 """How often."""
-FINEST = 1e-9
+MIN_INTERVAL_SHARE = 1e-9
 """Interval that is not divided, relative to its time and a second. [-]"""
 MAX_INTERVALS_AT_ONCE = 20_000
 """Intervals that are looked at again at once."""
@@ -166,9 +166,9 @@ def resolved(times: Array, above: Array, dense: Callable[[Array], Array] | None,
     dense : callable                Increasing times -> the course; None where it cannot be had: the points are returned as they are.
     switches : array                Instants at which the course may bend. [s]
     """
-    for _ in range(ROUNDS if dense is not None else 0):
+    for _ in range(MAX_DIVISIONS if dense is not None else 0):
         over = above > 0.0
-        at = np.flatnonzero((over[1:] != over[:-1]) & (np.diff(times) > FINEST * (1.0 + times[1:])))
+        at = np.flatnonzero((over[1:] != over[:-1]) & (np.diff(times) > MIN_INTERVAL_SHARE * (1.0 + times[1:])))
         if dense is None or not 0 < at.size <= MAX_INTERVALS_AT_ONCE:
             break
         inner = times[at, None] + np.diff(times)[at, None] * np.arange(1, PIECES) / PIECES

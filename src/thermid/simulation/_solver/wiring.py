@@ -139,7 +139,7 @@ def _square(fields: Mapping[str, str], values: Mapping[str, Any]) -> Signal:
     return pulses(period, duty)
 
 
-ROUNDING = 1e-13
+ZERO_SHARE_OF_SCHEDULE = 1e-13
 """Share of its largest value below which a scheduled value is zero. [-]"""
 COURSE_TOLERANCES = (1e-9, 1e-12)
 """How far a coefficient over its reference may lie from its course, relative and absolute. [-]"""
@@ -167,7 +167,7 @@ class Schedule:
             share = before[rows, which] / (before[rows, which] - after[rows, which])
             self.times = np.union1d(self.times, self.times[rows] + share * (self.times[rows + 1] - self.times[rows]))
             columns = np.column_stack([s.at(self.times) for s in drawn])
-            columns[np.abs(columns) < ROUNDING * np.abs(columns).max(axis=0, initial=0.0)] = 0.0
+            columns[np.abs(columns) < ZERO_SHARE_OF_SCHEDULE * np.abs(columns).max(axis=0, initial=0.0)] = 0.0
         self.rows, self.index = np.unique(columns, axis=0, return_inverse=True)
         self.index = self.index.ravel()
 

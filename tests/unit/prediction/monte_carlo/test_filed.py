@@ -84,7 +84,7 @@ def by_hold(folder: Path) -> tuple[float, str]:
 
 def by_plan(folder: Path) -> tuple[float, str]:
     found = td.qualify.run_plan(folder / "plan.toml")
-    assert found.to_dict()["remarks"] == list(found.known.remarks)
+    assert found.to_dict()["remarks"] == list(found.knowledge.remarks)
     return float(found["soak"].expected.prediction["body"].celsius[-1]), str(found)
 
 

@@ -168,7 +168,7 @@ def test_it_says_why_the_discrepancy_is_not_included(folder: Path) -> None:
 def command(*words: object) -> int:
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr(sys, "argv", ["thermid", *map(str, words)])
-        patch.setattr("thermid.app.cli.screen.PATIENCE", 0.0)  # progress is told however fast the machine is
+        patch.setattr("thermid.app.cli.screen.SECONDS_TO_FIRST_PROGRESS", 0.0)  # progress is told however fast the machine is
         with pytest.raises(SystemExit) as left:
             main()
     return int(left.value.code or 0)

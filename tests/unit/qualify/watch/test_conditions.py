@@ -111,7 +111,7 @@ class TestRows:
 
     def test_a_mean_has_less_noise(self) -> None:
         kept = blocked(self.record(np.full(6000, 12.0)))
-        assert np.median(np.diff(kept.times)) == growing.BLOCK
+        assert np.median(np.diff(kept.times)) == growing.MAX_BLOCK
         assert kept["T"].noise == pytest.approx(0.1 / 2.0**0.5, rel=0.02)
 
     def test_what_stays_as_it_was_read(self) -> None:
