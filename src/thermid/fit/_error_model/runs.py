@@ -164,7 +164,7 @@ class Departures:
                 out.append((UnknownColumn(told, group, size, c.path), moved_heat(told, network, c.ends, course.times, watts)))
 
             if path in laws:
-                for kind, watts in laws[path].heats(course, path, c.ends).items():
+                for kind, watts in laws[path].heats(course, c).items():
                     if (path, kind) in way.sizes:
                         add(kind, *way.sizes[path, kind], watts)
             phi, _ = own.along(c, course, thinned(network, c))
