@@ -90,7 +90,7 @@ LEAST_SHARE: Final = 0.01
 """Least share of radiation where there may be some. [-]"""
 FINISH: Final = 0.15
 """What an emissivity of a deck is good to, relative; as in a fit's discrepancy. [-]"""
-OTHER_FINISH: Final = 0.1
+OTHER_FINISH: Final = 0.2
 """Probability before any reading that a part has another finish than its deck states; prior. [-]"""
 FLOWLESS: Final = 1e-3
 """Part of the difference of a fit below which no heat flows. [-]"""
