@@ -110,7 +110,7 @@ class SurfaceLaw:
 
 @dataclass(frozen=True)
 class JointLaw:
-    """A joint or a solid whose conductance grows with its level: ``G f(c (T - T0))``, f(x) = 1 + x, and 1 / (1 - x) below T0.
+    """A joint or a solid whose conductance grows with its level: ``G f(c (T - T0))``, f(x) = 1 + x where it grows, exp(x) where it falls.
 
     Parameters
     ----------
@@ -137,16 +137,13 @@ class JointLaw:
     def growth(self, level: Array) -> tuple[Array, Array]:
         """Return f and df/dT at levels. [-], [1/K]"""
         x = self.trend * (level - self.at.level)
-        below = 1.0 / (1.0 - np.minimum(x, 0.0))
-        return np.where(x < 0.0, below, 1.0 + x), self.trend * np.where(x < 0.0, below**2, 1.0)
+        falling = np.exp(np.minimum(x, 0.0))
+        return np.where(x < 0.0, falling, 1.0 + x), self.trend * np.where(x < 0.0, falling, 1.0)
 
     def heats(self, course: ElementCourse, c: FlatConductor) -> dict[str, Array]:
         """Return the heat (times,) that one more of c adds along a run. [W K]"""
         apart = np.mean([course.kelvin[end] for end in c.ends], axis=0) - self.at.level
-        x = self.trend * apart
-        return {
-            TREND_OF: course.flows[c.path] * apart * np.where(x < 0.0, 1.0 / (1.0 - np.minimum(x, 0.0)), 1.0 / (1.0 + np.maximum(x, 0.0)))
-        }
+        return {TREND_OF: course.flows[c.path] * apart / (1.0 + np.maximum(self.trend * apart, 0.0))}
 
     def moved(self, by: Mapping[str, float]) -> JointLaw:
         """Return the law with another trend."""
