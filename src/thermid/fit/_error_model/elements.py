@@ -25,6 +25,7 @@ from thermid.fit._error_model.courses import (
     laws_of,
 )
 from thermid.fit._error_model.sizes import (
+    BEND,
     FINISH,
     FLOWLESS,
     FREE_EXPONENT,
@@ -43,7 +44,7 @@ from thermid.physics.constants import STEFAN_BOLTZMANN
 from thermid.simulation.network import Network
 from thermid.simulation.scenarios import Scenario
 
-EXPONENT_OF, SHARE_OF, TREND_OF = "exponent", "radiation", "trend"
+EXPONENT_OF, SHARE_OF, TREND_OF, BEND_OF = "exponent", "radiation", "trend", "bend"
 """What of a law is not known: of a surface and of a joint."""
 ANOTHER = ", another finish"
 """What is added to the name of a way in which a finish is not the deck's."""
@@ -141,9 +142,10 @@ class JointLaw:
         return np.where(x < 0.0, falling, 1.0 + x), self.trend * np.where(x < 0.0, falling, 1.0)
 
     def heats(self, course: ElementCourse, c: FlatConductor) -> dict[str, Array]:
-        """Return the heat (times,) that one more of c adds along a run. [W K]"""
+        """Return the heat (times,) that one more of c, and of a bend of ``ln f`` by ``x^2 / 2``, adds along a run. [W K], [W]"""
         apart = np.mean([course.kelvin[end] for end in c.ends], axis=0) - self.at.level
-        return {TREND_OF: course.flows[c.path] * apart / (1.0 + np.maximum(self.trend * apart, 0.0))}
+        x = self.trend * apart
+        return {TREND_OF: course.flows[c.path] * apart / (1.0 + np.maximum(x, 0.0)), BEND_OF: course.flows[c.path] * 0.5 * np.minimum(x**2, 1.0)}
 
     def moved(self, by: Mapping[str, float]) -> JointLaw:
         """Return the law with another trend."""
@@ -196,6 +198,7 @@ def ways_of(network: Network, at: Mapping[str, OperatingPoint], values: Mapping[
     for carrier, (known, finish, before) in product((FREE_AIR, STREAM) if unsaid else ("as the deck says",), finishes):
         laws: dict[str, ElementLaw] = {p: JointLaw(at[p], 0.0, linear_recipe(c)) for p, c in joints.items()}
         sizes: dict[tuple[str, str], tuple[str, float]] = {(p, TREND_OF): ("trend", 1.0) for p in joints}
+        sizes |= {(p, BEND_OF): ("", BEND) for p in joints}
         for path, c in surfaces.items():
             carried = c.words.get(CARRIED_BY, carrier)
             if carried not in (FREE_AIR, STREAM):

@@ -21,6 +21,7 @@ from thermid.base.results import Result, Row
 from thermid.fit._calibration import FIRST, Calibration
 from thermid.fit._error_model.courses import FREE_AIR, OperatingPoint
 from thermid.fit._error_model.elements import (
+    BEND_OF,
     EXPONENT_OF,
     SHARE_OF,
     TREND_OF,
@@ -119,7 +120,7 @@ class KeptWay:
     @property
     def way(self) -> Way:
         """What of its laws is not known."""
-        kinds = (EXPONENT_OF, SHARE_OF, TREND_OF)
+        kinds = (EXPONENT_OF, SHARE_OF, TREND_OF, BEND_OF)
         own = {(c.source, kind): (c.group, c.size) for c in self.columns for kind in kinds if c.name == f"{kind} of {c.source}"}
         return Way(self.name, self.laws, own)
 
