@@ -145,7 +145,10 @@ class JointLaw:
         """Return the heat (times,) that one more of c, and of a bend of ``ln f`` by ``x^2 / 2``, adds along a run. [W K], [W]"""
         apart = np.mean([course.kelvin[end] for end in c.ends], axis=0) - self.at.level
         x = self.trend * apart
-        return {TREND_OF: course.flows[c.path] * apart / (1.0 + np.maximum(x, 0.0)), BEND_OF: course.flows[c.path] * 0.5 * np.minimum(x**2, 1.0)}
+        return {
+            TREND_OF: course.flows[c.path] * apart / (1.0 + np.maximum(x, 0.0)),
+            BEND_OF: course.flows[c.path] * 0.5 * np.minimum(x**2, 1.0),
+        }
 
     def moved(self, by: Mapping[str, float]) -> JointLaw:
         """Return the law with another trend."""
@@ -181,7 +184,7 @@ class Way:
 def ways_of(network: Network, at: Mapping[str, OperatingPoint], values: Mapping[str, Any]) -> tuple[Way, ...]:
     """Return what may carry the heat of a network's surfaces: one way where the deck says it, free air and a stream where it does not.
 
-    A finish that the deck states may be another one: then any emissivity is as likely, in a way of its own.
+    A finish that the deck states, and nobody measured, may be another one: then any emissivity is as likely, in a way of its own.
 
     Parameters
     ----------
@@ -193,7 +196,9 @@ def ways_of(network: Network, at: Mapping[str, OperatingPoint], values: Mapping[
     joints = {p: c for p, c in joints.items() if laws_of(network, c)[0].form == "linear"}
     unsaid = [p for p, c in surfaces.items() if CARRIED_BY not in c.words]
     stated = {p: float(value_of(values[c.emissivity])) for p, c in surfaces.items() if c.kind == "effective" and c.emissivity}
-    finishes = [(stated, "", 1.0 - OTHER_FINISH), ({}, ANOTHER, OTHER_FINISH)] if stated else [(stated, "", 1.0)]
+    deck = network.flat.parameters
+    measured = {p: e for p, e in stated.items() if deck.table[deck.literal_behind(surfaces[p].emissivity)].parameter.source == "measured"}
+    finishes = [(stated, "", 1.0 - OTHER_FINISH), (measured, ANOTHER, OTHER_FINISH)] if measured != stated else [(stated, "", 1.0)]
     out = []
     for carrier, (known, finish, before) in product((FREE_AIR, STREAM) if unsaid else ("as the deck says",), finishes):
         laws: dict[str, ElementLaw] = {p: JointLaw(at[p], 0.0, linear_recipe(c)) for p, c in joints.items()}

@@ -21,6 +21,7 @@ from thermid.base.results import Result, Row
 from thermid.fit._calibration import FIRST, Calibration
 from thermid.fit._error_model.courses import FREE_AIR, OperatingPoint
 from thermid.fit._error_model.elements import (
+    ANOTHER,
     BEND_OF,
     EXPONENT_OF,
     SHARE_OF,
@@ -118,6 +119,11 @@ class KeptWay:
         return {name: k for k, name in enumerate((*self.values, *(c.name for c in self.columns)))}
 
     @property
+    def carrier(self) -> str:
+        """What carries the heat, whatever the finish."""
+        return self.name.removesuffix(ANOTHER)
+
+    @property
     def way(self) -> Way:
         """What of its laws is not known."""
         kinds = (EXPONENT_OF, SHARE_OF, TREND_OF, BEND_OF)
@@ -195,7 +201,9 @@ class KeptWay:
         laws: dict[str, ElementLaw] = {}
         for p, w in data["laws"].items():
             point = OperatingPoint(*map(float, w["at"]))
-            laws[at + p] = SurfaceLaw(point, w["exponent"], w["share"], w["fitted"], None) if w["surface"] else JointLaw(point, w["trend"], None)
+            laws[at + p] = (
+                SurfaceLaw(point, w["exponent"], w["share"], w["fitted"], None) if w["surface"] else JointLaw(point, w["trend"], None)
+            )
         smooth = {
             at + p: Smooth(
                 OperatingPoint(*map(float, s["at"])),
@@ -286,7 +294,7 @@ class ErrorModel(Result):
 
     @property
     def carriers(self) -> dict[str, float]:
-        """What may carry the heat of surfaces -> its probability by the readings, each as likely before them. [-]"""
+        """What may carry the heat of surfaces, and with which finish -> its probability by the readings. [-]"""
         return {w.name: w.weight for w in self.ways}
 
     @property
