@@ -795,7 +795,7 @@ def _missed_at(node: str, wide: float, ends: Array, straight: Array, off: Array)
 
 FURTHEST = 3
 """How many of the highest and of the lowest turning points of every node are stored beside the times that are asked for."""
-IN_TESTS = "misfit in tests"
+IN_TESTS = "residuals of tests"
 """Cause: what the model could not follow in the logs of a plan."""
 
 

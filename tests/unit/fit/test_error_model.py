@@ -133,11 +133,11 @@ def test_a_measured_finish_is_no_other(polished: td.Calibration) -> None:
     stated = {"value": 0.8, "source": "measured"}
     found = td.calibrate(box({"surfaces/skin/emissivity": stated}), _logs("free air"), [HTC, MASS], search="local")
     assert set(ErrorModel.of(found).carriers) <= {"free air", "fan"}
-    assert "free air, another finish" in ErrorModel.of(polished).carriers
+    assert "free air, another finish of skin" in ErrorModel.of(polished).carriers
 
 
 def test_radiation_stays_what_the_finish_says(polished: td.Calibration) -> None:
-    """Whatever a coefficient becomes, a surface radiates by its emissivity; so its derivative by the coefficient is what the gas carries."""
+    """Whatever a coefficient becomes, a surface radiates by its emissivity; what is more or less is what the gas carries."""
     network = polished.problem.experiments[0].network  # type: ignore[union-attr]
     law = next(w for w in ErrorModel.of(polished).ways if w.name == "free air").laws_in(network)["skin"]
     assert isinstance(law, SurfaceLaw)

@@ -27,6 +27,7 @@ from thermid.fit._error_model.courses import (
 from thermid.fit._error_model.sizes import (
     BEND,
     FINISH,
+    FINISHES,
     FLOWLESS,
     FREE_EXPONENT,
     FREE_EXPONENT_SD,
@@ -184,7 +185,8 @@ class Way:
 def ways_of(network: Network, at: Mapping[str, OperatingPoint], values: Mapping[str, Any]) -> tuple[Way, ...]:
     """Return what may carry the heat of a network's surfaces: one way where the deck says it, free air and a stream where it does not.
 
-    A finish that the deck states, and nobody measured, may be another one: then any emissivity is as likely, in a way of its own.
+    A finish that the deck states, and nobody measured, may be another one: then any emissivity is as likely, in a way of its own; of
+    several finishes one at a time, of many all together.
 
     Parameters
     ----------
@@ -197,8 +199,12 @@ def ways_of(network: Network, at: Mapping[str, OperatingPoint], values: Mapping[
     unsaid = [p for p, c in surfaces.items() if CARRIED_BY not in c.words]
     stated = {p: float(value_of(values[c.emissivity])) for p, c in surfaces.items() if c.kind == "effective" and c.emissivity}
     deck = network.flat.parameters
-    measured = {p: e for p, e in stated.items() if deck.table[deck.literal_behind(surfaces[p].emissivity)].parameter.source == "measured"}
-    finishes = [(stated, "", 1.0 - OTHER_FINISH), (measured, ANOTHER, OTHER_FINISH)] if measured != stated else [(stated, "", 1.0)]
+    loose = [p for p in stated if deck.table[deck.literal_behind(surfaces[p].emissivity)].parameter.source != "measured"]
+    others = [[p] for p in loose] if len(loose) <= FINISHES else [loose]
+    finishes = [(stated, "", 1.0 - OTHER_FINISH if loose else 1.0)]
+    for wrong in others:
+        known = {p: e for p, e in stated.items() if p not in wrong}
+        finishes.append((known, f"{ANOTHER}{f' of {wrong[0]}' if len(wrong) == 1 else ''}", OTHER_FINISH / len(others)))
     out = []
     for carrier, (known, finish, before) in product((FREE_AIR, STREAM) if unsaid else ("as the deck says",), finishes):
         laws: dict[str, ElementLaw] = {p: JointLaw(at[p], 0.0, linear_recipe(c)) for p, c in joints.items()}

@@ -48,6 +48,8 @@ KEY = "errors"
 """Where the provenance of fitted values keeps it."""
 FOLLOWED = "prediction.error-not-followed"
 """Code of what is said of a fit whose elements cannot be followed."""
+SHAPE = ("exponent", "share", "fitted")
+"""What a file keeps of the law of a surface."""
 DIGITS = 7
 """Significant digits of a file."""
 
@@ -121,7 +123,7 @@ class KeptWay:
     @property
     def carrier(self) -> str:
         """What carries the heat, whatever the finish."""
-        return self.name.removesuffix(ANOTHER)
+        return self.name.partition(ANOTHER)[0]
 
     @property
     def way(self) -> Way:
@@ -431,7 +433,7 @@ def _shape(law: ElementLaw) -> dict[str, float]:
     """Return what of a law is not known, where it is."""
     if isinstance(law, JointLaw):
         return {"trend": law.trend}
-    return {"exponent": law.exponent, "share": law.share, "fitted": law.fitted}
+    return {k: getattr(law, k) for k in SHAPE}
 
 
 def _triangular(covariance: Array) -> Array:

@@ -93,8 +93,8 @@ LEAST_SHARE: Final = 0.01
 """Least share of radiation where there may be some. [-]"""
 FINISH: Final = 0.15
 """What an emissivity of a deck is good to, relative; as in a fit's discrepancy. [-]"""
-OTHER_FINISH: Final = 0.2
-"""Probability before any reading that a part has another finish than its deck states; prior. [-]"""
+OTHER_FINISH, FINISHES = 0.2, 3
+"""Probability before any reading that a finish is not that of the deck [-], and how many are tried one at a time, not all together; prior."""
 FLOWLESS: Final = 1e-3
 """Part of the difference of a fit below which no heat flows. [-]"""
 LEVELS, LEVEL_POINTS = (150.0, 600.0), 181
