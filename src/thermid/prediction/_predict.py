@@ -450,17 +450,16 @@ def carrier_words(budget: Budget, bands: Mapping[str, Band]) -> list[str]:
     share = max((b.final.shares.get(AVERAGED, 0.0) for b in bands.values()), default=0.0)
     if share < TELLING:
         return []
-    carriers = {w.kept[0].carrier: 0.0 for w in budget.ways}
-    for w in budget.ways:
-        carriers[w.kept[0].carrier] += w.weight
-    other, out = sum(w.weight for w in budget.ways if w.kept[0].name != w.kept[0].carrier), []
-    if min(carriers.values()) >= TELLING and len(carriers) > 1:
-        found = ", ".join(f"{name} {100 * weight:.0f} %" for name, weight in carriers.items())
-        out = [f"no deck states what carries the heat of its surfaces; the readings say {found}. State carried_by: the bands narrow"]
-    if other >= TELLING:
-        words = f"the bands hold with {100 * other:.0f} % that a finish is not that of the deck. Measure its emissivity"
-        out.append(f'{words}, and state it with source = "measured": they narrow')
-    return out
+    carriers = {w.kept[0].carrier: sum(x.weight for x in budget.ways if x.kept[0].carrier == w.kept[0].carrier) for w in budget.ways}
+    finish = sum(w.weight for w in budget.ways if w.kept[0].name != w.kept[0].carrier)
+    named = ", ".join(f"{name} {100 * weight:.0f} %" for name, weight in carriers.items())
+    words = {
+        f"no deck states what carries the heat of its surfaces; the readings say {named}. State carried_by: the bands narrow": min(
+            carriers.values()
+        ),
+        f"a finish is not that of the deck, with {100 * finish:.0f} %. Measure its emissivity and state that: the bands narrow": finish,
+    }
+    return [text for text, weight in words.items() if TELLING <= weight < 1.0]
 
 
 def averaged(plain: Prediction, others: Sequence[ExplainedFit], told: Sequence[Prediction], fit: Calibration) -> Prediction:

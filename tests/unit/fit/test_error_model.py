@@ -126,14 +126,14 @@ def test_a_finish_that_is_not_the_decks_is_in_the_band_of_vacuum(polished: td.Ca
     assert np.abs(td.simulate(polished.fitted_model, asked, times=times)["case"].kelvin - true).max() > 10.0
     low, high = told["case"].interval()
     assert np.mean((low <= true - ICE_POINT) & (true - ICE_POINT <= high)) > 0.95
-    assert any("a finish is not that of the deck" in w for w in told.warnings)
+    assert any("its emissivity" in w for w in told.warnings)
 
 
 def test_a_measured_finish_is_no_other(polished: td.Calibration) -> None:
     stated = {"value": 0.8, "source": "measured"}
     found = td.calibrate(box({"surfaces/skin/emissivity": stated}), _logs("free air"), [HTC, MASS], search="local")
     assert set(ErrorModel.of(found).carriers) <= {"free air", "fan"}
-    assert "free air, another finish of skin" in ErrorModel.of(polished).carriers
+    assert {c.partition(", ")[0] for c in ErrorModel.of(polished).carriers} < set(ErrorModel.of(polished).carriers)
 
 
 def test_radiation_stays_what_the_finish_says(polished: td.Calibration) -> None:

@@ -25,12 +25,12 @@ from thermid.fit._error_model.courses import (
     laws_of,
 )
 from thermid.fit._error_model.sizes import (
-    BEND,
     FINISH,
     FINISHES,
     FLOWLESS,
     FREE_EXPONENT,
     FREE_EXPONENT_SD,
+    GROWTH_BEND,
     LARGEST_SHARE,
     LEAST_SHARE,
     LEVEL_POINTS,
@@ -203,20 +203,20 @@ def ways_of(network: Network, at: Mapping[str, OperatingPoint], values: Mapping[
     others = [[p] for p in loose] if len(loose) <= FINISHES else [loose]
     finishes = [(stated, "", 1.0 - OTHER_FINISH if loose else 1.0)]
     for wrong in others:
-        known = {p: e for p, e in stated.items() if p not in wrong}
-        finishes.append((known, f"{ANOTHER}{f' of {wrong[0]}' if len(wrong) == 1 else ''}", OTHER_FINISH / len(others)))
+        name = f"{ANOTHER} of {wrong[0]}" if len(wrong) == 1 else ANOTHER
+        finishes.append(({p: e for p, e in stated.items() if p not in wrong}, name, OTHER_FINISH / len(others)))
     out = []
-    for carrier, (known, finish, before) in product((FREE_AIR, STREAM) if unsaid else ("as the deck says",), finishes):
+    for carrier, (emissivities, finish, before) in product((FREE_AIR, STREAM) if unsaid else ("as the deck says",), finishes):
         laws: dict[str, ElementLaw] = {p: JointLaw(at[p], 0.0, linear_recipe(c)) for p, c in joints.items()}
         sizes: dict[tuple[str, str], tuple[str, float]] = {(p, TREND_OF): ("trend", 1.0) for p in joints}
-        sizes |= {(p, BEND_OF): ("", BEND) for p in joints}
+        sizes |= {(p, BEND_OF): ("", GROWTH_BEND) for p in joints}
         for path, c in surfaces.items():
             carried = c.words.get(CARRIED_BY, carrier)
             if carried not in (FREE_AIR, STREAM):
                 continue
             free = carried == FREE_AIR
             recipe, coefficient = linear_recipe(c), float(value_of(values[coefficient_path(c)]))
-            share, spread = (0.0, 0.0) if c.kind != "effective" else _radiation(coefficient, at[path], known.get(path))
+            share, spread = (0.0, 0.0) if c.kind != "effective" else _radiation(coefficient, at[path], emissivities.get(path))
             fitted = float(value_of(recipe({name: values[p] for name, p in c.fields.items()}).coefficients[0]))
             laws[path] = SurfaceLaw(at[path], FREE_EXPONENT if free else 0.0, share, fitted, recipe)
             sizes |= {(path, EXPONENT_OF): ("", FREE_EXPONENT_SD)} if free else {}

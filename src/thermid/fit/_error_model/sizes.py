@@ -80,7 +80,7 @@ ASIDE: Final = (1.0, 1.0)
 """How far beyond the conditions of a fit features of departures reach, in lengths; what lies further off is independent. [-]"""
 LEFT_OVER, COLUMNS = 0.01, 10
 """Part of the variance of a departure that its features may leave, and how many there may be."""
-BEND: Final = 1.0 / 3.0**0.5
+GROWTH_BEND: Final = 1.0 / 3.0**0.5
 """Standard deviation of the bend of a joint's growth, in parts of x^2/2: evenly from 1 + x to its inverse 1 / (1 - x), of which the growth
 is the first and exp(x) the middle. [-]"""
 FREE_EXPONENT: Final = 4.0 / 15.0
