@@ -94,7 +94,7 @@ LEAST_SHARE: Final = 0.01
 FINISH: Final = 0.15
 """What an emissivity of a deck is good to, relative; as in a fit's discrepancy. [-]"""
 OTHER_FINISH, FINISHES = 0.2, 3
-"""Probability before any reading that a finish is not that of the deck [-], and how many are tried one at a time, not all together; prior."""
+"""Probability before any reading that a finish is not that of the deck [-], and how many are tried one at a time, not together; prior."""
 FLOWLESS: Final = 1e-3
 """Part of the difference of a fit below which no heat flows. [-]"""
 LEVELS, LEVEL_POINTS = (150.0, 600.0), 181
