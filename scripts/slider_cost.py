@@ -88,6 +88,8 @@ def main() -> None:
     for name, make, slider, low, high in cases:
         with tempfile.TemporaryDirectory() as folder, studio(str(make(Path(folder)))) as address, page(address) as shown:
             shown.until(f"document.getElementById('{slider}') && document.querySelector('#picture svg')")
+            count = shown.run("return document.querySelectorAll('#sliders .slider').length")
+            print(f"{name}: {count} sliders", flush=True)
             found = measure(shown, slider, low, high, steps)
             print(name, td.__version__, {k: round(v, 1) for k, v in found.items()}, "ms", flush=True)
 

@@ -182,7 +182,9 @@ def test_columns_without_names_and_units_are_bound_on_the_page(tmp_path: Path) -
     needed()
     (tmp_path / "rig.toml").write_text(DECK, encoding="utf-8")
     log = unnamed(tmp_path / "run.csv", 2700.0)
-    typed = "const i = document.querySelector(arguments[0]); i.value = arguments[1]; i.dispatchEvent(new Event('change', { bubbles: true }))"
+    typed = (
+        "const i = document.querySelector(arguments[0]); i.value = arguments[1]; i.dispatchEvent(new Event('change', { bubbles: true }))"
+    )
     with studio(str(tmp_path / "rig.toml"), "--log", str(log)) as address, page(address) as shown:
         shown.until("document.querySelector('#watch-columns')")
         assert "Say in the table of columns what each is." in shown.text("#bench-verdict")
@@ -197,7 +199,11 @@ def test_columns_without_names_and_units_are_bound_on_the_page(tmp_path: Path) -
         shown.run(typed, "#watch-boundaries", "air=22")
         shown.until("studio.look && studio.look.model === 'rig' && studio.look.bound.Q1 && studio.look.bound.Q1.full_scale")
         look = shown.run("return studio.look")
-        assert look["bound"] == {"A0": {"node": "chip", "unit": "degF"}, "A1": {"node": "case"}, "Q1": {"load": "heater", "full_scale": "24 [W]"}}
+        assert look["bound"] == {
+            "A0": {"node": "chip", "unit": "degF"},
+            "A1": {"node": "case"},
+            "Q1": {"load": "heater", "full_scale": "24 [W]"},
+        }
         assert look["advice"] == "stop"
         assert shown.run("return document.querySelectorAll('#hidden tbody tr').length") == 1
         assert shown.serious(False) == []

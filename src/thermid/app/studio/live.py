@@ -124,7 +124,12 @@ class LiveWatch:
             return out | {"model": "", "like": "", "unused": unused, "bound": told_columns(asked)}
         standing = UNJUDGED if model is None else model_standing(model)
         said: dict[str, Any] = clean(add_codes({**look.as_object(), "standing": standing.to_dict()}))
-        return said | {"model": "" if model is None else model.title, "like": self._bound.like, "unused": unused, "bound": self._bound.request.columns.tables}
+        return said | {
+            "model": "" if model is None else model.title,
+            "like": self._bound.like,
+            "unused": unused,
+            "bound": self._bound.request.columns.tables,
+        }
 
 
 def _within(asked: Mapping[str, Any]) -> float:
@@ -142,7 +147,14 @@ def _temperatures(body: Mapping[str, Any], key: str) -> dict[str, str]:
 def _bare(rule: StabilityRule, body: Mapping[str, Any], slowest: float | None, since: float | None) -> WatchRequest:
     """Return how a log is watched where its readings are all that is known."""
     limits = tuple(TemperatureLimit(n, False, literal(t, TEMPERATURE, "limit")) for n, t in _temperatures(body, "limits").items())
-    return WatchRequest(BoundColumns(tables=temperatures_alone(told_columns(body))), rule, _within(body), limits, slowest=slowest, since="start" if since is None else since)
+    return WatchRequest(
+        BoundColumns(tables=temperatures_alone(told_columns(body))),
+        rule,
+        _within(body),
+        limits,
+        slowest=slowest,
+        since="start" if since is None else since,
+    )
 
 
 def _bound(path: Path, known: Model | Campaign | None, asked: Mapping[str, Any], bare: WatchRequest) -> _Bound:
