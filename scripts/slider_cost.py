@@ -20,8 +20,8 @@ import numpy as np
 import thermid as td
 
 sys.path.insert(0, str(Path(__file__).parents[1] / "tests"))
-from studio.browser import Page, page, studio  # noqa: E402
-from studio.large import dense_campaign, values_campaign  # noqa: E402
+from studio.browser import Page, page, studio
+from studio.large import dense_campaign, values_campaign
 
 TICK = os.sysconf("SC_CLK_TCK")
 STEP = """
