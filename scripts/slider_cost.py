@@ -2,8 +2,9 @@
 
     python scripts/slider_cost.py [--steps 100]
 
-Eleven sensors of two thousand readings, and a network of 60 nodes with 465 values. Processor times are those of the operating system, so other
-work on the machine counts little; a browser at rest is taken off. A task of the main thread is not longer than what the thread spent in its step.
+Eleven sensors of two thousand readings, and a network of 60 nodes with 465 values. Processor times are those of the operating system,
+so other work on the machine counts little; a browser at rest is taken off. A task of the main thread is not longer than what the thread
+spent in its step.
 """
 
 from __future__ import annotations

@@ -178,9 +178,8 @@ def test_a_tab_that_is_looked_at_again_shows_what_another_did(page: Page, folder
     page.until("location.pathname === '/' && window.studio && studio.ready")
     page.driver.get(f"{page.address.partition('?')[0]}build")
     page.until("document.querySelector('[data-node=case]')")
-    page.run(
-        "fetch('/api/edit', { method: 'POST', headers: { 'x-thermid-studio': '1' }, body: JSON.stringify({ do: 'add', shape: 'mass', ends: [], use: '' }) })"
-    )
+    mass = "JSON.stringify({ do: 'add', shape: 'mass', ends: [], use: '' })"
+    page.run(f"fetch('/api/edit', {{ method: 'POST', headers: {{ 'x-thermid-studio': '1' }}, body: {mass} }})")
     page.wait("await pause(500)")
     file = folder / "one.toml"
     file.write_text(file.read_text(encoding="utf-8").replace("450", "470"), encoding="utf-8")

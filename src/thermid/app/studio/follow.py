@@ -34,6 +34,11 @@ BREAK = 5.0
 """A time between samples that is so many times the usual one is drawn as a gap."""
 
 
+def looked_at(path: Path, time: str | None = None) -> dict[str, Any]:
+    """Return what `thermid look` says of a log: its columns with what they look like and why, its rows, and questions."""
+    return look(path, time=time).as_object()
+
+
 @dataclass
 class _Kept:
     """Forecasts, which take longer than all else, kept for a while."""
@@ -117,7 +122,7 @@ class Follower:
     def _looked(self, path: Path) -> list[dict[str, Any]]:
         """Return the columns of a log as they were when it was first looked at: name, unit, what they look like and why."""
         if self._columns is None or self._columns[0] != path:
-            self._columns = path, look(path).as_object()["columns"]
+            self._columns = path, looked_at(path)["columns"]
         return [c for c in self._columns[1] if c["guess"] != "time"]
 
     def _path(self, name: str) -> Path:
