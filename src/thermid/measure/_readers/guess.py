@@ -120,7 +120,7 @@ def _guess(name: str, text: str | None, values: FloatArray) -> tuple[str, str, s
     if dimension == unit("W").dimension:
         return "power", text, f"its unit is {text}"
     if dimension == DIMENSIONLESS and text == "%":
-        return ("ignored", text, "a humidity") if _HUMID.search(name) else ("duty", text, "in per cent: a load needs full_scale or gain")
+        return ("ignored", text, "a humidity") if _HUMID.search(name) else ("duty", text, "in per cent: a load needs its power at 100 %")
     return "ignored", text, describe(dimension)
 
 
