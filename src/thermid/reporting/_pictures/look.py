@@ -385,7 +385,7 @@ def _by_step(found: dict[str, Any], first: Look, other: Look) -> list[str]:
     """Return what a common step says of a clock, and whether the stamps agree with it."""
     if "step" not in found:
         bare = [f"{each.path.name} {_bare(each)}" for each in (first, other) if _time_of_day(each) is None]
-        return [f"  {', '.join(bare)}, and there is no common step: give the offset"] if bare else []
+        return [f"  {', '.join(bare)}, and no step decides it: give the offset, or switch a power twice in both"] if bare else []
     step = found["step"]
     late, error = step["offset"], step["error"]
     a, b = step["columns"]
