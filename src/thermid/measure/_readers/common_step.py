@@ -27,8 +27,8 @@ SHARED = 0.15
 """Part of the shorter log that must overlap the other one. [-]"""
 EXPLAINED = {True: 0.985, False: 0.9}
 """Part of the squares that the other course must explain, a power or one of the same kind; responses fit nine tenths by chance. [-]"""
-RIVAL, APART = 0.85, 0.05
-"""Part of the best offset's information from which another one, further off than a part of the shorter log, leaves the offset open. [-]"""
+RIVAL, APART = {True: 0.65, False: 0.85}, 0.05
+"""Part of the best offset's information from which another one, off by that part of the shorter log, leaves it open. [-]"""
 VAGUE = 0.1
 """Error of an offset, in lengths of the shorter log, from which there is no step that both show. [-]"""
 NOISY = 1.2
@@ -156,7 +156,7 @@ def _compared(a: LogCourse, b: LogCourse) -> CommonStep | None:
     explained = 1.0 - _left(seen, ways[0], found[0])
     if cause.power and not _enough_switches(seen, cause, found[0]):
         return None
-    if explained < EXPLAINED[a.power != b.power] or rival > RIVAL * _information(seen, ways[0], found[0]):
+    if explained < EXPLAINED[a.power != b.power] or rival > RIVAL[a.power != b.power] * _information(seen, ways[0], found[0]):
         return None
     error = max(_error(seen, made, offset, step) for made, offset in zip(ways, found, strict=True))
     rows, target = _rows(seen, ways[0], found[0])
