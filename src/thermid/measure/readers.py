@@ -4,7 +4,7 @@ from thermid.measure._readers.bindings import channel_schema as channel_schema
 from thermid.measure._readers.columns import decimal_sign as decimal_sign
 from thermid.measure._readers.common_step import CommonStep as CommonStep, LogCourse as LogCourse, common_step as common_step
 from thermid.measure._readers.formats import is_bench_log as is_bench_log, log_cells as log_cells
-from thermid.measure._readers.guess import UNCLEAR as UNCLEAR, Column as Column, columns_of as columns_of
+from thermid.measure._readers.guess import Column as Column, columns_of as columns_of
 from thermid.measure._readers.headers import name_and_unit as name_and_unit
 from thermid.measure._readers.log_reader import (
     parts_between_restarts as parts_between_restarts,

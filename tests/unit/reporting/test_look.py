@@ -202,5 +202,5 @@ def test_a_name_or_a_size_of_another_quantity_is_asked_about(tmp_path: Path, nam
     rows = [f"{10 * k},{size + 0.1 * k:.1f},{22 + 0.1 * k:.1f},{24 + 0.1 * k:.1f}" for k in range(12)]
     (tmp_path / "a.csv").write_text("\n".join([f"time_s,{name},T_top,tbox", *rows]) + "\n")
     seen = td.look(tmp_path / "a.csv")
-    assert [c.guess for c in seen.columns] == ["time", "ignored", "temperature", "temperature"]
+    assert [c.guess for c in seen.columns] == ["time", "unclear", "temperature", "temperature"]
     assert any(question.startswith(f"{name}: a temperature or another quantity: state its unit") for question in seen.questions)

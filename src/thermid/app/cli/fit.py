@@ -44,9 +44,8 @@ from thermid.app.cli.options import (
 from thermid.app.cli.screen import Progress, show, working
 from thermid.app.cli.summary import show_campaign
 from thermid.base.errors import ScenarioError, SolverError
-from thermid.base.files import CREDIBILITY, PICTURE, TABLE, VALUES, may_write
+from thermid.base.files import CREDIBILITY, PICTURE, TABLE, VALUES, may_write, read_bytes
 from thermid.base.toml_files import kind_of_text
-from thermid.base.units import counted
 from thermid.campaign import studies as origins
 from thermid.campaign.stages import Campaign, file_name, fleet_in, local_of, plain_readings, read_campaign, scenario_of, survey
 from thermid.campaign.studies import plan_retune
@@ -156,10 +155,12 @@ def _only_campaign() -> Path:
     ------
     ScenarioError   When it has none or several.
     """
-    found = [path for path in sorted(Path().glob("*.toml")) if kind_of_text(path.read_bytes()) == "a campaign"]
+    found = [path for path in sorted(Path().glob("*.toml")) if kind_of_text(read_bytes(path)) == "a campaign"]
     if len(found) != 1:
-        several = f"this folder has {counted(len(found), 'campaign')}{': ' * bool(found)}{', '.join(map(str, found))}"
-        raise ScenarioError(f"{several}. Name one: thermid report campaign.toml --to report.html.", "command line")
+        several = ", ".join(map(str, found)) or "none"
+        raise ScenarioError(
+            f"campaigns of this folder: {several}. Name one: thermid report campaign.toml --to report.html.", "command line"
+        )
     return found[0]
 
 

@@ -27,11 +27,11 @@ SHARED = 0.15
 """Part of the shorter log that must overlap the other one. [-]"""
 EXPLAINED = {True: 0.985, False: 0.9}
 """Part of the squares that the other course must explain, a power or one of the same kind; responses fit nine tenths by chance. [-]"""
-RIVAL, APART = {True: 0.65, False: 0.85}, 0.05
+RIVAL, DISTINCT = {True: 0.65, False: 0.85}, 0.05
 """Part of the best offset's information from which another one, off by that part of the shorter log, leaves it open. [-]"""
 VAGUE = 0.1
 """Error of an offset, in lengths of the shorter log, from which there is no step that both show. [-]"""
-NOISY = 1.2
+TWO_PLACES = 1.2
 """Scatter about each other from which two temperatures are of two places, in that from reading to reading. [-]"""
 FINER = 3
 """How often offsets are tried again, eight times as close about the best."""
@@ -151,7 +151,7 @@ def _compared(a: LogCourse, b: LogCourse) -> CommonStep | None:
     ways = _ways(seen, cause)
     known = np.array([_information(seen, ways[0], offset) for offset in offsets])
     first = float(offsets[int(np.argmax(known))])
-    rival = float(np.max(known[np.abs(offsets - first) > APART * length], initial=0.0))
+    rival = float(np.max(known[np.abs(offsets - first) > DISTINCT * length], initial=0.0))
     found = [_close(seen, made, first, spacing, step) for made in ways]
     explained = 1.0 - _left(seen, ways[0], found[0])
     if cause.power and not _enough_switches(seen, cause, found[0]):
@@ -162,7 +162,7 @@ def _compared(a: LogCourse, b: LogCourse) -> CommonStep | None:
     rows, target = _rows(seen, ways[0], found[0])
     left, shares = _solved(rows, target)
     noise = float(np.hypot(_scatter(seen), shares[-1] * _scatter(cause)))
-    lags = not (a.power or b.power) and left > target.size * (NOISY * noise) ** 2
+    lags = not (a.power or b.power) and left > target.size * (TWO_PLACES * noise) ** 2
     return CommonStep(sign * float(np.median(found)), float(np.hypot(error, np.std(found))), a.name, b.name, explained, lags)
 
 

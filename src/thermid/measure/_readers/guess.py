@@ -42,10 +42,6 @@ _HUMID: Final = re.compile(r"\brh\b|humid|feucht|umidade", re.IGNORECASE)
 _STATE: Final = re.compile(r"alarm|record|status|flag|diag|scan|index|#|count|number|stopped|connected|button|end of file", re.IGNORECASE)
 
 
-UNCLEAR: Final = "a temperature or another quantity: state its unit"
-"""What is said of a column whose name or size leaves its quantity open."""
-
-
 @dataclass(frozen=True, eq=False)
 class Column:
     """One column of a log, and what it seems to be.
@@ -55,7 +51,7 @@ class Column:
     header, name : str          As written; and without its unit.
     unit : str                  Its unit; empty where none is known.
     assumed : bool              Whether the unit is the usual one, because the log names none.
-    guess : str                 'time', 'temperature', 'boundary', 'power', 'duty' or 'ignored'.
+    guess : str                 'time', 'temperature', 'boundary', 'power', 'duty', 'unclear' or 'ignored'.
     why : str                   What the guess rests on.
     values : array (samples,)   Readings in the unit of the column; NaN where there is none.
     missing : int               How many readings are missing.
@@ -167,7 +163,7 @@ def _by_name(name: str, known: FloatArray) -> tuple[str, str, str]:
         real = known[~np.isin(known, list(codes_of(known))) & (np.abs(known) < OVERLOAD)]
         sized = not real.size or (min(_TO_THINK_OF) <= real.min() and real.max() <= max(_TO_THINK_OF))
         if not (hot or sized) or (_OTHER.match(name) and not _CLEAR.match(name)):
-            return "ignored", "", UNCLEAR
+            return "unclear", "", "a temperature or another quantity: state its unit"
         return _temperature(name, "K" if hot else "degC", "by its name" + (" and size" if hot else ""))
     if min(KNOWN) in codes_of(known):
         return _temperature(name, "degC", f"by the {min(KNOWN):g} of a lost sensor")

@@ -17,7 +17,6 @@ from thermid.base.results import Result
 from thermid.base.units import counted, from_si, in_si, unit
 from thermid.measure.amounts import duration_text, short
 from thermid.measure.readers import (
-    UNCLEAR,
     Cells,
     Clock,
     Column,
@@ -109,8 +108,11 @@ class Look(Result):
         columns = {c.name: np.where(np.isfinite(c.values), c.values, np.nan) for c in self.columns if c.guess in _SHOWN and c.values.size}
         warm = {c.name: columns[c.name] for c in self.columns if c.guess in ("temperature", "boundary") and c.name in columns}
         out = [*unit_question({c.name: warm[c.name] for c in self.columns if c.name in warm and c.assumed and c.unit == "degC"})]
-        if unclear := [c.name for c in self.columns if c.why == UNCLEAR]:
-            out.append(f'{", ".join(unclear)}: {UNCLEAR}. Not read as a temperature; unit = "degC" says that it is one.')
+        out += [
+            f'{c.name}: {c.why}. It is not read as a temperature; unit = "degC" says that it is one.'
+            for c in self.columns
+            if c.guess == "unclear"
+        ]
         if self.times is not None and self.clock is not None:
             times = self.times.values
             out += board_restarts(times, {c.name: c.values for c in self.columns if c.guess == "ignored" and not c.unit and c.values.size})

@@ -229,7 +229,7 @@ class TestReport:
         assert "campaign: campaign.toml, the only one of this folder" in said.out
         assert Path("report.html").is_file()
         Path("second.toml").write_bytes(campaign.read_bytes())
-        assert "this folder has 2 campaigns: campaign.toml, second.toml. Name one" in call("report").err
+        assert "campaigns of this folder: campaign.toml, second.toml. Name one" in call("report").err
 
     def test_it_asks_where_the_report_goes(self, call: Call, campaign: Path) -> None:
         said = call("report", campaign)
