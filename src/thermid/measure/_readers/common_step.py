@@ -42,7 +42,7 @@ MOST = 20000
 
 
 @dataclass(frozen=True, eq=False)
-class Made:
+class Explanation:
     """What a course of one log may explain of the other one.
 
     Parameters
@@ -87,7 +87,7 @@ class LogCourse:
         """Whether it is a course at all."""
         return self.values.size >= 8 and float(np.ptp(self.values)) > 0.0
 
-    def responses(self, fine: float, count: int, longest: float) -> Made:
+    def responses(self, fine: float, count: int, longest: float) -> Explanation:
         """Return first-order responses to a power that held its first value before, with time constants up to the longest. [W]"""
         from scipy.signal import lfilter
 
@@ -97,7 +97,7 @@ class LogCourse:
         for constant in constants:
             kept = float(np.exp(-fine / constant))
             out.append(lfilter([0.0, 1.0 - kept], [1.0, -kept], held))  # the value of an interval acts at its end
-        return Made(times, np.column_stack(out), constants)
+        return Explanation(times, np.column_stack(out), constants)
 
 
 @dataclass(frozen=True)
@@ -178,19 +178,19 @@ def _enough_switches(seen: LogCourse, cause: LogCourse, offset: float) -> bool:
     return bool(inside >= min(2, switched.size))
 
 
-def _ways(seen: LogCourse, cause: LogCourse) -> list[Made]:
+def _ways(seen: LogCourse, cause: LogCourse) -> list[Explanation]:
     """Return how one course may act on another: several sets of responses where a power acts on a temperature, else as it is."""
     if cause.power == seen.power:
-        return [Made(cause.times, cause.values[:, None], np.zeros(0))]
+        return [Explanation(cause.times, cause.values[:, None], np.zeros(0))]
     fine = max(float(np.median(np.diff(cause.times))), cause.times[-1] / MOST)
     return [cause.responses(fine, count, max(seen.times[-1], cause.times[-1])) for count in RESPONSES]
 
 
-def _lowest(seen: LogCourse, made: Made, offsets: FloatArray) -> float:
+def _lowest(seen: LogCourse, made: Explanation, offsets: FloatArray) -> float:
     return float(offsets[int(np.argmin([_left(seen, made, o) for o in offsets]))])
 
 
-def _close(seen: LogCourse, made: Made, best: float, spacing: float, step: float) -> float:
+def _close(seen: LogCourse, made: Explanation, best: float, spacing: float, step: float) -> float:
     """Return the offset that leaves least, near one of a spacing. [s]"""
     for _ in range(FINER):
         best = _lowest(seen, made, best + np.linspace(-4.0, 4.0, 33) * spacing)
@@ -200,18 +200,18 @@ def _close(seen: LogCourse, made: Made, best: float, spacing: float, step: float
     return best
 
 
-def _left(seen: LogCourse, made: Made, offset: float) -> float:
+def _left(seen: LogCourse, made: Explanation, offset: float) -> float:
     """Return the part of the squares of one course that the other one, later by an offset, leaves; 1 where it explains nothing."""
-    return _judged(seen, made, offset)[0]
+    return _compare_at(seen, made, offset)[0]
 
 
-def _information(seen: LogCourse, made: Made, offset: float) -> float:
+def _information(seen: LogCourse, made: Explanation, offset: float) -> float:
     """Return how many readings both courses share at an offset, times the logarithm of what the other one explains of them. [-]"""
-    left, shared = _judged(seen, made, offset)
+    left, shared = _compare_at(seen, made, offset)
     return -shared * float(np.log(max(left, 1e-12)))
 
 
-def _judged(seen: LogCourse, made: Made, offset: float) -> tuple[float, int]:
+def _compare_at(seen: LogCourse, made: Explanation, offset: float) -> tuple[float, int]:
     """Return the part of the squares that the other course leaves, and of how many readings."""
     rows, target = _rows(seen, made, offset)
     own = rows.shape[1] - made.columns.shape[1]
@@ -224,7 +224,7 @@ def _judged(seen: LogCourse, made: Made, offset: float) -> tuple[float, int]:
     return left / without, target.size
 
 
-def _rows(seen: LogCourse, made: Made, offset: float) -> tuple[FloatArray, FloatArray]:
+def _rows(seen: LogCourse, made: Explanation, offset: float) -> tuple[FloatArray, FloatArray]:
     """Return the rows of the linear model (readings, unknowns), those of the course itself first, and the readings that they explain."""
     thin = slice(None, None, max(1, seen.times.size // POINTS))
     times, target = seen.times[thin], seen.values[thin]
@@ -246,7 +246,7 @@ def _solved(rows: FloatArray, target: FloatArray) -> tuple[float, FloatArray]:
     return float(left @ left), shares
 
 
-def _error(seen: LogCourse, made: Made, best: float, step: float) -> float:
+def _error(seen: LogCourse, made: Explanation, best: float, step: float) -> float:
     """Return the standard error of an offset: where the logarithm of the squares rises by one over the independent points.
 
     Points of residuals that wander are not independent: as many count as there are changes of sign, at least four. [s]
