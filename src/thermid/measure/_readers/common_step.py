@@ -168,7 +168,7 @@ def _compared(a: LogCourse, b: LogCourse) -> CommonStep | None:
 
 def _scatter(course: LogCourse) -> float:
     """Return the standard deviation of readings from the line between their neighbours, by their median. [the course's unit]"""
-    return 1.4826 * float(np.median(np.abs(np.diff(course.values, 2)))) / 6.0**0.5
+    return float(1.4826 * np.median(np.abs(np.diff(course.values, 2))) / 6.0**0.5)
 
 
 def _enough_switches(seen: LogCourse, cause: LogCourse, offset: float) -> bool:
