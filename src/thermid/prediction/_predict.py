@@ -6,7 +6,7 @@
 from __future__ import annotations
 
 import os
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from statistics import NormalDist
 from typing import Any
@@ -259,6 +259,18 @@ class Prediction(Result):
         if path not in self.bands:
             raise NameNotFoundError(f"no node '{node}' was predicted.{nearest(node, self.bands)}", self.title)
         return self.bands[path]
+
+    def __iter__(self) -> Iterator[str]:
+        """Iterate over the nodes that were predicted."""
+        return iter(self.bands)
+
+    def __contains__(self, node: object) -> bool:
+        """Whether a node was predicted; aliases are accepted."""
+        return node in self.bands or node in self._find
+
+    def __len__(self) -> int:
+        """How many nodes were predicted."""
+        return len(self.bands)
 
     @property
     def final(self) -> dict[str, Estimate]:

@@ -23,6 +23,15 @@ _SURROUNDINGS: Final = re.compile(
     re.IGNORECASE,
 )
 _TEMPERATURE: Final = re.compile(r"t($|[\d_ ]|[A-Z])|temp|tc\d|rtd|pt100|ds18|ntc|thermo|heat[_ -]?sink", re.IGNORECASE)
+_CLEAR: Final = re.compile(r"t($|[\d_ ])|.*temp|tc\d|rtd|pt100|ds18|ntc|thermo", re.IGNORECASE)
+_OTHER: Final = re.compile(
+    r"t(orque|otal|ra|ension|hr|ach|ilt|ank|are|ime|arget|ool|op|est|urb|ub|yp|rip|ick|ogg)"
+    r"|.*(press|flow|level|speed|rpm|light|lux|co2|force|weight|energy|valve|angle|volume)",
+    re.IGNORECASE,
+)
+"""Names of other quantities, and of things that begin with a t: without a unit they may be no temperatures."""
+_TO_THINK_OF: Final = (-100.0, 500.0)
+"""Readings that a temperature without a unit may have. [degC]"""
 _POWER: Final = re.compile(r"p($|[\d_ ])|power|watt|leistung|pot[eê]ncia|heat_?load", re.IGNORECASE)
 _ELECTRIC: Final = {
     ("V", "a voltage"): re.compile(r"(^|[_ ])(volts?|voltage|spannung|tens[aã]o)($|[_ ])", re.IGNORECASE),
@@ -42,7 +51,7 @@ class Column:
     header, name : str          As written; and without its unit.
     unit : str                  Its unit; empty where none is known.
     assumed : bool              Whether the unit is the usual one, because the log names none.
-    guess : str                 'time', 'temperature', 'boundary', 'power', 'duty' or 'ignored'.
+    guess : str                 'time', 'temperature', 'boundary', 'power', 'duty', 'unclear' or 'ignored'.
     why : str                   What the guess rests on.
     values : array (samples,)   Readings in the unit of the column; NaN where there is none.
     missing : int               How many readings are missing.
@@ -151,6 +160,10 @@ def _by_name(name: str, known: FloatArray) -> tuple[str, str, str]:
         return "duty", "%", "by its name"
     if _TEMPERATURE.match(name) or _SURROUNDINGS.search(name):
         hot = kelvin_sized(known)
+        real = known[~np.isin(known, list(codes_of(known))) & (np.abs(known) < OVERLOAD)]
+        sized = not real.size or (min(_TO_THINK_OF) <= real.min() and real.max() <= max(_TO_THINK_OF))
+        if not (hot or sized) or (_OTHER.match(name) and not _CLEAR.match(name)):
+            return "unclear", "", "a temperature or another quantity: state its unit"
         return _temperature(name, "K" if hot else "degC", "by its name" + (" and size" if hot else ""))
     if min(KNOWN) in codes_of(known):
         return _temperature(name, "degC", f"by the {min(KNOWN):g} of a lost sensor")
