@@ -148,7 +148,7 @@ def _columns_of(test: RunningTest, noise: str | None, read: dict[str, str | None
 
 
 def _told(channel: list[str], full_scale: list[str]) -> tuple[dict[str, str], dict[str, str], dict[str, str]]:
-    """Return column -> what it is bound to, column -> power at 100 % and column -> unit, of ``COLUMN``, ``COLUMN=PATH`` and ``COLUMN=PATH [UNIT]``."""
+    """Return what columns are bound to, their powers at 100 % and their units, of ``COLUMN=PATH [UNIT]`` or less of it."""
     parts = {n.strip(): rest.partition("[") for n, _, rest in (text.partition("=") for text in channel)}
     units = {n: text.strip(" ]") for n, (_, bracket, text) in parts.items() if bracket}
     return {n: path.strip() or n for n, (path, _, _) in parts.items()}, pairs(full_scale, "--full-scale"), units
