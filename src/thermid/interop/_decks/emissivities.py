@@ -23,7 +23,7 @@ WAS: Final = re.compile(r"fitted, was ([-+.\deEdD]+)")
 """Mark of a number that was written back: the first says what the exchange factors were computed with."""
 POSITIVE: Final = 0.9
 """Share of a conductor that reflections may lose as an emissivity rises to 1, so that it stays positive."""
-_PROPERTY: Final = re.compile(r"\s+(\S.*?)\s+([01]?\.\d+|[01]\.?)\s+[01]?\.?\d*\s*")
+_PROPERTY: Final = re.compile(r"[Cc][ \t]+(\S.*?)[ \t]+([01]?\.\d+|[01]\.?)(?:[ \t]+[01]?\.?\d*)?(?:.*?fitted, was ([-+.\deEdD]+))?.*\n")
 _ROW: Final = re.compile(r"\s*-\d+\s*,\s*([\w.]+)\s*,\s*([\w.]+)\s*,\s*([-+.\deEdD]+)")
 _AREA: Final = re.compile(r"^\s*([\w.]+)\s+([-+.\deE]+)\s*$", re.MULTILINE)
 
@@ -120,24 +120,15 @@ def read_emissivities(lines: Sequence[tuple[str, str]], properties: Mapping[str,
     return Emissivities({name: (properties[name][0], n) for name, n in counts.items() if n}, rows, between)
 
 
-def optical_properties(text: str, row: int) -> Iterator[tuple[str, float, int, int]]:
-    """Yield name, emissivity as computed, and where the emissivity's number begins and ends, of the optical properties listed above a row.
+def optical_properties(text: str, row: int) -> Iterator[re.Match[str]]:
+    """Yield the rows of the list of optical properties above a row: name, emissivity, and what that was before a fit, if it is one.
 
     Parameters
     ----------
     text : str      The file.
-    row : int       Where the first row of the block begins in it; only comments and PSTOP stand between.
+    row : int       Where the first row of the block begins in it.
     """
-    head = text[:row]
-    begin = head.rfind("PROPERTY NAME")
-    lines = head[begin:].splitlines(keepends=True) if begin >= 0 else []
-    if any(line.strip() and not line.startswith(("C", "c", "$", "PROPERTY", "PSTOP")) for line in lines):
-        return
-    at = begin + sum(map(len, lines[:1]))
-    for line in lines[1:]:
-        found = _PROPERTY.match(line, 1)
-        if found is None:
-            return
-        was = WAS.search(line)
-        yield found[1], float(was[1] if was else found[2]), at + found.start(2), at + found.end(2)
-        at += len(line)
+    at = text.find("\n", text.rfind("PROPERTY NAME", 0, row)) + 1
+    while found := _PROPERTY.match(text, at, row):
+        yield found
+        at = found.end()

@@ -475,9 +475,9 @@ def _followed(deck: SindaDeck, lines: list[Line]) -> dict[TextSpan, tuple[FileEm
     """Return place of a row -> the emissivities that it follows, and keep their values; empty where the files do not say them."""
     areas = Path(lines[0].where.file).with_suffix(".ar")
     text, known, places = deck.reading.texts[lines[0].where.file], dict[str, tuple[float, float]](), dict[str, TextSpan]()
-    for name, computed, begin, end in optical_properties(text, lines[0].where.begin):
-        known[made := f"emissivity_{identifier(name)}"] = (computed, float(text[begin:end]))
-        places[made] = TextSpan(lines[0].where.file, text.count("\n", 0, begin) + 1, begin, end)
+    for found in optical_properties(text, lines[0].where.begin) if any("PROPERTY NAME" in words for words in lines[0].before) else ():
+        known[made := f"emissivity_{identifier(found[1])}"] = (float(found[3] or found[2]), float(found[2]))
+        places[made] = TextSpan(lines[0].where.file, text.count("\n", 0, found.start()) + 1, *found.span(2))
     block = read_emissivities([(x.text, x.note) for x in lines], known, deck.reading.open(areas)) if areas.is_file() else None
     if block is None:
         return {}
