@@ -18,7 +18,7 @@ from thermid.base.errors import ThermidError
 from thermid.bench._wire import parse_line
 from thermid.bench.board import Board
 from thermid.bench.logger import Logger, Settings
-from thermid.bench.port import LONGEST
+from thermid.bench.port import MAX_GARBAGE_BYTES
 
 pytestmark = pytest.mark.skipif(os.name != "posix", reason="a board without hardware needs pseudo-terminals")
 
@@ -164,8 +164,8 @@ def test_no_damaged_stream_is_believed(count: int, tmp_path: Path) -> None:
     for _ in range(count):
         one = time.monotonic()
         for piece in damaged(data, rng).split(b"\n"):
-            for at in range(0, len(piece) + 1, LONGEST):
-                part = piece[at : at + LONGEST]
+            for at in range(0, len(piece) + 1, MAX_GARBAGE_BYTES):
+                part = piece[at : at + MAX_GARBAGE_BYTES]
                 line = log._take(part + b"\n")
                 if line is not None:
                     assert part.decode("latin-1").rstrip("\r") in known

@@ -11,7 +11,7 @@ import pytest
 import thermid as td
 from by_code import raises_code
 from thermid.base.errors import MissingExtraError
-from thermid.base.results import ROWS, SHORT, PlottedTrace, Result
+from thermid.base.results import MAX_REPR_CHARACTERS, ROWS, PlottedTrace, Result
 from unit.results import of_a_fit, of_a_run
 
 pandas = pytest.importorskip("pandas")
@@ -104,7 +104,7 @@ def test_six_abilities(results: dict[str, Any], name: str) -> None:
     one = results[name]
     text = repr(one)
     assert type(one).__name__ in text
-    assert len(text) <= SHORT
+    assert len(text) <= MAX_REPR_CHARACTERS
     assert "\n" not in text
     html = one._repr_html_()
     assert html.startswith("<div>")
@@ -160,7 +160,7 @@ def test_markup_is_escaped() -> None:
             return [{"<b>": "<i>", "n": 1.0}] * 30
 
     bad = Bad()
-    assert len(repr(bad)) == SHORT
+    assert len(repr(bad)) == MAX_REPR_CHARACTERS
     html = bad._repr_html_()
     assert "<script>" not in html
     assert "<i>" not in html

@@ -28,7 +28,7 @@ def run() -> td.Solution:
 
 @pytest.fixture(scope="module")
 def fit(run: td.Solution) -> Any:
-    channel = td.Channel.of("T", run["box"].kelvin, unit="K", role="node", target="box", noise=0.05)
+    channel = td.Channel.from_array("T", run["box"].kelvin, unit="K", role="node", target="box", noise=0.05)
     model = td.model_from_dict(DECK).with_values({"film.conductance": "2 [W/K]"})
     record = td.Record.from_arrays("log", run.times, {"T": channel})
     return td.calibrate(model, record, ["film.conductance", "box.capacitance"], scenario=BENCH)
@@ -56,9 +56,9 @@ def test_a_trace_is_an_array_in_degrees_celsius(run: td.Solution) -> None:
 def test_a_record_and_a_prediction_are_collections_and_a_channel_an_array(fit: Any) -> None:
     band = td.predict(fit, BENCH, nodes=["box"])
     assert (list(band), len(band), "box" in band, 0 in band) == (["box"], 1, True, False)
-    masked = td.Channel.of("T", [20.0, np.nan, 22.0], unit="degC")
+    masked = td.Channel.from_array("T", [20.0, np.nan, 22.0], unit="degC")
     record = td.Record.from_arrays(
-        "log", [0.0, 1.0, 2.0], {"T": masked, "P": td.Channel.of("P", [3.0, 4.0, 5.0], unit="W", quantity="power")}
+        "log", [0.0, 1.0, 2.0], {"T": masked, "P": td.Channel.from_array("P", [3.0, 4.0, 5.0], unit="W", quantity="power")}
     )
     assert (list(record), "T" in record, "lid" in record) == (["T", "P"], True, False)
     np.testing.assert_allclose(np.asarray(record["T"]), [20.0, np.nan, 22.0])

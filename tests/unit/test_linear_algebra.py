@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from thermid.base.linear_algebra import (
-    LOST,
+    MAX_PART_WITHOUT_INFORMATION,
     NOTHING,
     RANK_TOLERANCE,
     covariance,
@@ -42,7 +42,7 @@ def test_a_covariance_is_the_inverse_of_the_information() -> None:
 
 def test_one_tolerance_says_which_directions_hold_nothing() -> None:
     """A constant of decision 161: what lies a tenth above it is known, and a tenth below it is not."""
-    assert (RANK_TOLERANCE, LOST) == (1e-6, 1e-3)
+    assert (RANK_TOLERANCE, MAX_PART_WITHOUT_INFORMATION) == (1e-6, 1e-3)
     for ratio, known in ((1.1e-6, True), (0.9e-6, False)):
         rows = nearly_bound(ratio)
         assert np.isfinite(covariance(rows)).all() == known

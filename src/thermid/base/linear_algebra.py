@@ -19,7 +19,7 @@ Ints = NDArray[np.int32]
 RANK_TOLERANCE = 1e-6
 """Singular value of scaled rows, beside the largest, up to which a direction holds no information: derivatives of a run are not good to
 more. Eigenvalues of J'J and of a covariance are squares of these, so that theirs is its square."""
-LOST = 1e-3
+MAX_PART_WITHOUT_INFORMATION = 1e-3
 """Part that an unknown may have in directions without information and still count as known."""
 NOTHING = 1e-12
 """What rounding leaves: length of a column, beside the longest, up to which no row depends on its unknown, and singular value of scaled
@@ -35,10 +35,10 @@ def scaled(rows: Array) -> tuple[Array, Array, Bools]:
     Rows of zeros are added below where there are fewer rows than columns, so that singular values count every unknown.
     """
     length = np.linalg.norm(rows, axis=0)
-    seen = length > NOTHING * length.max(initial=0.0)
-    length = np.where(seen, length, 1.0)
+    nonzero = length > NOTHING * length.max(initial=0.0)
+    length = np.where(nonzero, length, 1.0)
     below = np.zeros((max(0, rows.shape[1] - rows.shape[0]), rows.shape[1]))
-    return np.concatenate([np.where(seen, rows / length, 0.0), below]), length, seen
+    return np.concatenate([np.where(nonzero, rows / length, 0.0), below]), length, nonzero
 
 
 def _decomposed(rows: Array, tolerance: float) -> tuple[Array, Array, Bools, Array]:
@@ -66,7 +66,7 @@ def _inverse(rows: Array, tolerance: float) -> tuple[Array, Array]:
 def covariance(rows: Array, tolerance: float = RANK_TOLERANCE) -> Array:
     """Return (J'J)^-1; an unknown with a part in a direction without information has an infinite variance and goes with no other."""
     out, unknown = _inverse(rows, tolerance)
-    lost = unknown > LOST
+    lost = unknown > MAX_PART_WITHOUT_INFORMATION
     out[lost, :] = out[:, lost] = 0.0
     out[lost, lost] = np.inf
     return out
@@ -79,12 +79,12 @@ def finite(matrix: Array) -> Array:
 
 def null_space(rows: Array) -> Array:
     """Return the directions (directions, unknowns) that no row sees; unknowns that no row depends on are left out."""
-    _, _, seen = scaled(rows)
-    if seen.sum() < 2:
+    _, _, nonzero = scaled(rows)
+    if nonzero.sum() < 2:
         return np.zeros((0, rows.shape[1]))
-    _, v, weak, inner = _decomposed(rows[:, seen], RANK_TOLERANCE)
+    _, v, weak, inner = _decomposed(rows[:, nonzero], RANK_TOLERANCE)
     out = np.zeros((int(weak.sum()), rows.shape[1]))
-    out[:, seen] = v[weak] / inner
+    out[:, nonzero] = v[weak] / inner
     return out
 
 
@@ -111,8 +111,8 @@ def _eigen(matrix: Array) -> tuple[Array, Array, Array]:
 def square_root(matrix: Array, *, drop: bool = False) -> Array:
     """Return a root L of a covariance, ``L L'``: as many columns as rows, or only the directions in which it is not zero."""
     sizes, vectors, scale = _eigen(matrix)
-    kept = sizes > RANK_TOLERANCE**2 * sizes.max(initial=0.0) if drop else slice(None)
-    return np.asarray(scale[:, None] * vectors[:, kept] * np.sqrt(np.maximum(sizes[kept], 0.0)))
+    chosen = sizes > RANK_TOLERANCE**2 * sizes.max(initial=0.0) if drop else slice(None)
+    return np.asarray(scale[:, None] * vectors[:, chosen] * np.sqrt(np.maximum(sizes[chosen], 0.0)))
 
 
 def inverse_square_root(matrix: Array, floor: float = RANK_TOLERANCE**2) -> Array:
@@ -134,7 +134,7 @@ def variance(information: Array, gradient: Array) -> float:
     sizes, vectors, scale = _eigen(information)
     part = vectors.T @ (gradient / scale)
     weak = sizes <= RANK_TOLERANCE**2 * sizes.max(initial=0.0)
-    if np.linalg.norm(part[weak]) > LOST * np.linalg.norm(part):
+    if np.linalg.norm(part[weak]) > MAX_PART_WITHOUT_INFORMATION * np.linalg.norm(part):
         return float("inf")
     return float(np.sum(part[~weak] ** 2 / sizes[~weak]))
 

@@ -7,7 +7,7 @@ from thermid.fit._error_model.courses import (
 )
 from thermid.fit._error_model.discrepancy import (
     KEY as KEY,
-    MOST as MOST,
+    MAX_GAS_CONDUCTANCE as MAX_GAS_CONDUCTANCE,
     Discrepancy as Discrepancy,
     discrepancy as discrepancy,
     discrepancy_kept as discrepancy_kept,

@@ -11,15 +11,15 @@ from thermid.base.dual import value_of
 from thermid.base.errors import DeckError
 from thermid.base.files import EXPORT, write_text
 from thermid.interop._wired import HeatSource, Wired, conductance_text, identifiers, number_text, one_line, table_points, wired
-from thermid.model.laws import FAR, Constant, Curve, Drawn, Sine, TableSignal
+from thermid.model.laws import EXTENSION_REACH, Constant, Curve, Drawn, Sine, TableSignal
 from thermid.model.tree import Model
 from thermid.physics.constants import ICE_POINT
 from thermid.simulation.network import ConductorRow
 from thermid.simulation.scenarios import Scenario
 
-STEPS = 5000
+MIN_STEPS_PER_RUN = 5000
 """The largest step is this part of the run."""
-JUMP = 1e-7
+JUMP_SHARE_OF_RUN = 1e-7
 """A jump of a source takes this part of the run, since SPICE has no jumps."""
 WRITTEN = ("power", "radiation", "table")
 """Forms of conductors that are behavioural sources."""
@@ -78,7 +78,7 @@ class _Netlist:
                 continue
             yield from self._source(f"I_{k} 0 {self.nodes[source.node]}", source.signal, float(source.power), 0.0)
         yield ".options reltol=1e-7 abstol=1e-12 vntol=1e-9"
-        largest = number_text(self.end / STEPS)
+        largest = number_text(self.end / MIN_STEPS_PER_RUN)
         yield f".tran {largest} {number_text(self.end)} 0 {largest} UIC"
         yield ".print tran " + " ".join(f"V({self.nodes[n]})" for n in w.network.nodes)
         yield ".end"
@@ -119,7 +119,7 @@ class _Netlist:
                 "a table with outside = 'refuse' is not written to SPICE, which would extrapolate. Use outside = 'hold'.",
                 self.w.network.title,
             )
-        x, y = [x[0] - FAR, *x, x[-1] + FAR], [y[0], *y, y[-1]]
+        x, y = [x[0] - EXTENSION_REACH, *x, x[-1] + EXTENSION_REACH], [y[0], *y, y[-1]]
         return f"pwl({at}, {', '.join(f'{number_text(a)}, {number_text(b)}' for a, b in zip(x, y, strict=True))})"
 
     def _source(self, start: str, signal: Drawn, factor: float, zero: float) -> Iterator[str]:
@@ -143,6 +143,6 @@ class _Netlist:
         before: float | None = None
         for time, value in zip(table.times.tolist(), table.values.tolist(), strict=True):
             if table.hold and before is not None and value != before:
-                yield time - JUMP * self.end, before
+                yield time - JUMP_SHARE_OF_RUN * self.end, before
             yield time, value
             before = value

@@ -1,10 +1,10 @@
 """How steady readings are, with the error of that."""
 
 from thermid.measure._record.steadiness import (
-    CORRELATED as CORRELATED,
+    DOUBT_IN_ERRORS as DOUBT_IN_ERRORS,
+    MIN_INDEPENDENT_SHARE as MIN_INDEPENDENT_SHARE,
+    MIN_JUDGED_WINDOW as MIN_JUDGED_WINDOW,
     RULES as RULES,
-    SHORTEST as SHORTEST,
-    SURE as SURE,
     TAU_ERROR as TAU_ERROR,
     ChannelStability as ChannelStability,
     StabilityRule as StabilityRule,

@@ -11,7 +11,7 @@ from thermid.base.errors import ThermidWarning
 from thermid.physics._number import Number
 from thermid.physics.constants import ATMOSPHERE
 
-GAS_CONSTANT = 287.052874
+DRY_AIR_GAS_CONSTANT = 287.052874
 """Specific gas constant of dry air: 8.31446262 J/(mol K) over 28.96492 g/mol. [J/(kg K)]"""
 
 LOWEST, HIGHEST = 200.0, 450.0
@@ -132,7 +132,7 @@ def air_density(temperature: Number, pressure: Number = ATMOSPHERE) -> Number:
     >>> round(air_density(288.15), 3)
     1.225
     """
-    return pressure / (GAS_CONSTANT * temperature)
+    return pressure / (DRY_AIR_GAS_CONSTANT * temperature)
 
 
 def dry_air(temperature: Number, pressure: Number = ATMOSPHERE) -> Gas:

@@ -148,7 +148,7 @@ def adiabatic_fin_conductance(htc: Number, perimeter: Number, conductivity: Numb
     return infinite_fin_conductance(htc, perimeter, conductivity, cross_section) * plain(np.tanh(decay * length))
 
 
-SHORT = 0.02
+MAX_SERIES_ARGUMENT = 0.02
 """(m L)^2 below which the two-port of a fin is taken from its series, which is right to 1e-13 there and has no root in it. [-]"""
 
 
@@ -177,7 +177,7 @@ def fin_conductances(htc: Number, perimeter: Number, conductivity: Number, cross
     """
     slab = slab_conductance(conductivity, cross_section, length)
     square = htc * perimeter * length**2 / (conductivity * cross_section)
-    if getattr(square, "value", square) < SHORT:
+    if getattr(square, "value", square) < MAX_SERIES_ARGUMENT:
         through = 1.0 - square * (1 / 6 - square * (7 / 360 - square * (31 / 15120 - square * (127 / 604800))))
         side = square * (1 / 2 - square * (1 / 24 - square * (1 / 240 - square * (17 / 40320 - square * (31 / 725760)))))
         return slab * through, slab * side

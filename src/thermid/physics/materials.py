@@ -80,17 +80,17 @@ def material(name: str) -> Material:
     >>> material("aluminium 7075-T6").conductivity
     130
     """
-    known = materials()
-    fitting = [name] if name in known else [each for each in known if _words(name) and _words(name) <= _words(each)]
+    library = materials()
+    fitting = [name] if name in library else [each for each in library if _words(name) and _words(name) <= _words(each)]
     if len(fitting) > 1:
         listed = ", ".join(f"'{each}'" for each in fitting)
         raise NameNotFoundError(f"several materials are called '{name}': {listed}. Give one of them.")
     if not fitting:
         family = re.sub("aluminum", "aluminium", name.replace(",", " ").split(" ")[0].lower())
-        alike = [f"'{n}'" for n in known if n.lower().startswith(family)] if family else []
-        listed = f" There are {', '.join(alike)}." if alike else nearest(name, known)
+        alike = [f"'{n}'" for n in library if n.lower().startswith(family)] if family else []
+        listed = f" There are {', '.join(alike)}." if alike else nearest(name, library)
         raise NameNotFoundError(f"no material '{name}' in the table.{listed} 'thermid example --materials' lists all. Or give its values.")
-    return known[fitting[0]]
+    return library[fitting[0]]
 
 
 _SPELT = (

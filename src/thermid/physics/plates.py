@@ -292,9 +292,9 @@ def horizontal_plate_down_htc(
     return horizontal_plate_down_nusselt(rayleigh) * air.conductivity / length
 
 
-SHAPE = 3.47
+CONVEX_SHAPE_FACTOR = 3.47
 """Conduction from a convex body into gas at rest without end, S / sqrt(A): 3.39 a cube, 3.54 a sphere. [-]"""
-THINNEST = 3.19
+DISC_SHAPE_FACTOR = 3.19
 """The same of a thin disc, the least of all convex bodies: 8 r over sqrt(2 pi r^2). [-]"""
 
 
@@ -317,7 +317,7 @@ def body_nusselt(rayleigh: Number, prandtl: Number) -> Number:
     >>> body_nusselt(0.0, 0.71)
     3.47
     """
-    return SHAPE + 0.670 / (1 + (0.5 / prandtl) ** (9 / 16)) ** (4 / 9) * rayleigh**0.25
+    return CONVEX_SHAPE_FACTOR + 0.670 / (1 + (0.5 / prandtl) ** (9 / 16)) ** (4 / 9) * rayleigh**0.25
 
 
 def body_htc(surface: Number, ambient: Number, area: Number, air: Gas = AIR_300K, gravity: float = STANDARD_GRAVITY) -> Number:
@@ -365,4 +365,4 @@ def conduction_floor(area: Number, conductivity: Number) -> Number:
     >>> round(conduction_floor(2 * 3.14159265 * 0.01, 0.026), 3), round(8 * 0.1 * 0.026 / (2 * 3.14159265 * 0.01), 3)
     (0.331, 0.331)
     """
-    return THINNEST * conductivity / area**0.5
+    return DISC_SHAPE_FACTOR * conductivity / area**0.5

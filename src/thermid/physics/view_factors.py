@@ -191,7 +191,7 @@ RAYS: Final = 1 << 17
 """Rays from each face; with them factors are right to some 0.1 %. [-]"""
 TOUCHING: Final = 1e-9
 """Distance within which a ray still touches what it leaves, as a share of the size of the whole. [-]"""
-LOST: Final = 2e-3
+MAX_LOST_RAY_SHARE: Final = 2e-3
 """Share of the rays of a face that may meet the back of another, or nothing in a closed room. [-]"""
 
 
@@ -317,7 +317,7 @@ def placed_factors(faces: tuple[Placed, ...], names: tuple[str, ...], rays: int 
         front = np.column_stack([f for _, f in crossings])[np.arange(rays), first]
         behind = hit & ~front
         for j in np.unique(first[behind]).tolist():
-            if np.mean(behind & (first == j)) > LOST:
+            if np.mean(behind & (first == j)) > MAX_LOST_RAY_SHARE:
                 raise DeckError(
                     f"'{names[i]}' sees the back of '{names[j]}'. Define a separate face for that side, or exchange its sides.", where
                 )
@@ -325,7 +325,7 @@ def placed_factors(faces: tuple[Placed, ...], names: tuple[str, ...], rays: int 
     both = size[:, None] * shares
     error = float((np.abs(both - both.T) / np.maximum(size[:, None], size[None, :])).max())
     joined = 0.5 * (both + both.T)
-    if (shares.sum(axis=1) > 1.0 - LOST).all():
+    if (shares.sum(axis=1) > 1.0 - MAX_LOST_RAY_SHARE).all():
         for _ in range(200):  # a symmetric scaling that gives every row its area
             joined *= np.sqrt(np.outer(size / joined.sum(axis=1), size / joined.sum(axis=1)))
     return size, joined / size[:, None], error

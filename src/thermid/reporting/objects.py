@@ -1,7 +1,7 @@
 """Results as JSON objects."""
 
 from thermid.reporting._pages.views import (
-    SCHEMA as SCHEMA,
+    VIEW_SCHEMA as VIEW_SCHEMA,
     calibration_object as calibration_object,
     campaign_object as campaign_object,
     campaign_standing as campaign_standing,

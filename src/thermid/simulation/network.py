@@ -6,7 +6,7 @@ from thermid.simulation._network.controls import (
     refuse_controls as refuse_controls,
 )
 from thermid.simulation._network.environment import Environment as Environment
-from thermid.simulation._network.irradiation import HOTTEST as HOTTEST, Irradiation as Irradiation, Sky as Sky
+from thermid.simulation._network.irradiation import MAX_IRRADIATION as MAX_IRRADIATION, Irradiation as Irradiation, Sky as Sky
 from thermid.simulation._network.linear import modes as modes, state_space as state_space
 from thermid.simulation._network.medium import VACUUM_LIMIT as VACUUM_LIMIT, Media as Media
 from thermid.simulation._network.network import Network as Network, Numbers as Numbers, compile_network as compile_network

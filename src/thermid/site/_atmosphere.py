@@ -14,7 +14,7 @@ HIGHEST_ALTITUDE = 86e3
 """Above it the standard's air is no longer mixed, and depends on the sun's activity. [m]"""
 EARTH_RADIUS = 6356766.0
 """Of the standard, for geopotential altitude. [m]"""
-GAS_CONSTANT = 8314.32 / 28.9644
+STANDARD_AIR_GAS_CONSTANT = 8314.32 / 28.9644
 """Of the standard's dry air. [J/(kg K)]"""
 BASES = np.array([0.0, 11e3, 20e3, 32e3, 47e3, 51e3, 71e3])
 LAPSES = np.array([-6.5e-3, 0.0, 1.0e-3, 2.8e-3, 0.0, -2.8e-3, -2.0e-3])
@@ -62,8 +62,8 @@ def _layers() -> tuple[Array, Array]:
 def _ratio(height: Any, base: Any, lapse: float) -> Any:
     """Return the pressure over that at the base of a layer."""
     if lapse == 0.0:
-        return np.exp(-STANDARD_GRAVITY * height / (GAS_CONSTANT * base))
-    return (1.0 + lapse * height / base) ** (-STANDARD_GRAVITY / (GAS_CONSTANT * lapse))
+        return np.exp(-STANDARD_GRAVITY * height / (STANDARD_AIR_GAS_CONSTANT * base))
+    return (1.0 + lapse * height / base) ** (-STANDARD_GRAVITY / (STANDARD_AIR_GAS_CONSTANT * lapse))
 
 
 def standard_atmosphere(altitude: Any) -> Air:
@@ -105,7 +105,7 @@ def standard_atmosphere(altitude: Any) -> Air:
     for k, lapse in enumerate(LAPSES):
         here = layer == k
         p[here] = pressures[k] * _ratio(above[here], temperatures[k], float(lapse))
-    return Air(t, p, p / (GAS_CONSTANT * t))
+    return Air(t, p, p / (STANDARD_AIR_GAS_CONSTANT * t))
 
 
 def upper_atmosphere(altitude: Any) -> Air:

@@ -18,17 +18,17 @@ from thermid.base.sourced import Figure
 from thermid.base.units import TEMPERATURE
 from thermid.measure.readers import read_plain
 from thermid.model.laws import Constant, Signal, TableSignal, joined, literal, signal
-from thermid.simulation.network import HOTTEST, Environment, Irradiation
+from thermid.simulation.network import MAX_IRRADIATION, Environment, Irradiation
 from thermid.simulation.scenarios import Scenario
 from thermid.site._atmosphere import HIGHEST_ALTITUDE, UPPER, Air, standard_atmosphere, upper_atmosphere
 from thermid.site.exposure import molecular_heating, si_number
 
 SPACE = 2.725
 """Of the microwave background: Fixsen, Astrophys. J. 707 (2009) 916. [K]"""
-STEP = 0.5
+TRAJECTORY_INTERVAL = 0.5
 """Interval at which pressure and density are worked out between the points of a trajectory. [s]"""
 UNITS = {"altitude": "m", "speed": "m/s", "pressure": "Pa", "density": "kg/m^3"}
-JUMP = 1e-3
+FAIRING_OPENING_TIME = 1e-3
 """Time that the stream takes to reach the unit as the fairing parts. [s]"""
 
 
@@ -57,12 +57,12 @@ class Trajectory(Shown):
     def __post_init__(self) -> None:
         """Refuse columns that are no flight."""
         for name in UNITS:
-            given = getattr(self, name)
-            if given is None:
+            column = getattr(self, name)
+            if column is None:
                 continue
-            TableSignal(self.times, given)
-            if name != "altitude" and given.min() < 0.0:
-                raise ScenarioError(f"a {name} of {given.min():.4g} {UNITS[name]} does not exist.", "trajectory")
+            TableSignal(self.times, column)
+            if name != "altitude" and column.min() < 0.0:
+                raise ScenarioError(f"a {name} of {column.min():.4g} {UNITS[name]} does not exist.", "trajectory")
 
     def air(self, times: Array, upper: str = "") -> tuple[Array, Array]:
         """Return pressure [Pa] and density [kg/m^3] (times,) along the flight: the given ones, or those of the standard atmosphere.
@@ -103,13 +103,13 @@ class Trajectory(Shown):
         end : float     Time that is needed; beyond it the air may be unknown. [s]
         upper : str     As in `air`.
         """
-        parts = [np.linspace(a, b, int(np.ceil((b - a) / STEP)) + 1) for a, b in pairwise(self.times.tolist())]
+        parts = [np.linspace(a, b, int(np.ceil((b - a) / TRAJECTORY_INTERVAL)) + 1) for a, b in pairwise(self.times.tolist())]
         fine = np.unique(np.concatenate([self.times[:1], *parts]))
         if self.pressure is not None and self.density is not None:
             return fine
         high = self.column(fine, "altitude") > (1e3 * UPPER[-1, 0] if upper else HIGHEST_ALTITUDE)
-        known = fine[: int(np.argmax(high))] if high.any() else fine
-        return np.union1d(known, fine[fine <= end])
+        in_known_air = fine[: int(np.argmax(high))] if high.any() else fine
+        return np.union1d(in_known_air, fine[fine <= end])
 
 
 @takes_objects
@@ -230,7 +230,7 @@ def _streams(
         raise ScenarioError(f"the accommodation is {accommodation:g}. Give 0 to 1.", title)
     after = np.union1d(times[times > gone], [gone])
     heat = molecular_heating(trajectory.air(after, upper)[1], trajectory.column(after, "speed"), accommodation)
-    if heat.max() > HOTTEST:
+    if heat.max() > MAX_IRRADIATION:
         k = int(heat.argmax())
         height = float(trajectory.column(after[k : k + 1], "altitude")[0]) / 1e3
         raise ScenarioError(
@@ -240,7 +240,7 @@ def _streams(
         )
     if gone > 0.0:
         # nothing reaches the unit while the fairing stands
-        ahead = max(gone - JUMP, 0.5 * gone)
+        ahead = max(gone - FAIRING_OPENING_TIME, 0.5 * gone)
         after, heat = np.concatenate(([0.0, ahead], after)), np.concatenate(([0.0, 0.0], heat))
     out = {}
     for surface, share in flow.items():
@@ -322,8 +322,8 @@ def ascent_checks(
     if pressure is None or pressure.cycle == 0.0:
         raise ScenarioError(f"the pressure of '{air}' is constant, so the scenario is not an ascent.", scenario.title)
     out = _decay(pressure, scenario.seconds, over, air, limits)
-    for surface, given in scenario.irradiation.items():
-        stream = getattr(given, "stream", None)
+    for surface, irradiation in scenario.irradiation.items():
+        stream = getattr(irradiation, "stream", None)
         if stream is not None:
             times = stream.knots(0.0, scenario.seconds)
             heat = stream.at(times)

@@ -16,7 +16,7 @@ from thermid.model.laws import Constant, Signal, TableSignal, multiplied
 from thermid.simulation.network import Irradiation
 from thermid.site.exposure import planet_share, si_number
 
-SAMPLES: Final = 720
+SAMPLES_PER_ORBIT: Final = 720
 """Samples of an orbit; straight lines between them are right to 1e-5 of the largest flux."""
 CLOSEST: Final = 1e-9
 """Share of an orbit to which the edge of the shadow is found. [-]"""
@@ -243,7 +243,7 @@ def orbit_fluxes(
     strength = body.solar if solar is None else si_number(solar, "W/m^2", "orbit, solar")
     shadow = _shadow(path, sun, body.radius)
     edges = np.array(sorted({t for span in shadow for t in span if 0.0 < t < path.period}))
-    times = np.union1d(np.linspace(0.0, path.period, SAMPLES + 1), edges)
+    times = np.union1d(np.linspace(0.0, path.period, SAMPLES_PER_ORBIT + 1), edges)
     out, far = path.at(times)
     day = np.maximum(out @ sun, 0.0)
     normals = {face: frame(out, sun) for face, frame in ATTITUDES[attitude].items()}
@@ -327,7 +327,7 @@ def _dark(path: _Path, sun: Array, radius: float, times: Array) -> Array:
 
 def _shadow(path: _Path, sun: Array, radius: float) -> tuple[tuple[float, float], ...]:
     """Return begin and end of each stretch of shadow within a period; one that holds time zero is in two parts. [s]"""
-    times = np.linspace(0.0, path.period, 4 * SAMPLES + 1)
+    times = np.linspace(0.0, path.period, 4 * SAMPLES_PER_ORBIT + 1)
     inside = _dark(path, sun, radius, times) > 0.0
     edges = [0.0] if inside[0] else []
     for k in np.flatnonzero(inside[1:] != inside[:-1]).tolist():

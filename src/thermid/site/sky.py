@@ -16,14 +16,14 @@ from thermid.model.laws import Mixed, Signal, TableSignal
 from thermid.physics.constants import STEFAN_BOLTZMANN
 from thermid.simulation.network import Sky
 from thermid.site.exposure import on_plane, sky_share
-from thermid.site.site import Site, quiet
+from thermid.site.site import Site, ignore_future_warnings
 from thermid.site.weather import Weather
 
-STEP = 600.0
+SUN_INTERVAL = 600.0
 """Interval at which the sun's path is worked out: it moves by 2.5 degrees. [s]"""
 LOW_SUN = 87.0
 """Beyond this zenith a beam is not divided out of a horizontal reading. [deg]"""
-NIGHT, TWILIGHT = 95.0, 20.0
+NIGHT_ZENITH, TWILIGHT_RADIATION = 95.0, 20.0
 """Zenith of the sun from which it is night, and radiation that nobody reads then. [deg], [W/m^2]"""
 BRIGHTEST = 1412.0
 """Of the sun above the air, in January; no beam that is worked out from other readings is brighter. [W/m^2]"""
@@ -128,7 +128,7 @@ def open_sky(
     ------
     ScenarioError   When the weather has no radiation although it is weather: half a day of clouds is not to be guessed.
     """
-    times = np.linspace(0.0, duration, max(int(np.ceil(duration / STEP)), 1) + 1)
+    times = np.linspace(0.0, duration, max(int(np.ceil(duration / SUN_INTERVAL)), 1) + 1)
     path = site.sun(begin, times)
     again = Overhead(site, site.instant(begin), duration, weather, downward, air, albedo, turbidity, sun)
     if not sun:
@@ -186,7 +186,7 @@ def _radiation(weather: Weather, site: Site, begin: Any, times: Array, zenith: A
     if "global" in have:
         from pvlib import irradiance
 
-        with quiet():
+        with ignore_future_warnings():
             parts = irradiance.erbs(have["global"], zenith, site.instants(begin, times), max_zenith=LOW_SUN)
         return np.minimum(np.asarray(parts["dni"], dtype=float), BRIGHTEST), np.asarray(parts["dhi"], dtype=float), have["global"]
     raise ScenarioError(
@@ -204,7 +204,7 @@ def _check_night(weather: Weather, site: Site, begin: Any, duration: float) -> N
             zenith = site.sun(begin, times).zenith
             above = np.maximum(np.cos(np.radians(zenith)), 0.0) if name != "direct_normal" else np.ones(zenith.shape)
             # clouds at the sun's rim may throw a third more on a place than comes from above the air
-            most = np.where(zenith > NIGHT, TWILIGHT, 5.0 * TWILIGHT + 1.3 * BRIGHTEST * above)
+            most = np.where(zenith > NIGHT_ZENITH, TWILIGHT_RADIATION, 5.0 * TWILIGHT_RADIATION + 1.3 * BRIGHTEST * above)
             wrong = np.flatnonzero(values > most)
             if wrong.size:
                 k = wrong[0]

@@ -42,7 +42,7 @@ def log(values: dict[str, float], extra: float = 0.0, noise: float | None = NOIS
     run = td.simulate(chain(values), BENCH, times=TIMES)
     rng = np.random.default_rng(seed)
     channels = {
-        name: td.Channel.of(
+        name: td.Channel.from_array(
             name,
             run[name].kelvin + rng.normal(0.0, NOISE, TIMES.size) + extra * (name == "n2") * np.sin(TIMES / 400.0),
             unit="K",
@@ -142,7 +142,7 @@ class TestPrice:
         assert 0.0 < first < whole
 
     def test_plain_python_is_warned_of_a_long_one(self, monkeypatch: pytest.MonkeyPatch) -> None:
-        monkeypatch.setattr(search, "LONG", 0.0)
+        monkeypatch.setattr(search, "WARNED_SEARCH_TIME", 0.0)
         with pytest.warns(ThermidWarning, match="a fit goes on with up to 5 descents from the best of 64 points"):
             td.calibrate(chain(), log(TRUTH), FREE, scenario=BENCH, search="multistart")
 

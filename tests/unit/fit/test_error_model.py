@@ -61,7 +61,7 @@ def fit() -> td.Calibration:
 
 @pytest.fixture(scope="module")
 def model(fit: td.Calibration) -> ErrorModel:
-    return ErrorModel.of(fit)
+    return ErrorModel.of_fit(fit)
 
 
 @pytest.fixture(scope="module")
@@ -96,7 +96,7 @@ def test_bands_grow_with_distance(fit: td.Calibration) -> None:
 
 def test_readings_tell_free_air_from_a_fan(model: ErrorModel, blown: td.Calibration) -> None:
     assert model.carriers["free air"] > 0.6
-    assert ErrorModel.of(blown).carriers["fan"] > 0.8
+    assert ErrorModel.of_fit(blown).carriers["fan"] > 0.8
     assert sum(model.carriers.values()) == pytest.approx(1.0)
 
 
@@ -108,7 +108,7 @@ def test_band_of_a_blown_box_holds_its_truth(blown: td.Calibration) -> None:
 
 def test_a_deck_that_says_what_carries_the_heat_leaves_one_way(fit: td.Calibration) -> None:
     said = _fit("free air", "free air")
-    assert list(ErrorModel.of(said).carriers) == ["as the deck says"]
+    assert list(ErrorModel.of_fit(said).carriers) == ["as the deck says"]
     assert _band(said, 8.0).half_width[-1] < _band(fit, 8.0).half_width[-1]
 
 
@@ -132,14 +132,14 @@ def test_a_finish_that_is_not_the_decks_is_in_the_band_of_vacuum(polished: td.Ca
 def test_a_measured_finish_is_no_other(polished: td.Calibration) -> None:
     stated = {"value": 0.8, "source": "measured"}
     found = td.calibrate(box({"surfaces/skin/emissivity": stated}), _logs("free air"), [HTC, MASS], search="local")
-    assert set(ErrorModel.of(found).carriers) <= {"free air", "fan"}
-    assert {c.partition(", ")[0] for c in ErrorModel.of(polished).carriers} < set(ErrorModel.of(polished).carriers)
+    assert set(ErrorModel.of_fit(found).carriers) <= {"free air", "fan"}
+    assert {c.partition(", ")[0] for c in ErrorModel.of_fit(polished).carriers} < set(ErrorModel.of_fit(polished).carriers)
 
 
 def test_radiation_stays_what_the_finish_says(polished: td.Calibration) -> None:
     """Whatever a coefficient becomes, a surface radiates by its emissivity; what is more or less is what the gas carries."""
     network = polished.problem.experiments[0].network  # type: ignore[union-attr]
-    law = next(w for w in ErrorModel.of(polished).ways if w.name == "free air").laws_in(network)["skin"]
+    law = next(w for w in ErrorModel.of_fit(polished).ways if w.name == "free air").laws_in(network)["skin"]
     assert isinstance(law, SurfaceLaw)
     fields = {"area": 0.05, "effective_htc": 1.2 * law.fitted / 0.05}
     convected, radiated = law(fields)
@@ -186,7 +186,7 @@ def test_sizes_stay_near_their_priors_where_runs_say_little(model: ErrorModel) -
 
 def test_a_calibration_of_a_file_has_no_model_of_error(fit: td.Calibration) -> None:
     with pytest.raises(IdentificationError, match="does not hold what its fit was asked"):
-        ErrorModel.of(replace(fit, problem=None))
+        ErrorModel.of_fit(replace(fit, problem=None))
 
 
 def test_a_file_gives_back_what_was_kept(model: ErrorModel) -> None:

@@ -14,7 +14,7 @@ import pytest
 
 import thermid as td
 from thermid.model._laws.curves import Curve, hermite, slopes
-from thermid.model._laws.law import FINEST
+from thermid.model._laws.law import MIN_POINT_DISTANCE
 
 BOTH = ("-80 [K]", "80 [K]")
 WARM = ("-40 [degC]", "120 [degC]")
@@ -42,7 +42,7 @@ def errors(found: Curve, function: Callable[[float], float], away_from: float | 
     """Largest relative errors of value and slope at random places, values below a thousandth of the largest counted as that."""
     at = np.random.default_rng(4).uniform(found.x[0], found.x[-1], 4000)
     if away_from is not None:
-        at = at[np.abs(at - away_from) > 2 * FINEST]
+        at = at[np.abs(at - away_from) > 2 * MIN_POINT_DISTANCE]
     want = np.array([function(x) for x in at])
     slope = np.array([(function(x + 1e-5) - function(x - 1e-5)) / 2e-5 for x in at])
     y, d = hermite(found.x, found.y, slopes(found), at)
@@ -84,7 +84,7 @@ def test_a_tolerance_is_kept_and_costs_points() -> None:
 def test_a_kink_is_rounded_within_a_millikelvin(kink: float) -> None:
     found = td.model.law(lambda t: np.maximum(0.0, t - kink), between=WARM)
     assert found.x.size < 60
-    assert np.abs(found.x - kink).min() <= FINEST
+    assert np.abs(found.x - kink).min() <= MIN_POINT_DISTANCE
     assert errors(found, lambda t: max(0.0, t - kink), away_from=kink)[0] < 2e-7
 
 

@@ -36,7 +36,7 @@ def test_thinning_keeps_the_ends_and_every_spike() -> None:
 def test_a_long_trace_is_thinned_in_the_drawing_alone() -> None:
     long = block(size=40_000)
     drawn = trace(long, "k", "label")
-    assert points_in(drawn.markup) < 3 * chart.POINTS + 10
+    assert points_in(drawn.markup) < 3 * chart.POINTS_PER_LINE + 10
     assert len(drawn.markup) < 20_000
     assert long.residuals.size == 40_000
 
@@ -126,7 +126,7 @@ def test_a_prediction_shows_every_node_and_stays_small_with_many(box: td.Model) 
     x = np.linspace(0.0, 1.0, 5000)
     many = [Stroke(f"node {k}", x, np.sin(9 * x + k), ("--s0", "#000000")) for k in range(500)]
     markup = chart.chart([Panel("temperature", "°C", many)], key="k", label="l", x_name=("time", "h"), size=(760, 330))
-    assert 0 < points_in(markup) <= chart.MOST
+    assert 0 < points_in(markup) <= chart.MAX_POINTS_OF_FIGURE
     assert len(markup) < 500_000
 
 
@@ -140,7 +140,7 @@ def test_a_line_is_read_back_from_its_path_to_a_hundredth_of_a_per_cent() -> Non
     assert path is not None
     steps = np.array([int(n) for n in re.findall(r"-?\d+", path[3])]).reshape(-1, 2)
     grid = np.vstack([[int(path[1]), int(path[2])], steps]).cumsum(axis=0)
-    times, celsius = x0 + (x1 - x0) * grid[:, 0] / chart.GRID, y1 - (y1 - y0) * grid[:, 1] / chart.GRID
+    times, celsius = x0 + (x1 - x0) * grid[:, 0] / chart.PANEL_GRID_STEPS, y1 - (y1 - y0) * grid[:, 1] / chart.PANEL_GRID_STEPS
     assert np.abs(times - b.times / 60.0).max() <= 0.51e-4 * (x1 - x0)
     assert np.abs(celsius - (b.measured - 273.15)).max() <= 0.51e-4 * (y1 - y0)
 

@@ -210,7 +210,7 @@ def test_kept_quantiles_are_those_of_the_traces_within_half_a_bin(monkeypatch: p
 
     draws = td.simulation.draw(MODEL, ROOM, SPREADS, 84, seed=5)
     whole = td.ensemble(MODEL, ROOM, draws, every=60.0)
-    monkeypatch.setattr(ensemble, "CHUNK", 0)  # 64 members together
+    monkeypatch.setattr(ensemble, "TRACE_BYTES_AT_ONCE", 0)  # 64 members together
     few = td.ensemble(MODEL, ROOM, draws, every=60.0, quantiles=(0.05, 0.5), nodes=["seam", "room"])
     assert few.nodes == ("seam", "room")
     for node in few.nodes:
@@ -245,7 +245,7 @@ def told(found: td.simulation.Ensemble) -> bytes:
 def test_workers_change_no_bit(monkeypatch: pytest.MonkeyPatch) -> None:
     from thermid.simulation import _ensemble as ensemble
 
-    monkeypatch.setattr(ensemble, "CHUNK", 0)
+    monkeypatch.setattr(ensemble, "TRACE_BYTES_AT_ONCE", 0)
     growth = np.random.default_rng(2).normal(0.01, 0.002, 150)
     growth[[3, 70, 149]] = 0.5  # these run away
     draws = {"chip.exponential_coefficient": growth, "scale.fan": np.linspace(0.0, 2.0, 150)}
@@ -262,7 +262,7 @@ def test_workers_change_no_bit(monkeypatch: pytest.MonkeyPatch) -> None:
 def test_a_job_goes_on_where_it_was_interrupted(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     from thermid.simulation import _ensemble as ensemble
 
-    monkeypatch.setattr(ensemble, "CHUNK", 0)
+    monkeypatch.setattr(ensemble, "TRACE_BYTES_AT_ONCE", 0)
     growth = np.random.default_rng(2).normal(0.01, 0.002, 150)
     growth[[3, 70, 149]] = 0.5  # these run away
     draws, begun, count = {"chip.exponential_coefficient": growth}, list[int](), ensemble._count

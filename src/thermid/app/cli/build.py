@@ -57,7 +57,7 @@ from thermid.simulation.scenario_files import load_scenario
 from thermid.simulation.solver import Options
 from thermid.values.store import model_standing
 
-FIRST = 4
+SHOWN_FINDINGS = 4
 """Findings of a deck that are printed without -v, beside the line that counts them."""
 
 
@@ -79,7 +79,7 @@ def check(
         findings = tuple(load_model(deck).check())
     count = {s: sum(f.severity == s for f in findings) for s in ("error", "warning", "note")}
     first = next((f for f in findings if f.severity == "error"), None)
-    shown = findings if campaign or verbose else findings[:FIRST]
+    shown = findings if campaign or verbose else findings[:SHOWN_FINDINGS]
     lines = [f"{f}{f' [{f.code}]' if verbose and f.code else ''}" for f in shown]
     lines += [f"{stage}: inputs\n{table.indented}" for stage, table in inputs.items()]
     lines.append(f"{deck.name}: " + ", ".join(f"{n} {severity}{'s' * (n != 1)}" for severity, n in count.items()))
@@ -214,8 +214,8 @@ def compare_versions(
 
     Each difference states what it alone does to a steady temperature; units, order and arithmetic of the files play no part.
     """
-    found = compare_models(load_model(old), load_model(new), [load_scenario(each) for each in scenario])
-    say(as_json, found.to_dict(), str(found))
+    changes = compare_models(load_model(old), load_model(new), [load_scenario(file) for file in scenario])
+    say(as_json, changes.to_dict(), str(changes))
 
 
 def size_value(
@@ -242,10 +242,10 @@ def size_value(
     model = fitted_model(deck, values, keep_values, param)
     standing = model_standing(model).accept(accept or ())
     ends = between.split("..") if between is not None else None
-    asked = (ends[0], ends[-1]) if ends is not None else None
-    scenarios = [load_scenario(each) for each in scenario]
-    found = size(model, value, _limits(limit), scenarios, between=asked, margin=margin, spread=pairs(spread, "--spread"))
-    say(as_json, found.to_dict() | {"standing": standing.to_dict()}, standing.over(str(found)))
+    window = (ends[0], ends[-1]) if ends is not None else None
+    scenarios = [load_scenario(file) for file in scenario]
+    sizing = size(model, value, _limits(limit), scenarios, between=window, margin=margin, spread=pairs(spread, "--spread"))
+    say(as_json, sizing.to_dict() | {"standing": standing.to_dict()}, standing.over(str(sizing)))
     leave(standing)
 
 

@@ -20,11 +20,11 @@ from thermid.base.errors import spoken
 if TYPE_CHECKING:
     from rich.console import Console
 
-LONGEST: Final = 100
+MAX_LINE_CHARACTERS: Final = 100
 """Characters of a line at most, however wide the terminal is: longer lines are hard to read."""
 SCREEN: Final = 45
 """Lines that an answer has at most in a terminal without -v, where no warning is lost by that."""
-PATIENCE: Final = 2.0
+SECONDS_TO_FIRST_PROGRESS: Final = 2.0
 """Time after which a command says how far it is. [s]"""
 STYLES: Final = (
     ("bold red", r"NOT CREDIBLE|FAILED|NOT JUDGED|(?i:not met)|^\s*(?:\S+: )?error:|(?i:do not use)|: (?:failed|not credible)$"),
@@ -36,8 +36,8 @@ STYLES: Final = (
 
 
 def width() -> int:
-    """Characters of a line: those of the terminal (or `COLUMNS`), 80 where there is none, at most `LONGEST`."""
-    return min(LONGEST, shutil.get_terminal_size((80, 24)).columns)
+    """Characters of a line: those of the terminal (or `COLUMNS`), 80 where there is none, at most `MAX_LINE_CHARACTERS`."""
+    return min(MAX_LINE_CHARACTERS, shutil.get_terminal_size((80, 24)).columns)
 
 
 def severity(line: str) -> str:
@@ -76,13 +76,13 @@ def brief(lines: Sequence[str], most: int, columns: int) -> list[str]:
     rank = [loud.get(severity(line), 2) for line in lines]
     full = [k for k, line in enumerate(lines) if line.strip()]
     ends = {full[0], *(k for k in full[-1:] if depth[k] == 0)}
-    room, kept = most - 1, set()
+    room, shown = most - 1, set()
     for k in sorted(full, key=lambda k: (k not in ends, rank[k], depth[k], k)):
         rows = len(folded(lines[k], columns))
         if rows <= room:
             room -= rows
-            kept.add(k)
-    return [*(lines[k] for k in sorted(kept)), f"{len(full) - len(kept)} more lines: -v"]
+            shown.add(k)
+    return [*(lines[k] for k in sorted(shown)), f"{len(full) - len(shown)} more lines: -v"]
 
 
 def console(err: bool = False) -> Console:
@@ -112,7 +112,7 @@ def show_lines(out: Console, lines: Iterable[str], style: str | None = None) -> 
 
 
 class Progress:
-    """How far a command is, on standard error, once it takes over `PATIENCE`.
+    """How far a command is, on standard error, once it takes over `SECONDS_TO_FIRST_PROGRESS`.
 
     In a terminal one line says what is done, for how long, and the time left as far as it can be estimated; it is cleared at the end.
     Elsewhere each new text is one line.
@@ -137,7 +137,7 @@ class Progress:
         """Say what is done now, and how much of the whole is finished; texts of one step are one line where there is no terminal."""
         self.text = text
         self.done = self.done if done is None else done
-        if self._thread is None and (step or text) != self._told and time.monotonic() - self._begun >= PATIENCE:
+        if self._thread is None and (step or text) != self._told and time.monotonic() - self._begun >= SECONDS_TO_FIRST_PROGRESS:
             self._told = step or text
             typer.echo(text, err=True)
 
@@ -153,9 +153,9 @@ class Progress:
     def line(self) -> str:
         """Return the line of a terminal: text, time spent, time left."""
         spent = spoken(time.monotonic() - self._begun)
-        return f"{self.text}: {spent}{self.left()}" if self.text else f"{spent}{self.left()}"
+        return f"{self.text}: {spent}{self.time_left()}" if self.text else f"{spent}{self.time_left()}"
 
-    def left(self) -> str:
+    def time_left(self) -> str:
         """Return the time left in words, with a comma before it; empty where nobody knows."""
         spent, share = time.monotonic() - self._begun, min(max(self.share(), 0.0), 1.0)
         return f", about {spoken(spent * (1.0 - share) / share)} left" if 0.0 < share < 1.0 else ""
@@ -175,7 +175,7 @@ class Progress:
 
     def _draw(self) -> None:
         drawn = False
-        self._ended.wait(PATIENCE)
+        self._ended.wait(SECONDS_TO_FIRST_PROGRESS)
         while not self._ended.is_set():
             drawn = True
             with self._pen:

@@ -8,7 +8,7 @@ from typing import Any, Final
 
 import numpy as np
 
-from thermid.app.studio.curves import POINTS, text_of
+from thermid.app.studio.curves import MAX_SENT_POINTS, text_of
 from thermid.app.studio.desk import Desk
 from thermid.base.errors import DeckError, NameNotFoundError, ThermidError, refuse_unknown
 from thermid.model.deck import Edit
@@ -159,6 +159,6 @@ def surfaces_without_emissivity(model: Model) -> list[str]:
 
 def _curves(conditions: Conditions) -> Iterator[dict[str, Any]]:
     """Yield the course of every mass [degC]."""
-    solution = simulate(conditions.model, conditions.scenario, every=conditions.scenario.seconds / (POINTS // 2))
+    solution = simulate(conditions.model, conditions.scenario, every=conditions.scenario.seconds / (MAX_SENT_POINTS // 2))
     for node in solution.nodes:
         yield {"node": node, "times": solution.times, "temperatures": solution[node].celsius}

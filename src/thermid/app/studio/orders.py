@@ -12,7 +12,7 @@ from typing import Any
 import numpy as np
 
 from thermid.app.studio.courses import Shelf, outcome_object, profile_for, profile_object
-from thermid.app.studio.curves import POINTS, ThinnedCurve, Window, number_of, text_of, texts_of, window_of
+from thermid.app.studio.curves import MAX_SENT_POINTS, ThinnedCurve, Window, number_of, text_of, texts_of, window_of
 from thermid.app.studio.desk import ICE, Desk
 from thermid.app.studio.follow import Follower
 from thermid.app.studio.project import Project
@@ -48,7 +48,7 @@ def orders(project: Project, work: Work) -> dict[str, Callable[[Body], Any]]:
     def curves(body: Body) -> Any:
         desk, measured = project.desk(text_of(body, "stage")), bool(body.get("measured", True))
         runs = None if body.get("run") is None else (_run_of(desk, body),)
-        points = int(number_of(body, "points")) if "points" in body else POINTS
+        points = int(number_of(body, "points")) if "points" in body else MAX_SENT_POINTS
         return curves_object(desk, _values(body), measured, window_of(body), runs, points)
 
     def desk_of(body: Body) -> Desk:
@@ -99,7 +99,7 @@ def _values(body: Mapping[str, Any]) -> dict[str, float]:
 
 SINGLE = 1e6
 """Up to here four bytes tell times to a tenth of a second and temperatures to a millikelvin."""
-FEWEST = 50
+MIN_CURVE_POINTS = 50
 """Points of a curve that a page may ask for at least."""
 
 
@@ -122,10 +122,10 @@ def project_object(project: Project, job: Mapping[str, Any]) -> dict[str, Any]:
 
 def standing_object(project: Project) -> dict[str, Any]:
     """Return the standing of a campaign and whether it passed, as ``thermid calibrate --json`` does; nothing before all stages are done."""
-    made = project.campaign
-    if made is None or len(made.stages) < len(project.stages) or project.not_judged:
+    campaign = project.campaign
+    if campaign is None or len(campaign.stages) < len(project.stages) or project.not_judged:
         return {"standing": None, "passed": None}
-    return {"standing": campaign_standing(made), "passed": made.passed}
+    return {"standing": campaign_standing(campaign), "passed": campaign.passed}
 
 
 def desk_object(desk: Desk) -> dict[str, Any]:
@@ -151,7 +151,7 @@ def curves_object(
     measured: bool = True,
     window: Window = None,
     runs: Collection[int] | None = None,
-    points: int = POINTS,
+    points: int = MAX_SENT_POINTS,
 ) -> dict[str, Any]:
     """Return the curves at values of the sliders, as `Desk.curves` takes them; without what was measured where it is not asked for.
 
@@ -159,7 +159,7 @@ def curves_object(
     ------
     ThermidError    When a run is refused or cannot be finished.
     """
-    curves = desk.curves(values, window, runs, min(max(points // 2 * 2, FEWEST), POINTS))
+    curves = desk.curves(values, window, runs, min(max(points // 2 * 2, MIN_CURVE_POINTS), MAX_SENT_POINTS))
     return {"runs": [{"name": r.name, "remarks": r.remarks, "curves": [_curve(c, measured) for c in r.curves]} for r in curves]}
 
 
@@ -181,11 +181,11 @@ def _run_of(desk: Desk, body: Mapping[str, Any]) -> int:
     return run
 
 
-def picture(desk: Desk, values: Mapping[str, float], asked: Mapping[str, Any]) -> dict[str, Any]:
+def picture(desk: Desk, values: Mapping[str, float], query: Mapping[str, Any]) -> dict[str, Any]:
     """Return the model as SVG and as a table, at a time of one of its runs, submodels folded as asked."""
-    folded = texts_of(asked, "folded")
+    folded = texts_of(query, "folded")
     refuse_unknown(folded, desk.parts, desk.title, "unknown part '{}'.", DeckError)
-    now = desk.moment(values, _run_of(desk, asked), number_of({"time": 0.0, **asked}, "time"))
+    now = desk.moment(values, _run_of(desk, query), number_of({"time": 0.0, **query}, "time"))
     table = {"temperatures": {n: v - ICE for n, v in now.temperatures.items()}, "flows": now.flows, "powers": now.powers}
     return {"svg": now.drawn(folded), "table": table}
 

@@ -37,7 +37,7 @@ SEARCHED_MOST: Final = 4
 """Values that are searched at most: beyond, a few hundred draws say little of where the worst is."""
 DESCENTS: Final = 5
 """Worst draws and corners, apart from each other, from which a descent begins."""
-APART: Final = 0.15
+MIN_CORNER_DISTANCE: Final = 0.15
 """Least distance between two of them, in a box of unit edges."""
 ONE_WAY_KINDS: Final = frozenset(
     {"conduction", "contact", "convection", "gas", "effective", "radiation", "flow", "lead", "bolted", "wedge_lock", "spreading"}
@@ -268,12 +268,12 @@ def searched_worst(spare: Callable[[Array], float], size: int, runs: int, seed: 
     heights = np.array([spare(x) for x in points])
     starts: list[int] = []
     for k in np.argsort(heights):
-        if len(starts) < DESCENTS and all(np.abs(points[k] - points[j]).max() > APART for j in starts):
+        if len(starts) < DESCENTS and all(np.abs(points[k] - points[j]).max() > MIN_CORNER_DISTANCE for j in starts):
             starts.append(int(k))
     best, least = points[starts[0]], float(heights[starts[0]])
     for k in starts:
-        simplex = np.clip(points[k] + APART * np.vstack([np.zeros(size), np.eye(size)]), 0.0, None)
-        simplex = np.where(simplex > 1.0, points[k] - APART, simplex)
+        simplex = np.clip(points[k] + MIN_CORNER_DISTANCE * np.vstack([np.zeros(size), np.eye(size)]), 0.0, None)
+        simplex = np.where(simplex > 1.0, points[k] - MIN_CORNER_DISTANCE, simplex)
         most = max((runs - points.shape[0]) // len(starts), 0)
         if most <= size + 1:
             continue

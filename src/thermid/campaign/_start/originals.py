@@ -26,7 +26,7 @@ from thermid.measure.readers import objects_of, series_of
 ADDRESS = "https://raw.githubusercontent.com/{repository}/{commit}/{path}"
 PUBLIC = "THERMID_PUBLIC"
 """Environment variable: a folder with copies of published repositories."""
-PATIENCE = 30.0
+DOWNLOAD_TIMEOUT = 30.0
 """Time for one file. [s]"""
 
 
@@ -194,9 +194,9 @@ MOTOR = DataSet(
 """Three runs of a brushless motor without load."""
 
 
-def copies(given: Path | None) -> Path | None:
+def copies(folder: Path | None) -> Path | None:
     """Return the folder with copies of published repositories, as given or of the environment; None for the public addresses."""
-    return given or (Path(os.environ[PUBLIC]) if os.environ.get(PUBLIC) else None)
+    return folder or (Path(os.environ[PUBLIC]) if os.environ.get(PUBLIC) else None)
 
 
 def taken(source: DataSet, file: Original, folder: Path | None) -> bytes:
@@ -217,7 +217,7 @@ def taken(source: DataSet, file: Original, folder: Path | None) -> bytes:
         )
     address = ADDRESS.format(repository=source.repository, commit=source.commit, path=quote(file.path))
     try:
-        with urlopen(address, timeout=PATIENCE) as answer:
+        with urlopen(address, timeout=DOWNLOAD_TIMEOUT) as answer:
             return bytes(answer.read())
     except (URLError, TimeoutError, OSError) as error:
         raise MissingDataError(

@@ -10,7 +10,7 @@ import numpy as np
 
 from thermid.base.dual import value_of
 from thermid.base.linear_algebra import Array
-from thermid.fit._error_model.sizes import POINTS
+from thermid.fit._error_model.sizes import DEPARTURE_SAMPLES
 from thermid.model.elements import Law
 from thermid.model.tree import FlatConductor, FlatLoad
 from thermid.simulation.network import Network
@@ -84,34 +84,34 @@ def course_of(wiring: Wiring, engine: Engine, x: Array | None, options: Options,
     rest : dict     Node and boundary -> temperature where it settles with the inputs of the end; the course then ends there. [K]
     """
     end = wiring.scenario.seconds
-    times = np.linspace(0.0, end, POINTS)
+    times = np.linspace(0.0, end, DEPARTURE_SAMPLES)
     a = engine.started(wiring.assemble(x, False))
     answer = engine.integrate(a, times, a.reduced.nodes, end, options)
     traces = Traces(wiring, a, times, a.reduced.nodes, answer.temperatures, answer.sensitivities)
     run = {n: traces.temperature(n) for n in (*wiring.network.nodes, *wiring.network.boundaries)}
-    known = run if rest is None else {n: np.append(t, rest[n]) for n, t in run.items()}
+    temperatures = run if rest is None else {n: np.append(t, rest[n]) for n, t in run.items()}
     more = np.minimum(np.arange(times.size + (rest is not None)), times.size - 1)  # the last sample once more
     modes = dict(zip(engine.control_names, answer.states(times)[more].T, strict=True))
-    every = {**known, **{n: traces.temperature(n)[more] for n in a.reduced.controllers}}
+    every = {**temperatures, **{n: traces.temperature(n)[more] for n in a.reduced.controllers}}
     held = times[more]
     shares = wiring.shares(a.numbers, every.__getitem__, held, modes.__getitem__)
-    flows = wiring.conductor_flows(a.numbers, known, held, shares)
+    flows = wiring.conductor_flows(a.numbers, temperatures, held, shares)
     follows = {}
     for b in wiring.network.boundaries:
-        beside = wiring.conductor_flows(a.numbers, {**known, b: known[b] + 1e-3}, held, shares)
+        beside = wiring.conductor_flows(a.numbers, {**temperatures, b: temperatures[b] + 1e-3}, held, shares)
         follows[b] = {p: (beside[p] - flows[p]) / 1e-3 for p in flows if (beside[p] != flows[p]).any()}
-    sizes = {n: float(value_of(c)) for n, c in a.numbers.capacitances.items() if c is not None and n in known}
+    sizes = {n: float(value_of(c)) for n, c in a.numbers.capacitances.items() if c is not None and n in temperatures}
     stored = {n: c * np.gradient(run[n], times) for n, c in sizes.items()}
     stores = {n: (stored[n] if rest is None else np.append(stored[n], 0.0), c) for n, c in sizes.items()}
     powers = {
-        load.path: (load.node, given)
+        load.path: (load.node, power)
         for load in wiring.network.flat.loads
-        if (given := _power_of(load, wiring, a.numbers.values)) is not None
+        if (power := _power_of(load, wiring, a.numbers.values)) is not None
     }
     shining = replace(a.numbers, conductors=tuple(row for row in a.numbers.conductors if row.form == "radiation"))
-    radiated = wiring.conductor_flows(shining, known, held, shares)
+    radiated = wiring.conductor_flows(shining, temperatures, held, shares)
     whole = times if rest is None else np.append(times, end + AFTER)
-    return ElementCourse(whole, known, flows, follows, stores, powers, radiated, a.numbers.values, rest is not None)
+    return ElementCourse(whole, temperatures, flows, follows, stores, powers, radiated, a.numbers.values, rest is not None)
 
 
 AFTER = 1e-3
@@ -120,9 +120,9 @@ AFTER = 1e-3
 
 def _power_of(load: FlatLoad, wiring: Wiring, values: Mapping[str, Any]) -> Any:
     """Return the power of a load as its scenario gives it, else as its deck does; None where a temperature has a say in it."""
-    given = wiring.scenario.loads.get(load.path)
-    if given is not None:
-        return given
+    course = wiring.scenario.loads.get(load.path)
+    if course is not None:
+        return course
     if load.follows_temperature or "power" not in load.fields:
         return None
     return wiring.signals[f"load {load.path}"].scaled(float(value_of(values[load.fields["power"]])))

@@ -58,15 +58,15 @@ def innovations(times: Array, columns: Array, noise: Array, wander: Wander) -> t
         return np.asarray(columns / noise[:, None]), 2.0 * float(np.log(noise).sum())
     memory = np.exp(-np.diff(times, prepend=times[0]) / wander.time)
     out, state, variance, log_det = np.empty_like(columns), np.zeros(columns.shape[1]), wander.size**2, 0.0
-    for k, (kept, own) in enumerate(zip(memory.tolist(), (noise**2).tolist(), strict=True)):
-        state = kept * state
-        variance = kept**2 * variance + wander.size**2 * (1.0 - kept**2)
-        total = variance + own
+    for k, (memory_of_step, white_variance) in enumerate(zip(memory.tolist(), (noise**2).tolist(), strict=True)):
+        state = memory_of_step * state
+        variance = memory_of_step**2 * variance + wander.size**2 * (1.0 - memory_of_step**2)
+        total = variance + white_variance
         apart = columns[k] - state
         out[k] = apart / total**0.5
         log_det += float(np.log(total))
         state = state + (variance / total) * apart
-        variance = variance * own / total
+        variance = variance * white_variance / total
     return out, log_det
 
 
@@ -177,19 +177,19 @@ def sampled(log_likelihood: Callable[[Array], Array], count: int, dimensions: in
     Mira and Robert, Scand. J. Stat. 39 (2012) 798). The sum of the weights over `count` estimates the integral. Deviations alone: so few
     points tell no correlations, and those of their scatter narrow what the next round covers.
     """
-    each = [len(x) for x in np.array_split(np.arange(count), rounds)]
-    laid: list[tuple[Array, Array]] = [(np.zeros(dimensions), np.ones(dimensions))]
+    sizes = [len(x) for x in np.array_split(np.arange(count), rounds)]
+    laws: list[tuple[Array, Array]] = [(np.zeros(dimensions), np.ones(dimensions))]
     points, targets, logs = np.empty((0, dimensions)), np.empty(0), np.empty(0)
-    for k, own in enumerate(each):
-        new = laid[k][0] + laid[k][1] * even_points(own, dimensions, len(points) + 1)
+    for k, size in enumerate(sizes):
+        new = laws[k][0] + laws[k][1] * even_points(size, dimensions, len(points) + 1)
         points = np.concatenate([points, new])
-        targets = np.concatenate([targets, log_likelihood(new) + _log_normal(new, *laid[0])])
+        targets = np.concatenate([targets, log_likelihood(new) + _log_normal(new, *laws[0])])
         logs = targets - np.logaddexp.reduce(
-            [np.log(n / len(points)) + _log_normal(points, *law) for n, law in zip(each, laid, strict=False)], axis=0
+            [np.log(n / len(points)) + _log_normal(points, *law) for n, law in zip(sizes, laws, strict=False)], axis=0
         )
         weights = _flattened(logs, min(float(dimensions), 0.5 * len(points)))
         mean = weights @ points
-        laid.append((mean, np.sqrt(weights @ (points - mean) ** 2 + LEAST_SPREAD**2)))
+        laws.append((mean, np.sqrt(weights @ (points - mean) ** 2 + LEAST_SPREAD**2)))
     return points, logs
 
 
@@ -217,7 +217,7 @@ def squared_exponential(first: Array, second: Array, lengths: Array) -> Array:
     return np.asarray(np.exp(-0.5 * np.sum(apart**2, axis=2)))
 
 
-def pivots(points: Array, lengths: Array, left: float, most: int) -> Array:
+def pivots(points: Array, lengths: Array, tolerance: float, most: int) -> Array:
     """Return the points (r, d) that a pivoted Cholesky factor of k takes until so much of the largest variance is left.
 
     Source: Harbrecht, Peters and Schneider, Appl. Numer. Math. 62 (2012) 428.
@@ -225,13 +225,13 @@ def pivots(points: Array, lengths: Array, left: float, most: int) -> Array:
     diagonal = np.ones(len(points))
     columns: list[Array] = []
     chosen: list[int] = []
-    while len(chosen) < min(most, len(points)) and diagonal.max() > left:
+    while len(chosen) < min(most, len(points)) and diagonal.max() > tolerance:
         k = int(diagonal.argmax())
-        own = squared_exponential(points, points[[k]], lengths)[:, 0]
-        own = (own - sum((c * c[k] for c in columns), np.zeros(len(points)))) / np.sqrt(diagonal[k])
-        columns.append(own)
+        column = squared_exponential(points, points[[k]], lengths)[:, 0]
+        column = (column - sum((c * c[k] for c in columns), np.zeros(len(points)))) / np.sqrt(diagonal[k])
+        columns.append(column)
         chosen.append(k)
-        diagonal = np.maximum(diagonal - own**2, 0.0)
+        diagonal = np.maximum(diagonal - column**2, 0.0)
     return points[chosen]
 
 
@@ -260,7 +260,7 @@ class RunRows:
     count: int
 
     @classmethod
-    def of(cls, rows: Array, shared: int, log_det: float) -> RunRows:
+    def of_rows(cls, rows: Array, shared: int, log_det: float) -> RunRows:
         """Return the products of white rows (m, s + o + 1), the readings last."""
         return cls(np.asarray(rows.T @ rows), shared, log_det, len(rows))
 
@@ -272,13 +272,13 @@ class RunRows:
         sizes : array (members, o)  Standard deviations of the run's own unknowns.
         """
         keep = [*range(self.shared), self.gram.shape[0] - 1]
-        own = slice(self.shared, self.gram.shape[0] - 1)
+        own_columns = slice(self.shared, self.gram.shape[0] - 1)
         base = np.broadcast_to(self.gram[np.ix_(keep, keep)], (len(sizes), len(keep), len(keep)))
         if not sizes.shape[1]:
             return base, np.zeros(len(sizes))
-        inner = np.eye(sizes.shape[1]) + sizes[:, :, None] * self.gram[own, own] * sizes[:, None, :]
+        inner = np.eye(sizes.shape[1]) + sizes[:, :, None] * self.gram[own_columns, own_columns] * sizes[:, None, :]
         lower = np.linalg.cholesky(inner)
-        across = np.linalg.solve(lower, sizes[:, :, None] * self.gram[own][:, keep])
+        across = np.linalg.solve(lower, sizes[:, :, None] * self.gram[own_columns][:, keep])
         grown = 2.0 * np.log(np.diagonal(lower, axis1=1, axis2=2)).sum(axis=1)
         return base - np.swapaxes(across, 1, 2) @ across, grown
 
@@ -307,19 +307,19 @@ class Members:
         return cls(*(np.concatenate([getattr(p, f.name) for p in parts]) for f in fields(cls)))
 
 
-def members_of(runs: Sequence[RunRows], centre: Array, sizes: Array, own: Sequence[Array]) -> Members:
+def members_of(runs: Sequence[RunRows], centre: Array, sizes: Array, own_sizes: Sequence[Array]) -> Members:
     """Return the posteriors of the shared unknowns at members of sizes.
 
     Parameters
     ----------
     centre : array (s,)                     Mean of their prior.
     sizes : array (members, s)              Standard deviations of their prior.
-    own : sequence of array (members, o)    The same of the unknowns of each run.
+    own_sizes : sequence of array (members, o)  The same of the unknowns of each run.
     """
     count, s = sizes.shape
     total, log_det, readings = np.zeros((count, s + 1, s + 1)), np.zeros(count), 0
-    for run, each in zip(runs, own, strict=True):
-        gram, grown = run.without_own(each)
+    for run, sizes_of_run in zip(runs, own_sizes, strict=True):
+        gram, grown = run.without_own(sizes_of_run)
         total = total + gram
         log_det += grown + run.log_det
         readings += run.count

@@ -107,13 +107,13 @@ LEFT_SIZES: Final = (0.0, 0.3, 1.0, 2.0, 4.0, 8.0)
 """Sizes of the same that are tried, in parts of the scale of their half-normal prior; each stands for all sizes nearer to it. [-]"""
 HEATED, EVERY = 0.1, 10
 """Part of the largest heat of an element from which its conditions count where features are laid [-]; of those every tenth is taken."""
-POINTS: Final = 301
+DEPARTURE_SAMPLES: Final = 301
 """Samples of a run along which departures are drawn."""
 ROOM_KNOTS: Final = 24
 """Hats that hold a wandering room in a run, at most; a room that wanders faster is smoothed."""
 FIRST_SETS, SETS = 16, 256
 """Sets of sizes at every size and time of what no element explains, and again at those that count."""
-ROUNDS: Final = 8
+SIZE_ROUNDS: Final = 8
 """Rounds in which sets of sizes are laid, each where the rounds before found them likely."""
 FEWEST_SETS, SETS_COST = 8, 1e8
 """Sets of a large model, and what all of them may cost: each the cube of the number of unknowns."""
@@ -140,7 +140,7 @@ CONDUCTORS, NODES = 24, 16
 ALL_COLUMNS: Final = 72
 """Features of all departures of a model together, at most: the cost grows with their cube. What lies outside of them is independent from
 run to run."""
-STRONG: Final = 3.0
+MIN_LOG_BAYES_FACTOR: Final = 3.0
 """ln of the Bayes factor from which residuals ask for departures of elements, and not for noise that wanders (20 to 1: Kass and Raftery,
 J. Am. Stat. Assoc. 90 (1995) 773)."""
 SURE_MOVE, BEYOND_WIDENING = 3.0**0.5, 0.25

@@ -10,7 +10,7 @@ import numpy as np
 
 from thermid.base.errors import SolverError
 from thermid.base.linear_algebra import Array
-from thermid.fit._estimation.dynamics import BENT, MOMENT, At, Dynamics
+from thermid.fit._estimation.dynamics import JUMP_SHARE_OF_STEP, MAX_CURVATURE_ERROR, At, Dynamics
 from thermid.fit._estimation.filtering import Belief, FilterStep, Gain, Innovations, ReadingRow, moved, updated
 from thermid.fit._estimation.steps import responses, step
 
@@ -73,7 +73,7 @@ class Passing:
         direct = all(d.nodes.index(o.node) in d.massive for o in d.experiment.observations if o.node in d.nodes)
         self.still = direct and all(o.node in d.nodes for o in d.experiment.observations)
         lengths = np.diff(d.grid)
-        begins, ends = d.grid[:-1], d.grid[1:] - MOMENT * lengths
+        begins, ends = d.grid[:-1], d.grid[1:] - JUMP_SHARE_OF_STEP * lengths
         both = [d.course(m, about, np.concatenate([begins, ends])) for m, about in zip(self.members, self.about, strict=True)]
         first, last = np.split(np.stack(both), 2, axis=1)
         self._steps = {key: step(self.jacobian, self.noise, float(key)) for key in dict.fromkeys(d.lengths)}
@@ -93,16 +93,16 @@ class Passing:
     def _bent_step(self, belief: Belief, begin: float, end: float, halvings: int = 0) -> tuple[Belief, list[FilterStep]]:
         """Return the belief a step later and the legs to it, in halves where the rates bend too much."""
         d, seconds = self.dynamics, end - begin
-        late = end - MOMENT * seconds
+        late = end - JUMP_SHARE_OF_STEP * seconds
         rates, jacobian = d.rates(self.members, belief.mean, begin)
         rise = d.rates(self.members, belief.mean, late)[0] - rates
         _, start, slope = responses(jacobian, seconds)
         change = np.einsum("mij,mj->mi", start, rates) + np.einsum("mij,mj->mi", slope, rise)
         mean = belief.mean + change
         foreseen = rates + rise + np.einsum("mij,mj->mi", jacobian, change)
-        found, _ = d.rates(self.members, mean, late)
-        missed = float(np.abs((found - foreseen)[:, : d.massive.size]).max()) * seconds / 3.0
-        if not np.isfinite(missed) or (missed > BENT and halvings < HALVINGS):
+        rates_after, _ = d.rates(self.members, mean, late)
+        missed = float(np.abs((rates_after - foreseen)[:, : d.massive.size]).max()) * seconds / 3.0
+        if not np.isfinite(missed) or (missed > MAX_CURVATURE_ERROR and halvings < HALVINGS):
             if halvings >= HALVINGS:
                 raise SolverError(f"the filter diverged at {begin:.6g} s. Look for a noise that is far too large.", d.engine.title)
             middle = 0.5 * (begin + end)
@@ -110,7 +110,7 @@ class Passing:
             whole, more = self._bent_step(half, middle, end, halvings + 1)
             return whole, [*legs, *more]
         # the rates bend quadratically; two thirds of what was missed stands in the mean
-        mean = mean + np.einsum("mij,mj->mi", slope, found - foreseen) * (2.0 / 3.0)
+        mean = mean + np.einsum("mij,mj->mi", slope, rates_after - foreseen) * (2.0 / 3.0)
         root = step(0.5 * (jacobian + d.rates(self.members, mean, late)[1]), self.noise, seconds)
         return moved(belief, root.transition, mean, root.noise), [FilterStep(root.transition, root.noise, belief, mean)]
 
@@ -168,10 +168,10 @@ class Passing:
         while place < d.grid.size:
             time = float(d.grid[place])
             taken = time <= until
-            known = settled.get(d.step_to(place)) if ready and place and taken else None
-            if known is not None and known.holds(belief.root):
+            settled_step = settled.get(d.step_to(place)) if ready and place and taken else None
+            if settled_step is not None and settled_step.holds(belief.root):
                 end = min(d.alike[place], int(np.searchsorted(d.grid, until, side="right")))
-                belief = Belief(self._stretch(belief.mean, place, end, known, out), known.after)
+                belief = Belief(self._stretch(belief.mean, place, end, settled_step, out), settled_step.after)
                 place = end
                 continue
             before, gains = belief.root, []
@@ -190,10 +190,10 @@ class Passing:
             place += 1
         return Pass(out.innovations(len(self.members)), d.grid[max(first, 0) :], belief, tuple(out.beliefs), tuple(out.legs))
 
-    def _stretch(self, mean: Array, begin: int, end: int, known: _Settled, out: _Sheet) -> Array:
+    def _stretch(self, mean: Array, begin: int, end: int, settled_step: _Settled, out: _Sheet) -> Array:
         """Return the mean (members, states) after steps to times `begin` to before `end`, all alike and their gains settled.
 
-        The recursion ``x_k = M x_(k-1) + c_k`` is then one product with a block of powers of M for every `BLOCK` steps.
+        The recursion ``x_k = M x_(k-1) + c_k`` is then one product with a block of powers of M for every `STEPS_PER_BLOCK` steps.
         """
         d, n = self.dynamics, mean.shape[1]
         length, sensors = d.step_to(begin)
@@ -202,22 +202,22 @@ class Passing:
         constant = self.read[:, sensors] - np.einsum("mki,mi->mk", rows, self.about) if sensors else np.zeros((len(self.members), 0))
         values = measured.reshape(end - begin, len(sensors))[None] - constant[:, None]
         keep, into = np.tile(np.eye(n), (len(self.members), 1, 1)), np.zeros((len(self.members), n, 0))
-        for k, did in enumerate(known.gains):
+        for k, did in enumerate(settled_step.gains):
             take = np.eye(n) - did.gain[:, :, None] * rows[:, k, None, :]
             keep, into = take @ keep, np.concatenate([take @ into, did.gain[:, :, None]], axis=2)
         move = self._steps[length].transition
         forced = self._forced[:, begin - 1 : end - 1] - np.einsum("mij,mj->mi", move, self.about)[:, None]
-        given = along(keep, forced) + along(into, values)
-        means = recursion(keep @ move, given, mean)
+        forcing = along(keep, forced) + along(into, values)
+        means = recursion(keep @ move, forcing, mean)
         foreseen = along(move, np.concatenate([mean[:, None], means[:, :-1]], axis=1)) + forced
-        for k, did in enumerate(known.gains):
+        for k, did in enumerate(settled_step.gains):
             errors = values[:, :, k] - (foreseen @ rows[:, k, :, None])[:, :, 0]
             foreseen = foreseen + did.gain[:, None] * errors[:, :, None]
             out.stretch(sensors[k], d.grid[begin:end], errors.T, did.variance)
         return np.asarray(means[:, -1])
 
 
-BLOCK: Final = 32
+STEPS_PER_BLOCK: Final = 32
 
 
 def along(matrices: Array, vectors: Array) -> Array:
@@ -225,11 +225,11 @@ def along(matrices: Array, vectors: Array) -> Array:
     return np.asarray(vectors @ np.swapaxes(matrices, 1, 2))
 
 
-def recursion(move: Array, given: Array, start: Array) -> Array:
+def recursion(move: Array, forcing: Array, start: Array) -> Array:
     """Return x_k = M x_(k-1) + c_k (members, steps, n) of M (members, n, n), c (members, steps, n) and x before the first (members, n)."""
-    members, steps, n = given.shape
+    members, steps, n = forcing.shape
     powers = [np.tile(np.eye(n), (members, 1, 1))]
-    for _ in range(min(BLOCK, steps)):
+    for _ in range(min(STEPS_PER_BLOCK, steps)):
         powers.append(powers[-1] @ move)
     size = len(powers) - 1
     triangle = np.zeros((members, size * n, size * n))
@@ -237,17 +237,17 @@ def recursion(move: Array, given: Array, start: Array) -> Array:
         for column in range(row + 1):
             triangle[:, row * n : (row + 1) * n, column * n : (column + 1) * n] = powers[row - column]
     first = np.concatenate(powers[1:], axis=1)
-    out = np.empty_like(given)
+    out = np.empty_like(forcing)
     for begin in range(0, steps, size):
         end = min(begin + size, steps)
-        own = (end - begin) * n
-        part = triangle[:, :own, :own] @ given[:, begin:end].reshape(members, own, 1) + first[:, :own] @ start[:, :, None]
+        rows = (end - begin) * n
+        part = triangle[:, :rows, :rows] @ forcing[:, begin:end].reshape(members, rows, 1) + first[:, :rows] @ start[:, :, None]
         out[:, begin:end] = part.reshape(members, end - begin, n)
         start = out[:, end - 1]
     return out
 
 
-SETTLED: Final = 1e-12
+MAX_ROOT_DIFFERENCE: Final = 1e-12
 """Part of the largest entry by which roots may differ to count as settled."""
 
 
@@ -261,7 +261,7 @@ class _Settled:
 
     def holds(self, root: Array) -> bool:
         """Whether a root is the one that it was taken from, to rounding."""
-        return bool((np.abs(root - self.before) <= SETTLED * np.abs(root).max(axis=(1, 2), keepdims=True)).all())
+        return bool((np.abs(root - self.before) <= MAX_ROOT_DIFFERENCE * np.abs(root).max(axis=(1, 2), keepdims=True)).all())
 
 
 @dataclass(eq=False)

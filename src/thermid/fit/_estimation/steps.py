@@ -16,10 +16,10 @@ import numpy as np
 
 from thermid.base.linear_algebra import Array
 
-SHORT: Final = 0.5
+MAX_GAUSS_NORM: Final = 0.5
 """Largest norm of A h over which Gauss's rule is taken; ten points are then exact to rounding."""
-POINTS: Final = 10
-GAUSS: Final = np.polynomial.legendre.leggauss(POINTS)
+GAUSS_POINTS: Final = 10
+GAUSS: Final = np.polynomial.legendre.leggauss(GAUSS_POINTS)
 """Points and weights of Gauss's rule on -1 to 1."""
 
 
@@ -105,7 +105,7 @@ def noise_root(rates: Array, noise: Array, seconds: float) -> Array:
     if not noise.any():
         return np.zeros((members, n, n))
     size = float(np.abs(rates).sum(axis=2).max()) * seconds
-    halvings = max(0, int(np.ceil(np.log2(size / SHORT)))) if size > SHORT else 0
+    halvings = max(0, int(np.ceil(np.log2(size / MAX_GAUSS_NORM)))) if size > MAX_GAUSS_NORM else 0
     short = seconds / 2**halvings
     points, weights = GAUSS
     moves = exponential(rates[None] * (0.5 * short * (1.0 + points))[:, None, None, None])

@@ -18,7 +18,7 @@ from thermid.physics.constants import ICE_POINT, STEFAN_BOLTZMANN
 from thermid.simulation.network import ConductorRow
 from thermid.simulation.scenarios import Scenario
 
-LONGEST: Final = 24
+MAX_SUBMODEL_LETTERS: Final = 24
 """Letters of a submodel's name; SINDA/FLUINT takes 32."""
 
 
@@ -77,9 +77,9 @@ class _Deck:
         taken: set[tuple[str, int]] = set()
         for node in (*w.network.nodes, *w.network.boundaries):
             # what an import named keeps its submodel and number; everything else is counted
-            found = re.fullmatch(r"(?:(\w+)[._])?T(\d+)", node)
-            owner = (found[1] if found and found[1] else self.main).upper()[:LONGEST]
-            number = int(found[2]) if found else 0
+            match = re.fullmatch(r"(?:(\w+)[._])?T(\d+)", node)
+            owner = (match[1] if match and match[1] else self.main).upper()[:MAX_SUBMODEL_LETTERS]
+            number = int(match[2]) if match else 0
             while number == 0 or (owner, number) in taken:
                 number = 1 + max((n for o, n in taken if o == owner), default=0)
             taken.add((owner, number))
@@ -203,14 +203,14 @@ class _Esatan(_Deck):
     tool = "ESATAN"
 
     def __init__(self, w: Wired) -> None:
-        self.main = re.sub(r"\W", "_", w.network.title).upper()[:LONGEST] or "MODEL"
+        self.main = re.sub(r"\W", "_", w.network.title).upper()[:MAX_SUBMODEL_LETTERS] or "MODEL"
         super().__init__(w)
         # one model: numbers must differ over all of it
-        seen: set[int] = set()
+        numbers: set[int] = set()
         for node, (_, number) in self.numbers.items():
-            while number in seen:
-                number = 1 + max(seen)
-            seen.add(number)
+            while number in numbers:
+                number = 1 + max(numbers)
+            numbers.add(number)
             self.numbers[node] = (self.main, number)
 
     def lines(self) -> Iterator[str]:

@@ -23,19 +23,19 @@ import numpy as np
 
 from thermid.base.errors import SolverError, ThermidError, cap
 from thermid.base.linear_algebra import Array
-from thermid.interop._fmu.host import ARRAYS, EVENTS, REFUSED, STEP, FmuDescribed, FmuSetting, InputCourse, fmpy_package, stride
+from thermid.interop._fmu.host import ARRAYS, DIFFERENCE_SHARE, EVENTS, REFUSED, FmuDescribed, FmuSetting, InputCourse, fmpy_package, stride
 from thermid.interop._fmu.process import NOTE, receive, send
 
 MOST_BYTES: Final = 1 << 40
 """Requests come from the session, which may ask for anything."""
 MOST_LETTERS: Final = 400
 """Of an error. What an FMU says of itself is cut there."""
-TOLERANCE: Final = 1e-8
+CVODE_TOLERANCE: Final = 1e-8
 """Relative tolerance that is asked of CVode, and of the FMU where it integrates itself."""
-MOST_STEPS: Final = 100_000
+MAX_CVODE_STEPS: Final = 100_000
 MOST_EVENTS: Final = 100_000
 """Events of a run, of which an FMU may announce the next without end."""
-NEAR: Final = 1e-9
+SAME_INSTANT: Final = 1e-9
 """Part of a run within which two instants are one. [-]"""
 _DOUBLES: Final = POINTER(c_double)
 
@@ -65,7 +65,7 @@ class UnpackedFmu(FmuDescribed):
         EventsFound     When there are ways, and an event.
         SolverError     When it cannot be run.
         """
-        return (_Exchange if self.exchange else _Steps)(self, setting, times, wanted, ways).made()
+        return (_Exchange if self.exchange else _Steps)(self, setting, times, wanted, ways).run()
 
 
 class _FmuRun(ABC):
@@ -76,44 +76,44 @@ class _FmuRun(ABC):
         self.end = float(times[-1])
         self.driven, self.courses = list(setting.inputs), list(setting.inputs.values())
         jumps = np.unique(np.concatenate([np.zeros(0), *(c.jumps for c in self.courses)]))
-        self.jumps = jumps[(jumps > NEAR * self.end) & (jumps < self.end * (1.0 - NEAR))]
+        self.jumps = jumps[(jumps > SAME_INSTANT * self.end) & (jumps < self.end * (1.0 - SAME_INSTANT))]
         self.messages: list[str] = []
         self.stand: list[float] = []
         self.now = 0.0
 
-    def logged(self, *said: Any) -> None:
+    def logged(self, *arguments: Any) -> None:
         """Keep what the FMU says of a failure; its last argument is the message."""
-        text = said[-1]
+        text = arguments[-1]
         self.messages.append(text.decode("utf-8", "replace") if isinstance(text, bytes) else str(text))
 
-    def made(self) -> tuple[Array, Array]:
+    def run(self) -> tuple[Array, Array]:
         """Return outputs and slopes."""
         fmpy, form = self.file.fmpy, "ModelExchange" if self.file.exchange else "CoSimulation"
         self.fmu = fmpy.instantiate_fmu(self.file.folder, self.file.described, form, logger=self.logged)
         self.get, self.put = (self.fmu.getReal, self.fmu.setReal) if self.file.second else (self.fmu.getFloat64, self.fmu.setFloat64)
         try:
             self._begin()
-            found = self._go()
+            outputs_and_slopes = self._go()
             self.fmu.terminate()
-            return found
+            return outputs_and_slopes
         except (EventsFound, SolverError):
             raise
         except Exception as error:
-            said = next((m for m in reversed(self.messages) if m), "")
-            words = ": ".join(filter(None, (str(error), said)))
+            message = next((m for m in reversed(self.messages) if m), "")
+            words = ": ".join(filter(None, (str(error), message)))
             raise SolverError(f"the FMU could not be run at t = {self.now:g} s: {words}", str(self.file.path)) from error
         finally:
             self.fmu.freeInstance()
 
     def _begin(self) -> None:
         if self.file.second:
-            self.fmu.setupExperiment(tolerance=TOLERANCE, startTime=0.0, stopTime=None)
+            self.fmu.setupExperiment(tolerance=CVODE_TOLERANCE, startTime=0.0, stopTime=None)
         if self.setting.values:
             self.put(list(self.setting.values), [float(v) for v in self.setting.values.values()])
         if self.file.second:
             self.fmu.enterInitializationMode()
         else:
-            self.fmu.enterInitializationMode(tolerance=TOLERANCE, startTime=0.0)
+            self.fmu.enterInitializationMode(tolerance=CVODE_TOLERANCE, startTime=0.0)
         self.drive(0.0, 0.0)
         self.fmu.exitInitializationMode()
 
@@ -147,7 +147,7 @@ class _Seed:
     courses: tuple[tuple[int, InputCourse], ...]
 
     @classmethod
-    def of(cls, states: Sequence[int], way: FmuSetting) -> _Seed:
+    def of_direction(cls, states: Sequence[int], way: FmuSetting) -> _Seed:
         """Return the seed of a direction."""
         fixed = {r: d for r, d in way.values.items() if r not in states}
         every = [*states, *fixed, *way.inputs]
@@ -163,32 +163,32 @@ class _Exchange(_FmuRun):
     def _go(self) -> tuple[Array, Array]:
         self.n, self.since, self.events = len(self.file.states), 0.0, 0
         self.moves = self._first_moves()
-        self.seeds = [_Seed.of(self.file.states, way) for way in self.ways]
+        self.seeds = [_Seed.of_direction(self.file.states, way) for way in self.ways]
         due = self._settle_events()
         self._enter()
         solver = self._solver()
-        found, slopes = np.zeros((self.times.size, len(self.wanted))), np.zeros((self.times.size, len(self.wanted), len(self.ways)))
+        outputs, slopes = np.zeros((self.times.size, len(self.wanted))), np.zeros((self.times.size, len(self.wanted), len(self.ways)))
         stops = [(float(t), True) for t in self.times] + [(float(t), False) for t in self.jumps]
         place = 0
         for stop, wanted in sorted(stops):
             while True:
                 ahead = min(stop, due)
                 event = self._step(solver, ahead)
-                jump = stop <= due and not wanted and not event and self.now >= stop - NEAR * self.end
+                jump = stop <= due and not wanted and not event and self.now >= stop - SAME_INSTANT * self.end
                 if jump:
                     self.since = stop
-                if event or jump or (due <= stop and self.now >= due - NEAR * self.end):
+                if event or jump or (due <= stop and self.now >= due - SAME_INSTANT * self.end):
                     if self.ways and not jump:
                         raise EventsFound
                     due = self._event(solver)
-                if self.now >= stop - NEAR * self.end:
+                if self.now >= stop - SAME_INSTANT * self.end:
                     break
             if wanted:
-                found[place] = self.get(self.wanted) if self.wanted else []
+                outputs[place] = self.get(self.wanted) if self.wanted else []
                 if self.ways:
                     slopes[place] = self._derived(self.wanted)
                 place += 1
-        return found, slopes
+        return outputs, slopes
 
     def _first_moves(self) -> Array:
         """Return the derivatives (states, ways) of the states as the run begins."""
@@ -228,7 +228,7 @@ class _Exchange(_FmuRun):
     def _step(self, solver: Any, to: float) -> bool:
         """Go on to a time, or to an event before it; return whether there was one."""
         event = False
-        if to - self.now > NEAR * self.end:
+        if to - self.now > SAME_INSTANT * self.end:
             event, _, self.now = solver.step(self.now, to)
             if not event:
                 self.now = to
@@ -256,8 +256,8 @@ class _Exchange(_FmuRun):
             input=self,
             startTime=0.0,
             maxStep=max(min(self.end / 50.0, 3.0 * finest), 1e-6 * self.end),
-            relativeTolerance=TOLERANCE,
-            maxNumSteps=MOST_STEPS,
+            relativeTolerance=CVODE_TOLERANCE,
+            maxNumSteps=MAX_CVODE_STEPS,
         )
 
     def apply(self, time: float) -> None:
@@ -295,18 +295,18 @@ class _Exchange(_FmuRun):
         whole = self._whole(pointer)
         for k, way in enumerate(self.ways):
             # a sensitivity counts to the tolerance of the state, moved by as much as a difference would move it
-            whole[(1 + k) * self.n : (2 + k) * self.n] = whole[: self.n] * STEP / stride(self.setting, way, self.end)
+            whole[(1 + k) * self.n : (2 + k) * self.n] = whole[: self.n] * DIFFERENCE_SHARE / stride(self.setting, way, self.end)
 
     def _derived(self, unknowns: Sequence[int], time: float | None = None) -> Array:
         """Return the derivatives (unknowns, ways) of some variables where the FMU stands."""
         at = self.now if time is None else time
         out = np.zeros((len(self.ways), len(unknowns)))
         which = (c_uint32 * len(unknowns))(*unknowns)
-        for k, (seed, own) in enumerate(zip(self.seeds, out, strict=True)):
+        for k, (seed, seed_values) in enumerate(zip(self.seeds, out, strict=True)):
             seed.put[: self.n] = self.moves[:, k]
             for place, course in seed.courses:
                 seed.put[place] = course.law(self.since if course.jumps.size else at)
-            answer = own.ctypes.data_as(_DOUBLES)
+            answer = seed_values.ctypes.data_as(_DOUBLES)
             sizes = (len(unknowns), seed.references, len(seed.references), seed.values)
             if self.file.second:
                 self.fmu.fmi2GetDirectionalDerivative(self.fmu.component, which, *sizes, answer)
@@ -325,7 +325,7 @@ class _Steps(_FmuRun):
         rows = [self.get(self.wanted) if self.wanted else []]
         for begin, end in pairwise(grid):
             self.now = float(begin)
-            self.drive(0.5 * (begin + end), begin + NEAR * self.end)
+            self.drive(0.5 * (begin + end), begin + SAME_INSTANT * self.end)
             done = self.fmu.doStep(currentCommunicationPoint=float(begin), communicationStepSize=float(end - begin))
             if done is not None and done[1]:
                 raise SolverError("the FMU asked to end the simulation.", str(self.file.path))
@@ -336,15 +336,15 @@ class _Steps(_FmuRun):
     def _grid(self) -> Array:
         """Return the instants from one of which to the next it steps."""
         every: Array = np.unique(np.concatenate([[0.0, self.end], self.times, self.jumps]))
-        every = every[np.concatenate([[True], np.diff(every) > NEAR * self.end])]
+        every = every[np.concatenate([[True], np.diff(every) > SAME_INSTANT * self.end])]
         form = self.file.described.coSimulation
-        own = getattr(form, "fixedInternalStepSize", None)
-        if form.canHandleVariableCommunicationStepSize and own is None:
+        fixed_step = getattr(form, "fixedInternalStepSize", None)
+        if form.canHandleVariableCommunicationStepSize and fixed_step is None:
             return np.asarray(every)
         # a fixed step of its own: communication points are multiples of it
-        step = float(own) if own is not None else float(np.median(np.diff(every)))
+        step = float(fixed_step) if fixed_step is not None else float(np.median(np.diff(every)))
         whole = max(1, round(float(np.median(np.diff(every))) / step)) * step
-        count = int(np.ceil(self.end / whole - NEAR)) + 1
+        count = int(np.ceil(self.end / whole - SAME_INSTANT)) + 1
         return np.asarray(np.linspace(0.0, (count - 1) * whole, count))
 
 

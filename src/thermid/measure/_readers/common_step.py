@@ -17,7 +17,7 @@ import numpy as np
 from thermid.measure._readers.questions import SWITCH
 from thermid.measure._record.channel import FloatArray
 
-POINTS, OFFSETS = 400, 300
+MAX_COMPARED_READINGS, TRIED_OFFSETS = 400, 300
 """Most readings that two courses are compared at, and offsets that are tried at first. [-]"""
 RESPONSES = (8, 5, 12)
 """First-order responses that stand for the way from a power to a thermometer; what they disagree by is an error of the offset. [-]"""
@@ -25,11 +25,11 @@ DECAYS = 4
 """Decays of what was stored before a power was logged. [-]"""
 SHARED = 0.15
 """Part of the shorter log that must overlap the other one. [-]"""
-EXPLAINED = {True: 0.985, False: 0.9}
+MIN_EXPLAINED_SHARE = {True: 0.985, False: 0.9}
 """Part of the squares that the other course must explain, a power or one of the same kind; responses fit nine tenths by chance. [-]"""
 RIVAL, DISTINCT = {True: 0.65, False: 0.85}, 0.05
 """Part of the best offset's information from which another one, off by that part of the shorter log, leaves it open. [-]"""
-VAGUE = 0.1
+MAX_OFFSET_ERROR = 0.1
 """Error of an offset, in lengths of the shorter log, from which there is no step that both show. [-]"""
 TWO_PLACES = 1.2
 """Scatter about each other from which two temperatures are of two places, in that from reading to reading. [-]"""
@@ -37,7 +37,7 @@ FINER = 3
 """How often offsets are tried again, eight times as close about the best."""
 
 
-MOST = 20000
+MAX_POINTS = 20000
 """Points of a response, at most."""
 
 
@@ -95,8 +95,8 @@ class LogCourse:
         held = self.values[np.clip(np.searchsorted(self.times, times, side="right") - 1, 0, self.times.size - 1)] - self.values[0]
         out, constants = [], np.geomspace(4.0 * fine, longest, count)
         for constant in constants:
-            kept = float(np.exp(-fine / constant))
-            out.append(lfilter([0.0, 1.0 - kept], [1.0, -kept], held))  # the value of an interval acts at its end
+            decay = float(np.exp(-fine / constant))
+            out.append(lfilter([0.0, 1.0 - decay], [1.0, -decay], held))  # the value of an interval acts at its end
         return Explanation(times, np.column_stack(out), constants)
 
 
@@ -127,15 +127,15 @@ def common_step(first: Sequence[LogCourse], second: Sequence[LogCourse]) -> Comm
     An error above a tenth of the shorter log is no step either. Temperatures of two places follow a step at different times: two of each
     log are needed, and what the pairs disagree by is an error of the offset.
     """
-    found = [one for a in first for b in second if a.moves and b.moves and (one := _compared(a, b)) is not None]
+    offsets = [one for a in first for b in second if a.moves and b.moves and (one := _compared(a, b)) is not None]
     length = min((c.times[-1] for c in (*first, *second) if c.moves), default=0.0)
-    places = [f for f in found if f.lags]
+    places = [f for f in offsets if f.lags]
     if min(len({f.first for f in places}), len({f.second for f in places})) < 2:  # nothing says how late one place follows the other
-        found, places = [f for f in found if not f.lags], []
+        offsets, places = [f for f in offsets if not f.lags], []
     spread = float(np.std([f.offset for f in places])) if places else 0.0
-    found = [replace(f, error=float(np.hypot(f.error, spread))) if f.lags else f for f in found]
-    best = min(found, key=lambda f: f.error, default=None)
-    return best if best is not None and best.error <= VAGUE * length else None
+    offsets = [replace(f, error=float(np.hypot(f.error, spread))) if f.lags else f for f in offsets]
+    best = min(offsets, key=lambda f: f.error, default=None)
+    return best if best is not None and best.error <= MAX_OFFSET_ERROR * length else None
 
 
 def _compared(a: LogCourse, b: LogCourse) -> CommonStep | None:
@@ -143,27 +143,31 @@ def _compared(a: LogCourse, b: LogCourse) -> CommonStep | None:
     if not (a.heated and b.heated) and (a.power != b.power or a.heated != b.heated):
         return None  # no power and no heated part acts on the surroundings
     forward = a.power <= b.power  # what explains is the power, or the second of a kind
-    seen, cause, sign = (a, b, 1.0) if forward else (b, a, -1.0)
+    effect, cause, sign = (a, b, 1.0) if forward else (b, a, -1.0)
     length = min(a.times[-1], b.times[-1])
-    low, high = SHARED * length - cause.times[-1], seen.times[-1] - SHARED * length
+    low, high = SHARED * length - cause.times[-1], effect.times[-1] - SHARED * length
     step = max(float(np.median(np.diff(a.times))), float(np.median(np.diff(b.times))))
-    offsets, spacing = np.linspace(low, high, OFFSETS + 1), (high - low) / OFFSETS
-    ways = _ways(seen, cause)
-    known = np.array([_information(seen, ways[0], offset) for offset in offsets])
+    offsets, spacing = np.linspace(low, high, TRIED_OFFSETS + 1), (high - low) / TRIED_OFFSETS
+    ways = _ways(effect, cause)
+    known = np.array([_information(effect, ways[0], offset) for offset in offsets])
     first = float(offsets[int(np.argmax(known))])
     rival = float(np.max(known[np.abs(offsets - first) > DISTINCT * length], initial=0.0))
-    found = [_close(seen, made, first, spacing, step) for made in ways]
-    explained = 1.0 - _left(seen, ways[0], found[0])
-    if cause.power and not _enough_switches(seen, cause, found[0]):
+    refined_offsets = [_refined_offset(effect, responses, first, spacing, step) for responses in ways]
+    explained = 1.0 - _part_unexplained(effect, ways[0], refined_offsets[0])
+    if cause.power and not _enough_switches(effect, cause, refined_offsets[0]):
         return None
-    if explained < EXPLAINED[a.power != b.power] or rival > RIVAL[a.power != b.power] * _information(seen, ways[0], found[0]):
+    if explained < MIN_EXPLAINED_SHARE[a.power != b.power] or rival > RIVAL[a.power != b.power] * _information(
+        effect, ways[0], refined_offsets[0]
+    ):
         return None
-    error = max(_error(seen, made, offset, step) for made, offset in zip(ways, found, strict=True))
-    rows, target = _rows(seen, ways[0], found[0])
+    error = max(_error(effect, responses, offset, step) for responses, offset in zip(ways, refined_offsets, strict=True))
+    rows, target = _rows(effect, ways[0], refined_offsets[0])
     left, shares = _solved(rows, target)
-    noise = float(np.hypot(_scatter(seen), shares[-1] * _scatter(cause)))
+    noise = float(np.hypot(_scatter(effect), shares[-1] * _scatter(cause)))
     lags = not (a.power or b.power) and left > target.size * (TWO_PLACES * noise) ** 2
-    return CommonStep(sign * float(np.median(found)), float(np.hypot(error, np.std(found))), a.name, b.name, explained, lags)
+    return CommonStep(
+        sign * float(np.median(refined_offsets)), float(np.hypot(error, np.std(refined_offsets))), a.name, b.name, explained, lags
+    )
 
 
 def _scatter(course: LogCourse) -> float:
@@ -178,31 +182,31 @@ def _enough_switches(seen: LogCourse, cause: LogCourse, offset: float) -> bool:
     return bool(inside >= min(2, switched.size))
 
 
-def _ways(seen: LogCourse, cause: LogCourse) -> list[Explanation]:
+def _ways(effect: LogCourse, cause: LogCourse) -> list[Explanation]:
     """Return how one course may act on another: several sets of responses where a power acts on a temperature, else as it is."""
-    if cause.power == seen.power:
+    if cause.power == effect.power:
         return [Explanation(cause.times, cause.values[:, None], np.zeros(0))]
-    fine = max(float(np.median(np.diff(cause.times))), cause.times[-1] / MOST)
-    return [cause.responses(fine, count, max(seen.times[-1], cause.times[-1])) for count in RESPONSES]
+    fine = max(float(np.median(np.diff(cause.times))), cause.times[-1] / MAX_POINTS)
+    return [cause.responses(fine, count, max(effect.times[-1], cause.times[-1])) for count in RESPONSES]
 
 
-def _lowest(seen: LogCourse, made: Explanation, offsets: FloatArray) -> float:
-    return float(offsets[int(np.argmin([_left(seen, made, o) for o in offsets]))])
+def _lowest(effect: LogCourse, responses: Explanation, offsets: FloatArray) -> float:
+    return float(offsets[int(np.argmin([_part_unexplained(effect, responses, o) for o in offsets]))])
 
 
-def _close(seen: LogCourse, made: Explanation, best: float, spacing: float, step: float) -> float:
+def _refined_offset(effect: LogCourse, responses: Explanation, best: float, spacing: float, step: float) -> float:
     """Return the offset that leaves least, near one of a spacing. [s]"""
     for _ in range(FINER):
-        best = _lowest(seen, made, best + np.linspace(-4.0, 4.0, 33) * spacing)
+        best = _lowest(effect, responses, best + np.linspace(-4.0, 4.0, 33) * spacing)
         spacing /= 8.0
         if spacing < 0.05 * step:
             break
     return best
 
 
-def _left(seen: LogCourse, made: Explanation, offset: float) -> float:
+def _part_unexplained(effect: LogCourse, responses: Explanation, offset: float) -> float:
     """Return the part of the squares of one course that the other one, later by an offset, leaves; 1 where it explains nothing."""
-    return _compare_at(seen, made, offset)[0]
+    return _compare_at(effect, responses, offset)[0]
 
 
 def _information(seen: LogCourse, made: Explanation, offset: float) -> float:
@@ -224,16 +228,18 @@ def _compare_at(seen: LogCourse, made: Explanation, offset: float) -> tuple[floa
     return left / without, target.size
 
 
-def _rows(seen: LogCourse, made: Explanation, offset: float) -> tuple[FloatArray, FloatArray]:
+def _rows(effect: LogCourse, responses: Explanation, offset: float) -> tuple[FloatArray, FloatArray]:
     """Return the rows of the linear model (readings, unknowns), those of the course itself first, and the readings that they explain."""
-    thin = slice(None, None, max(1, seen.times.size // POINTS))
-    times, target = seen.times[thin], seen.values[thin]
-    inside = (times >= offset) & (times <= offset + made.times[-1])
+    thin = slice(None, None, max(1, effect.times.size // MAX_COMPARED_READINGS))
+    times, target = effect.times[thin], effect.values[thin]
+    inside = (times >= offset) & (times <= offset + responses.times[-1])
     times, target = times[inside], target[inside]
-    moved = [np.interp(times - offset, made.times, column) for column in made.columns.T]
+    moved = [np.interp(times - offset, responses.times, column) for column in responses.columns.T]
     since = times - (times[0] if times.size else 0.0)
-    decays = made.constants[np.linspace(1, made.constants.size - 1, DECAYS).astype(int)] if made.constants.size else np.zeros(0)
-    own = [np.exp(-since / constant) for constant in decays] or [times / max(seen.times[-1], 1e-9)]
+    decays = (
+        responses.constants[np.linspace(1, responses.constants.size - 1, DECAYS).astype(int)] if responses.constants.size else np.zeros(0)
+    )
+    own = [np.exp(-since / constant) for constant in decays] or [times / max(effect.times[-1], 1e-9)]
     return np.column_stack([np.ones(times.size), *own, *moved]), target
 
 
@@ -242,25 +248,25 @@ def _solved(rows: FloatArray, target: FloatArray) -> tuple[float, FloatArray]:
     scale = np.linalg.norm(rows, axis=0)
     scale[scale == 0.0] = 1.0
     shares = np.linalg.lstsq(rows / scale, target, rcond=None)[0] / scale
-    left = target - rows @ shares
-    return float(left @ left), shares
+    residuals = target - rows @ shares
+    return float(residuals @ residuals), shares
 
 
-def _error(seen: LogCourse, made: Explanation, best: float, step: float) -> float:
+def _error(effect: LogCourse, responses: Explanation, best: float, step: float) -> float:
     """Return the standard error of an offset: where the logarithm of the squares rises by one over the independent points.
 
     Points of residuals that wander are not independent: as many count as there are changes of sign, at least four. [s]
     """
-    rows, target = _rows(seen, made, best)
+    rows, target = _rows(effect, responses, best)
     scale = np.linalg.norm(rows, axis=0)
-    left = target - rows @ (np.linalg.lstsq(rows / scale, target, rcond=None)[0] / scale)
-    count = max(int(np.count_nonzero(np.diff(np.sign(left)))), 4)
-    base = max(_left(seen, made, best), 1e-12)
-    for width in _widths(step, float(seen.times[-1])):
-        rise = min(_left(seen, made, best - width), _left(seen, made, best + width)) / base
+    residuals = target - rows @ (np.linalg.lstsq(rows / scale, target, rcond=None)[0] / scale)
+    count = max(int(np.count_nonzero(np.diff(np.sign(residuals)))), 4)
+    base = max(_part_unexplained(effect, responses, best), 1e-12)
+    for width in _widths(step, float(effect.times[-1])):
+        rise = min(_part_unexplained(effect, responses, best - width), _part_unexplained(effect, responses, best + width)) / base
         if np.log(rise) > 1.0 / count:
             return float(max(width, step / 12.0**0.5))
-    return float(seen.times[-1])
+    return float(effect.times[-1])
 
 
 def _widths(step: float, length: float) -> Iterator[float]:

@@ -22,15 +22,15 @@ from thermid.measure.amounts import amount, duration_text, positive_seconds
 R = TypeVar("R", bound=Samples)
 
 HOUR: Final = 3600.0
-SHORTEST: Final = 300.0
+MIN_JUDGED_WINDOW: Final = 300.0
 """Shortest window over which a rule without one of its own is judged on readings. [s]"""
-FEWEST: Final = 8
+MIN_READINGS_OF_STRETCH: Final = 8
 """Readings below which a stretch has no rate and no mean with an error."""
-ENOUGH: Final = 30.0
+MIN_INDEPENDENT_READINGS: Final = 30.0
 """Independent readings in a window from which their own correlation gives the error of a mean; with fewer, longer times may hide in it."""
-CORRELATED: Final = 0.5
+MIN_INDEPENDENT_SHARE: Final = 0.5
 """Share of the readings that they must be worth as independent ones to count as white."""
-SURE: Final = 2.0
+DOUBT_IN_ERRORS: Final = 2.0
 """Standard errors that count as beyond doubt."""
 SETTLED: Final = "1 [K/h]"
 """Drift above which the mean of a stretch is no steady point."""
@@ -147,16 +147,16 @@ def effective_samples(residuals: FloatArray, fitted: int = 2) -> float:
         share = fitted * factor / n
         pairs = (rho * (1.0 - share) + share)[: n - n % 2].reshape(-1, 2).sum(axis=1)
         ends = np.flatnonzero(pairs <= 2.0 * share)
-        kept = pairs[: int(ends[0])] if ends.size else pairs
-        factor = float(min(max(1.0, 2.0 * kept.sum() - 1.0), n / 4.0))
+        positive_pairs = pairs[: int(ends[0])] if ends.size else pairs
+        factor = float(min(max(1.0, 2.0 * positive_pairs.sum() - 1.0), n / 4.0))
     return n / factor
 
 
 def verdict_of(size: float, error: float, allowed: float) -> str:
     """Return whether a size lies within what is allowed: beyond two standard errors, or not to be told."""
-    if abs(size) + SURE * error <= allowed:
+    if abs(size) + DOUBT_IN_ERRORS * error <= allowed:
         return "stable"
-    return "not stable" if abs(size) - SURE * error > allowed else "cannot tell"
+    return "not stable" if abs(size) - DOUBT_IN_ERRORS * error > allowed else "cannot tell"
 
 
 def spans(record: Samples, first: float, end: float) -> Iterator[tuple[float, bool]]:
@@ -164,7 +164,7 @@ def spans(record: Samples, first: float, end: float) -> Iterator[tuple[float, bo
 
     A rule without a window of its own is judged on the shortest one whose error lets the question be answered.
     """
-    span = min(max(SHORTEST, 8.0 * FEWEST * record.step), end - first)
+    span = min(max(MIN_JUDGED_WINDOW, 8.0 * MIN_READINGS_OF_STRETCH * record.step), end - first)
     while span < end - first:
         yield span, False
         span = min(1.5 * span, end - first)
@@ -216,9 +216,11 @@ def _line(t: FloatArray, y: FloatArray, at: float, step: float, noise: float | N
     ------
     RecordError   When there are fewer than 8.
     """
-    if y.size < FEWEST or np.ptp(t) <= 0:
+    if y.size < MIN_READINGS_OF_STRETCH or np.ptp(t) <= 0:
         raise RecordError(
-            f"{y.size} readings lie in the window; {FEWEST} are needed for a {what} with its error.", where, code="record.too-short"
+            f"{y.size} readings lie in the window; {MIN_READINGS_OF_STRETCH} are needed for a {what} with its error.",
+            where,
+            code="record.too-short",
         )
     x = t - t.mean()
     moved = y - y[0]  # exactly zero where nothing moves: rounding of a mean is no scatter
@@ -235,7 +237,7 @@ def _line(t: FloatArray, y: FloatArray, at: float, step: float, noise: float | N
     return _Line(rate, error / float(np.std(t)), level, error, rounding, scatter, worth)
 
 
-MEANS, TIMES, RATIOS = 60, 8, 10
+TRIED_MEANS, TRIED_CORRELATION_TIMES, TRIED_VARIANCE_RATIOS = 60, 8, 10
 """Means of readings, correlation times and variances over that of white noise by which the noise of a stretch is looked for."""
 
 
@@ -245,7 +247,7 @@ def _wandering(t: FloatArray, y: FloatArray, line: _Line, at: float) -> _Line:
     A stretch of a few correlation times does not know its own autocorrelation: each of a grid of noise models, white noise plus exponential
     correlations, counts as likely as it is (restricted likelihood of Patterson and Thompson, Biometrika 58 (1971) 545).
     """
-    edges = np.linspace(t[0], t[-1], min(MEANS, t.size) + 1)
+    edges = np.linspace(t[0], t[-1], min(TRIED_MEANS, t.size) + 1)
     place = np.clip(np.searchsorted(edges, t, side="right") - 1, 0, edges.size - 2)
     count = np.bincount(place)
     full = count > 0
@@ -254,14 +256,16 @@ def _wandering(t: FloatArray, y: FloatArray, line: _Line, at: float) -> _Line:
     taken = np.linalg.solve(x.T @ (count[full, None] * x), (count[full, None] * x).T)
     free, span = centre.size - 2, float(t[-1] - t[0])
     likely, errors = list[float](), list[FloatArray]()
-    for time in np.geomspace(span / centre.size, 0.25 * span, TIMES):
+    for time in np.geomspace(span / centre.size, 0.25 * span, TRIED_CORRELATION_TIMES):
         like = np.exp(-np.abs(centre[:, None] - centre) / time)
-        for ratio in (0.0, *np.geomspace(0.05, 1e3, RATIOS)) if not likely else np.geomspace(0.05, 1e3, RATIOS):
+        for ratio in (
+            (0.0, *np.geomspace(0.05, 1e3, TRIED_VARIANCE_RATIOS)) if not likely else np.geomspace(0.05, 1e3, TRIED_VARIANCE_RATIOS)
+        ):
             noise = np.diag(1.0 / count[full]) + ratio * like
             inverse = np.linalg.inv(noise)
             inner = x.T @ inverse @ x
-            left = mean - x @ np.linalg.solve(inner, x.T @ inverse @ mean)
-            square = float(left @ inverse @ left)
+            residuals = mean - x @ np.linalg.solve(inner, x.T @ inverse @ mean)
+            square = float(residuals @ inverse @ residuals)
             likely.append(
                 -0.5 * (np.linalg.slogdet(noise)[1] + np.linalg.slogdet(inner)[1] + free * np.log(max(square, np.finfo(float).tiny)))
             )
@@ -379,7 +383,7 @@ def since_when(record: Samples, name: str, rule: StabilityRule, since: float = -
     looks : int                 Times at which the question is asked, at most.
     """
     begin = max(since, float(record.times[0]))
-    first = begin + max(rule.window, SHORTEST, FEWEST * record.step)
+    first = begin + max(rule.window, MIN_JUDGED_WINDOW, MIN_READINGS_OF_STRETCH * record.step)
     if first > record.times[-1]:
         return None
     earliest: float | None = None
@@ -470,11 +474,11 @@ class SteadyPoint(Generic[R]):
         """
         channels = {}
         for name, v in self.values.items():
-            given = self.source.channel(name)
-            read = given.quantity == "temperature" and given.role != "boundary"
+            channel = self.source.channel(name)
+            read = channel.quantity == "temperature" and channel.role != "boundary"
             values, valid = np.full(2, v.value), np.ones(2, dtype=bool)
             noise = max(v.error, 1e-9) * 2.0**0.5 if read else None
-            channels[name] = replace(given, values=values, valid=valid, masks={}, noise=noise, resolution=None, common=v.error)
+            channels[name] = replace(channel, values=values, valid=valid, masks={}, noise=noise, resolution=None, common=v.error)
         steps = (*self.source.steps, f"steady point of {self.start:g} to {self.end:g} s")
         return replace(
             self.source, name=self.name, times=np.array([0.0, self.end - self.start]), channels=channels, steps=steps, second=None
@@ -520,10 +524,10 @@ def steady_point(
     if most <= 0:
         raise RecordError("the limit of the drift must be above zero.", "limit", code="value.outside-range")
     values = {}
-    for each in record.channels.values():
-        constant = tau.get(each.name) if isinstance(tau, Mapping) else tau
-        seconds = positive_seconds(constant, "tau") if constant is not None and each.role != "boundary" else 0.0
-        values[each.name] = _value(record.name, each, times, inside, seconds, most, tau is not None)
+    for channel in record.channels.values():
+        constant = tau.get(channel.name) if isinstance(tau, Mapping) else tau
+        seconds = positive_seconds(constant, "tau") if constant is not None and channel.role != "boundary" else 0.0
+        values[channel.name] = _value(record.name, channel, times, inside, seconds, most, tau is not None)
     label = name or f"{record.name} {times[0]:g} to {times[-1]:g} s"
     return SteadyPoint(label, float(times[0]), float(times[-1]), values, record, tau is not None)
 
@@ -538,9 +542,9 @@ def _value(where: str, channel: Channel, times: FloatArray, inside: np.ndarray, 
     was_set = channel.role == "boundary" and channel.resolution is None and not np.ptp(y)
     step = step_of(channel) if thermal and not was_set else channel.resolution or 0.0
     line = _line(t, y, 0.5 * (times[0] + times[-1]), step, channel.noise, place, "mean")
-    if line.worth < min(CORRELATED * y.size, ENOUGH) and line.scatter > 0.5 * step and line.scatter > 0.0:
+    if line.worth < min(MIN_INDEPENDENT_SHARE * y.size, MIN_INDEPENDENT_READINGS) and line.scatter > 0.5 * step and line.scatter > 0.0:
         line = _wandering(t, y, line, 0.5 * (times[0] + times[-1]))
-    if thermal and abs(line.rate) - SURE * line.rate_error > most:
+    if thermal and abs(line.rate) - DOUBT_IN_ERRORS * line.rate_error > most:
         raise RecordError(
             f"it drifts by {HOUR * line.rate:+.3g} +- {HOUR * line.rate_error:.2g} K/h, more than the {HOUR * most:.3g} K/h allowed "
             "for a steady point. Use a later window, or raise the limit if the test needs no better steadiness.",

@@ -36,7 +36,7 @@ CONTROL_SLOTS: Final[Mapping[str, str]] = {
     "pid.begins": "1",
 }
 """Values of a control with the units of their slots; shares of modes and levels of transitions stand beside them, see `slot_of`."""
-MOST_NODES: Final = 3
+MAX_FOLLOWED_NODES: Final = 3
 """Nodes that one control follows at most."""
 
 
@@ -102,9 +102,10 @@ def followed(written: object, where: str) -> dict[str, float]:
     else:
         nodes = [str(node) for node in written]  # type: ignore[attr-defined]  # checked by the grammar
         out = {node: 1.0 / len(nodes) for node in nodes}
-    if not 0 < len(out) <= MOST_NODES:
+    if not 0 < len(out) <= MAX_FOLLOWED_NODES:
         raise DeckError(
-            f"a control follows one to {MOST_NODES} nodes; {len(out)} are given. Connect more to a massless node and follow that.", where
+            f"a control follows one to {MAX_FOLLOWED_NODES} nodes; {len(out)} are given. Connect more to a massless node and follow that.",
+            where,
         )
     total = sum(out.values())
     if not (abs(total) < 1e-9 or abs(total - 1.0) < 1e-9):
@@ -127,8 +128,8 @@ def slot_of(name: str, difference: bool) -> str:
     group, _, rest = name.partition(".")
     if group == "modes":
         return "1"
-    found = CONTROL_SLOTS.get(name, "s" if rest.endswith(".after") else TEMPERATURE_SLOT)
-    return ("K" if difference else "temperature") if found == TEMPERATURE_SLOT else found
+    slot = CONTROL_SLOTS.get(name, "s" if rest.endswith(".after") else TEMPERATURE_SLOT)
+    return ("K" if difference else "temperature") if slot == TEMPERATURE_SLOT else slot
 
 
 COMPLEMENT: Final = "1 - "

@@ -18,7 +18,7 @@ from thermid.base.units import TEMPERATURE
 INFINITE: Final = float("inf")
 MAX_FLOAT, MIN_FLOAT = sys.float_info.max, math.ulp(0.0)
 """Largest finite number, and smallest one above zero."""
-ROUNDING: Final = 1e-6
+BOUND_ROUNDING: Final = 1e-6
 """Share of an upper bound by which a value may lie above it: what a fit at its bound makes of one. [-]"""
 
 
@@ -54,7 +54,7 @@ def _from_zero(why: str) -> Range:
 
 
 def _share(why: str) -> Range:
-    return Range("0 to 1", why, 0.0, 1.0 + ROUNDING)
+    return Range("0 to 1", why, 0.0, 1.0 + BOUND_ROUNDING)
 
 
 def _finite(why: str) -> Range:
@@ -105,7 +105,9 @@ RANGES: Final[Mapping[str, Range]] = {
     "gap": _above_zero("a gap has a distance"),
     "aspect": Range("1 or more", "the gap is measured along its longer side; turn it otherwise", 1.0),
     "dimensions": _LENGTH,
-    "accommodation": Range("a value above 0, up to 1", "the share of molecules that take a face's temperature", MIN_FLOAT, 1.0 + ROUNDING),
+    "accommodation": Range(
+        "a value above 0, up to 1", "the share of molecules that take a face's temperature", MIN_FLOAT, 1.0 + BOUND_ROUNDING
+    ),
     "convection_factor": _CONDUCTS,
     "mass_flow": _from_zero("a stream that may change direction is a flow with reversible = true"),
     "volume_flow": _from_zero("a stream that may change direction is a flow with reversible = true"),
@@ -209,7 +211,7 @@ def range_of(kind: str, field: str, slot: str) -> Range:
     return RANGES[TEMPERATURE] if slot == TEMPERATURE else RANGES.get(f"{kind}.{name}", RANGES.get(name, UNSTATED))
 
 
-def outside(given: Range, slot: str, number: Any, path: str) -> str:
+def outside(allowed: Range, slot: str, number: Any, path: str) -> str:
     """Return what is said of a number outside its range; `slot` is the unit of its field, `path` its parameter."""
     unit = {TEMPERATURE: " K", "1": ""}.get(slot, f" {slot}")
-    return f"'{path}' is {value_of(number):.6g}{unit}. Give {given.words}: {given.why}."
+    return f"'{path}' is {value_of(number):.6g}{unit}. Give {allowed.words}: {allowed.why}."

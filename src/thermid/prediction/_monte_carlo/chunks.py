@@ -68,8 +68,8 @@ class Job:
         """Return a hash of all of it."""
         b = self.budget
         drawn = (b.sources, b.alike, b.targets, b.gain, b.ways)
-        own = (self.scenarios, drawn, self.nodes, self.times, self.seed, self.chunk, self.options, self.version)
-        return digest((self.model.identity(), *own))
+        settings = (self.scenarios, drawn, self.nodes, self.times, self.seed, self.chunk, self.options, self.version)
+        return digest((self.model.identity(), *settings))
 
     def parts(self, first: int, end: int) -> list[tuple[int, int]]:
         """Return the first member and the size of every chunk."""
@@ -149,10 +149,10 @@ def first_crossings(times: Array, above: Array, turnings: MemberTurnings | None 
     for member, point in zip(members[early].tolist(), first[early].tolist(), strict=True):
         time, high = float(turnings.times[point]), float(turnings.kelvin[point])
         sample = int(np.searchsorted(times, time)) - 1  # all samples before are below
-        known = [(float(times[sample]), float(above[member, sample]))] if sample >= 0 else []
+        points_before = [(float(times[sample]), float(above[member, sample]))] if sample >= 0 else []
         if point and turnings.members[point - 1] == member:
-            known.append((float(turnings.times[point - 1]), float(turnings.kelvin[point - 1])))
-        start, low = max(known, default=(time, high))
+            points_before.append((float(turnings.times[point - 1]), float(turnings.kelvin[point - 1])))
+        start, low = max(points_before, default=(time, high))
         out[member] = time if low >= high else start + (time - start) * (-low) / (high - low)
     return np.asarray(out)
 
@@ -198,7 +198,7 @@ class CountTable:
     limits: tuple[Limit, ...]
 
     @classmethod
-    def of(cls, job: Job, limits: tuple[Limit, ...], pilot: Sequence[Chunk]) -> CountTable:
+    def of_pilot(cls, job: Job, limits: tuple[Limit, ...], pilot: Sequence[Chunk]) -> CountTable:
         """Return the table for what the first members did; without grids where none reached the end."""
         return cls(Counted.grids({n: np.concatenate([c.rows(job.nodes, n) for c in pilot], axis=1) for n in job.nodes}), limits)
 
@@ -209,7 +209,7 @@ class CountTable:
         crossings = [x.crossings(job.times, samples[x.node], chunk.turnings.get(x.node)) for x in self.limits]
         failed = {m - chunk.first: why for m, why in chunk.failed.items()}
         rows = {"crossings": np.array(crossings)} if crossings else {}
-        return Counted.of(self.grids, counted, len(chunk.temperatures), failed, {"simd": chunk.simd}, rows)
+        return Counted.on_grids(self.grids, counted, len(chunk.temperatures), failed, {"simd": chunk.simd}, rows)
 
     def name(self, first: int, members: int) -> str:
         """Return the name of the file of a task."""
@@ -241,7 +241,7 @@ def run_members_of(job: Job, numbers: Array, settings: Settings | None = None) -
     for v, w in pairs:
         members = np.flatnonzero((chosen == v) & (way == w))
         if (v, w) not in ready:
-            ready[v, w] = Setting.of(job.budget.each[w][1], scenario=job.scenarios[v], times=job.times, options=job.options)
+            ready[v, w] = Setting.of_budget(job.budget.weighted_ways[w][1], scenario=job.scenarios[v], times=job.times, options=job.options)
         drawn = ready[v, w].temperatures(sources[:, members], job.nodes)
         if drawn.runs is not None:
             failed |= {int(members[m]): why for m, why in drawn.runs.failed.items()}
@@ -312,29 +312,29 @@ class MemberRuns:
     def sample(self) -> list[Chunk]:
         """Return the members that are kept whole."""
         tasks = {(first, size): (self.job, first, size) for first, size in self.job.parts(0, self.whole)}
-        found = self._each(work, tasks, chunk_name, as_arrays, as_chunk)
-        return [chunk for _, chunk in sorted(found, key=itemgetter(0))]
+        chunks = self._run_or_read(work, tasks, chunk_name, as_arrays, as_chunk)
+        return [chunk for _, chunk in sorted(chunks, key=itemgetter(0))]
 
     def others(self, table: CountTable) -> Iterator[tuple[int, Counted]]:
         """Yield what is kept of the other members, with the first of each part."""
         parts = self.job.counted(self.whole, self.members)[:: 1 if self.executor is None else -1]  # workers begin with the longest
         tasks = {(first, size): (self.job, table, first, size) for first, size in parts}
-        return self._each(count, tasks, table.name, Counted.arrays, lambda arrays, _: Counted.read(arrays, table.grids))
+        return self._run_or_read(count, tasks, table.name, Counted.arrays, lambda arrays, _: Counted.read(arrays, table.grids))
 
-    def kept(self) -> int:
+    def members_in_folder(self) -> int:
         """Return how many members the folder has; none is run."""
         if self.folder is None:
             return 0
         parts = {p: as_chunk(self.folder.load(chunk_name(*p)), p[0]) for p in self.job.parts(0, self.whole)}
-        found = [c for c in parts.values() if c is not None]
-        kept = sum(len(c.temperatures) for c in found)
-        if len(found) < len(parts):
-            return kept
-        table = CountTable.of(self.job, self.limits, found)
+        chunks = [c for c in parts.values() if c is not None]
+        members = sum(len(c.temperatures) for c in chunks)
+        if len(chunks) < len(parts):
+            return members
+        table = CountTable.of_pilot(self.job, self.limits, chunks)
         others = self.job.counted(self.whole, self.members)
-        return kept + sum(size for first, size in others if self.folder.load(table.name(first, size)) is not None)
+        return members + sum(size for first, size in others if self.folder.load(table.name(first, size)) is not None)
 
-    def _each(
+    def _run_or_read(
         self,
         function: Callable[..., Made],
         tasks: Mapping[tuple[int, int], tuple[Any, ...]],
@@ -345,29 +345,29 @@ class MemberRuns:
         """Yield the results of tasks with the first member of each: those that the folder has, then the others as they are done."""
         open_ = []
         for first, size in tasks:
-            kept = read(self.folder.load(name(first, size)), first) if self.folder is not None else None
-            if kept is None:
+            stored = read(self.folder.load(name(first, size)), first) if self.folder is not None else None
+            if stored is None:
                 open_.append((first, size))
                 continue
             self.reused += size
             self.done += size
-            yield first, kept
+            yield first, stored
         if open_:
             self.say(0)
         calls = [(f"members from {first} on", tasks[first, size]) for first, size in open_]
-        for k, made in in_tasks(function, calls, self.executor, seconds=self._ahead(open_)) if calls else ():
+        for k, result in in_tasks(function, calls, self.executor, seconds=self._ahead(open_)) if calls else ():
             first, size = open_[k]
             if self.folder is not None:
-                self.folder.save(name(first, size), arrays(made))
+                self.folder.save(name(first, size), arrays(result))
             self.say(size)
-            yield first, made
+            yield first, result
 
     def _ahead(self, open_: Sequence[tuple[int, int]]) -> float:
         """Return the processor time that members take; asked where it decides whether processes are begun. [s]"""
         if not isinstance(self.executor, int):
             return math.inf
-        each, besides, _ = pace_of(self.job)
-        return sum(size * each + besides * math.ceil(size / self.job.chunk) for _, size in open_)
+        seconds_per_member, besides, _ = pace_of(self.job)
+        return sum(size * seconds_per_member + besides * math.ceil(size / self.job.chunk) for _, size in open_)
 
     def say(self, more: int) -> None:
         """Say how many members are done; of nothing new once alone, before the first begins or where all were kept."""
@@ -391,8 +391,8 @@ def pace_of(job: Job) -> tuple[float, float, Chunk]:
         begun = process_time()
         chunk = work(job, 0, tried)
         took.append(process_time() - begun)
-    each = max(took[1] - took[0], 0.0) / (TRIED[1] - TRIED[0])
-    return each, max(took[0] - TRIED[0] * each, 0.0), chunk
+    seconds_per_member = max(took[1] - took[0], 0.0) / (TRIED[1] - TRIED[0])
+    return seconds_per_member, max(took[0] - TRIED[0] * seconds_per_member, 0.0), chunk
 
 
 @dataclass(frozen=True)
@@ -413,18 +413,18 @@ class RunCost:
 
     def __str__(self) -> str:
         """It in one line."""
-        kept = f", {self.kept} of them kept" if self.kept else ""
+        reuse = f", {self.kept} of them kept" if self.kept else ""
         return (
-            f"{self.members} members{kept}: about {spoken(self.seconds)} of processor time and {self.size / 1e6:.2g} MB beside the program"
+            f"{self.members} members{reuse}: about {spoken(self.seconds)} of processor time and {self.size / 1e6:.2g} MB beside the program"
         )
 
     @classmethod
-    def of(cls, job: Job, members: int, kept: int, keep: bool = False) -> RunCost:
+    def of_members(cls, job: Job, members: int, members_kept: int, keep: bool = False) -> RunCost:
         """Return what so many members take, from two small chunks that are run for it."""
-        each, besides, chunk = pace_of(job)
-        left, whole = members - kept, members if keep else job.whole(members)
+        seconds_per_member, besides, chunk = pace_of(job)
+        remaining, whole = members - members_kept, members if keep else job.whole(members)
         points = sum(getattr(t, part).nbytes for t in chunk.turnings.values() for part in PARTS)
         size = whole * 2.0 * (chunk.temperatures.nbytes + points) / TRIED[1]  # as chunks, and all together
         if whole < members:
-            size += TABLES * sum(8.0 * g.bins.sum() for g in CountTable.of(job, (), [chunk]).grids.values())
-        return cls(members, kept, left * each + len(job.parts(0, left)) * besides, size)
+            size += TABLES * sum(8.0 * g.bins.sum() for g in CountTable.of_pilot(job, (), [chunk]).grids.values())
+        return cls(members, members_kept, remaining * seconds_per_member + len(job.parts(0, remaining)) * besides, size)

@@ -14,7 +14,7 @@ from thermid.base.linear_algebra import Array
 from thermid.prediction._monte_carlo.chunks import Job, run_members_of
 from thermid.simulation.runs import Workers, in_tasks
 
-FEWEST = 30
+MIN_MEMBERS_PER_INPUT = 30
 """Members per input below which shares are not distinguishable from chance. [-]"""
 
 UNORDERED = ("scenario", "start_time", "scenario and start_time")
@@ -48,7 +48,7 @@ def drivers_of(draws: Mapping[str, Array], result: Array) -> tuple[Driver, ...]:
     for name, values in draws.items():
         named.setdefault(values.tobytes(), (name, values))
     inputs = [(n, v) for n, v in named.values() if np.ptp(v) > 0.0]
-    if not inputs or np.ptp(result) == 0.0 or result.size < max(FEWEST, 5 * len(inputs)):
+    if not inputs or np.ptp(result) == 0.0 or result.size < max(MIN_MEMBERS_PER_INPUT, 5 * len(inputs)):
         return ()
     target = _standard(_ranks(result))
     columns = np.column_stack([_standard(_by_group(v, target) if n in UNORDERED else _ranks(v)) for n, v in inputs])
@@ -145,8 +145,8 @@ def sobol_of(job: Job, node: str, time: float | None = None, *, base: int = 512,
     }
     numbers = np.asarray(design.sample(problem, base, calc_second_order=False, seed=job.seed)).T
     tasks = [(f"run {k} of the design", (job, numbers[:, k : k + job.chunk], path, time)) for k in range(0, numbers.shape[1], job.chunk)]
-    found = dict(in_tasks(_temperature_of, tasks, executor))
-    result = np.concatenate([found[k] for k in range(len(found))])
+    temperatures = dict(in_tasks(_temperature_of, tasks, executor))
+    result = np.concatenate([temperatures[k] for k in range(len(temperatures))])
     indices = analysis.analyze(problem, result, calc_second_order=False, seed=job.seed)
     first, total, errors = ({n: float(x) for n, x in zip(names, indices[k], strict=True)} for k in ("S1", "ST", "ST_conf"))
     return Sobol(path, float("nan") if time is None else time, first, total, errors, numbers.shape[1])

@@ -35,7 +35,7 @@ from thermid.simulation.solver import MemberTurnings, Options
 from thermid.values.fitted import FittedValues
 from thermid.values.store import Choice, LeftOut, Source, model_standing
 
-STEP = 1800.0
+START_TIME_STEP = 1800.0
 """Step of start times where none is given. [s]"""
 
 
@@ -61,19 +61,19 @@ def starts(spec: Any, scenario: Scenario) -> tuple[list[float], tuple[str, ...],
     if not isinstance(spec, Mapping) or not {"low", "high"} <= set(spec) <= {"low", "high", "step", "stays"}:
         raise ScenarioError('write { low = "0 [h]", high = "6 [h]", step = "30 [min]" }.', where)
     low, high = (literal(spec[k], "s", where) for k in ("low", "high"))
-    step = literal(spec["step"], "s", where) if "step" in spec else STEP
+    step = literal(spec["step"], "s", where) if "step" in spec else START_TIME_STEP
     if not (0.0 <= low <= high and step > 0.0 and (high - low) / step <= 1000.0):
         raise ScenarioError("start times must increase from zero or later, in at most 1000 steps.", where)
     times = np.arange(low, high + 1e-9 * step, step).tolist()
     stays = tuple(spec.get("stays", ()))
     refuse_unknown(stays, scenario.names(), f"{where}, stays", "the scenario has no changing input '{}'.", ScenarioError)
     still = [k for k, s in scenario.commands.items() if s.cycle != 0.0] + [n for n in stays if n not in scenario.commands]
-    said = (f"the start moves all that changes in time but {', '.join(still)}, which count{'s' * (len(still) == 1)} from it",)
-    return times, stays, said if still and len(times) > 1 else ()
+    remarks = (f"the start moves all that changes in time but {', '.join(still)}, which count{'s' * (len(still) == 1)} from it",)
+    return times, stays, remarks if still and len(times) > 1 else ()
 
 
-SAMPLES = 121
-CHUNK = 500
+TIMES_OF_RUN = 121
+MEMBERS_PER_CHUNK = 500
 
 Values = Calibration | FittedValues | Spread
 
@@ -89,22 +89,22 @@ def plan_runs(
     seed: int = 0,
     nodes: Sequence[str] | None = None,
     every: str | float | None = None,
-    chunk: int = CHUNK,
+    chunk: int = MEMBERS_PER_CHUNK,
     options: Options | None = None,
 ) -> tuple[Job, tuple[str, ...]]:
     """Return what `uncertain_runs` would run, and what a reader must know."""
     from importlib.metadata import version
 
-    given = [values] if isinstance(values, Values) else list(values)
+    sources = [values] if isinstance(values, Values) else list(values)
     scenarios = [scenario] if isinstance(scenario, Scenario) else list(scenario)
     if not scenarios or chunk < 1:
         raise ScenarioError("a campaign of runs needs a scenario, and chunks of at least one member.", model.title)
     stated = dict(spread or {})
     begun, stays, remarks = starts(stated.pop("start_time"), scenarios[0]) if "start_time" in stated else ([0.0], (), ())
     first = begun_at(scenarios[0], begun[0], stays)
-    known = known_of([v for v in given if not isinstance(v, Spread)], model, at)
-    joint = [v for v in given if isinstance(v, Spread)]
-    budget = budget_of(known, first, [*joint, *([stated] if stated else [])], without=without)
+    knowledge = known_of([v for v in sources if not isinstance(v, Spread)], model, at)
+    joint = [v for v in sources if isinstance(v, Spread)]
+    budget = budget_of(knowledge, first, [*joint, *([stated] if stated else [])], without=without)
     check_variants(stated, budget.model, scenarios)
     variants = tuple(begun_at(s, t, stays) for s in scenarios for t in begun)
     for variant in variants:
@@ -114,9 +114,9 @@ def plan_runs(
     network = compile_network(budget.model, media=first.media(), prescribed=tuple(first.prescribed))
     points = [n.path for n in network.flat.nodes if n.reference_point]
     wanted = nodes if nodes is not None else points or [n for n in network.nodes if network.numbers().capacitances.get(n) is not None]
-    kept = tuple(dict.fromkeys(network.find(n) for n in wanted))
-    grid = output_times(first, every, None if every is not None else np.linspace(0.0, first.seconds, SAMPLES))
-    return Job(budget, variants, kept, grid, seed, chunk, options or Options(), version("thermid")), (*remarks, *budget.remarks)
+    nodes_kept = tuple(dict.fromkeys(network.find(n) for n in wanted))
+    grid = output_times(first, every, None if every is not None else np.linspace(0.0, first.seconds, TIMES_OF_RUN))
+    return Job(budget, variants, nodes_kept, grid, seed, chunk, options or Options(), version("thermid")), (*remarks, *budget.remarks)
 
 
 def _with_variants(budget: Budget, chosen: str, count: int) -> Budget:
@@ -219,10 +219,10 @@ class UncertainRuns(Result):
         sources = job.budget.drawn(job.budget.numbers(job.seed, 0, members))
         chosen = job.budget.chosen(sources)
         out: dict[str, Array] = {}
-        for k, (_, own) in enumerate(job.budget.each):
+        for k, (_, way) in enumerate(job.budget.weighted_ways):
             here = np.flatnonzero(chosen == k)
-            setting = Setting.of(own, scenario=job.scenarios[0], times=job.times, options=job.options)
-            for name, values in setting.told(sources[:, here]).items():
+            setting = Setting.of_budget(way, scenario=job.scenarios[0], times=job.times, options=job.options)
+            for name, values in setting.member_values(sources[:, here]).items():
                 out.setdefault(name, np.zeros(members))[here] = values
         return out | ({AVERAGED: chosen.astype(float)} if len(job.budget.ways) > 1 else {})
 
@@ -234,7 +234,7 @@ class UncertainRuns(Result):
     @property
     def not_counted(self) -> str:
         """What a reader must know first: what members do not count and could matter; empty where nothing is."""
-        errors = [float(self._kept(n)[:, -1].std()) for n in self.nodes] if self.reached.size else []
+        errors = [float(self._kept_temperatures(n)[:, -1].std()) for n in self.nodes] if self.reached.size else []
         return first_line(self.left_out, min(errors, default=0.0))
 
     @cached_property
@@ -243,7 +243,10 @@ class UncertainRuns(Result):
         job = self.job
         if job.variant is not None or not self.reached.size:
             return ""
-        ways = [WayAnswer.of(w, own, self.nodes, None, job.times, job.options, job.scenarios[0]) for w, own in job.budget.each]
+        ways = [
+            WayAnswer.of_budget(w, budget_of_way, self.nodes, None, job.times, job.options, job.scenarios[0])
+            for w, budget_of_way in job.budget.weighted_ways
+        ]
         best = simulate(job.model, job.scenarios[0], times=job.times, options=job.options)
         sources = job.budget.drawn(job.budget.numbers(job.seed, 0, self.whole))[:, self.reached]
         chosen = job.budget.chosen(sources)
@@ -253,7 +256,7 @@ class UncertainRuns(Result):
             # beside the straight model at the same draws, so that their number does not count
             lines = [w.linear.run[n].kelvin[:, None] + w.linear.columns[n][:-1] @ sources[:, chosen == k] for k, w in enumerate(ways)]
             straight = np.concatenate(lines, axis=1).mean(axis=1)
-            moved[n] = {c: v[:-1] for c, v in shifts.items()} | {BENT: self._kept(n).mean(axis=0) - straight}
+            moved[n] = {c: v[:-1] for c, v in shifts.items()} | {BENT: self._kept_temperatures(n).mean(axis=0) - straight}
         return centre_words(moved, job.times)
 
     @cached_property
@@ -266,7 +269,7 @@ class UncertainRuns(Result):
         """Values of the model that are assumed."""
         return assumed(self.job.model)
 
-    def of(self, node: str) -> Array:
+    def node_temperatures(self, node: str) -> Array:
         """Return the temperatures (members that reached the end, times) of a node. [K]
 
         Raises
@@ -278,9 +281,9 @@ class UncertainRuns(Result):
             raise ScenarioError(
                 f"only the first {self.whole} of {len(self)} members were kept whole. Give keep=True to keep all.", self.title
             )
-        return self._kept(node)
+        return self._kept_temperatures(node)
 
-    def _kept(self, node: str) -> Array:
+    def _kept_temperatures(self, node: str) -> Array:
         return self._followed(node)[0]
 
     def _followed(self, node: str) -> tuple[Array, MemberTurnings | None]:
@@ -304,7 +307,11 @@ class UncertainRuns(Result):
 
         Where members were counted it is read off counts and may be wrong by `quantile_error`.
         """
-        return self._counted(node, share)[0][..., :-2] if self.counts else np.asarray(np.quantile(self._kept(node), share, axis=0))
+        return (
+            self._counted(node, share)[0][..., :-2]
+            if self.counts
+            else np.asarray(np.quantile(self._kept_temperatures(node), share, axis=0))
+        )
 
     def quantile_error(self, node: str, share: Any) -> Array:
         """Return by how much `quantile` may be wrong because members were counted in bins: half a bin; zero where they were kept. [K]"""
@@ -312,23 +319,23 @@ class UncertainRuns(Result):
 
     def highest_quantile(self, node: str, share: Any) -> Array:
         """Return the highest temperature of the run, between samples too, below which that of a share of the members lies. [degC]"""
-        found = self._counted(node, share)[0][..., -2] if self.counts else np.quantile(self.furthest(node), share)
-        return np.asarray(found - ICE_POINT)
+        highest = self._counted(node, share)[0][..., -2] if self.counts else np.quantile(self.furthest(node), share)
+        return np.asarray(highest - ICE_POINT)
 
     def _counted(self, node: str, share: Any) -> tuple[Array, Array]:
         """Return quantiles of the rows of a node, and by how much each may be wrong. [K]"""
-        self._kept(node)
-        found, error = self.counts[self.job.model.canonical(node)].read(share)
-        return found, error
+        self._kept_temperatures(node)
+        quantiles, error = self.counts[self.job.model.canonical(node)].read(share)
+        return quantiles, error
 
     def turnings_of(self, node: str) -> MemberTurnings | None:
         """Return the turning points of a node between samples in the members that reached the end; None where they were not followed."""
-        self.of(node)
+        self.node_temperatures(node)
         return self._followed(node)[1]
 
     def furthest(self, node: str, sign: float = 1.0) -> Array:
         """Return the highest (sign 1) or lowest (-1) temperature of each member that reached the end, between samples too. [K]"""
-        self.of(node)
+        self.node_temperatures(node)
         return self.sampled(node, None, sign)
 
     def sampled(self, node: str, at: int | None, sign: float) -> Array:
@@ -378,8 +385,8 @@ class UncertainRuns(Result):
     def _as_traces(self) -> Sequence[PlottedTrace]:
         """Return the median of every node, and where 95 % of the members lie."""
         shares = (0.5, 0.025, 0.975)
-        found = [(n, [self.quantile(n, share) - ICE_POINT for share in shares]) for n in self.nodes]
-        return [PlottedTrace(n, self.times, middle, low, high) for n, (middle, low, high) in found]
+        quantiles = [(n, [self.quantile(n, share) - ICE_POINT for share in shares]) for n in self.nodes]
+        return [PlottedTrace(n, self.times, middle, low, high) for n, (middle, low, high) in quantiles]
 
 
 @takes_objects
@@ -399,7 +406,7 @@ def uncertain_runs(
     keep: bool = False,
     folder: str | os.PathLike[str] | None = None,
     executor: Workers = None,
-    chunk: int = CHUNK,
+    chunk: int = MEMBERS_PER_CHUNK,
     progress: Progress | None = None,
     options: Options | None = None,
 ) -> UncertainRuns:
@@ -445,21 +452,25 @@ def uncertain_runs(
         model, scenario, values, at=at, spread=spread, without=without, seed=seed, nodes=nodes, every=every, chunk=chunk, options=options
     )
     wanted = _limits_of(job, limits)
-    store = JobFolder.of(folder, job.key()) if folder is not None else None
+    store = JobFolder.below(folder, job.key()) if folder is not None else None
     campaign = MemberRuns(job, n, n if keep else job.whole(n), wanted, store, executor, progress)
-    return _told(campaign, campaign.sample(), remarks)
+    return _runs_of_members(campaign, campaign.sample(), remarks)
 
 
 def _limits_of(job: Job, limits: Mapping[str, Any] | None) -> tuple[Limit, ...]:
     named = limits_of(limits, job.model.title) if limits else []
-    found = tuple(dict.fromkeys(Limit(job.model.canonical(name), SIDES[side], kelvin) for name, side, kelvin in named))
+    limits_of_job = tuple(dict.fromkeys(Limit(job.model.canonical(name), SIDES[side], kelvin) for name, side, kelvin in named))
     refuse_unknown(
-        [x.node for x in found], job.nodes, job.model.title, "'{}' has a limit and was not stored. Name it in 'nodes'.", NameNotFoundError
+        [x.node for x in limits_of_job],
+        job.nodes,
+        job.model.title,
+        "'{}' has a limit and was not stored. Name it in 'nodes'.",
+        NameNotFoundError,
     )
-    return found
+    return limits_of_job
 
 
-def _told(campaign: MemberRuns, sample: Sequence[Chunk], remarks: tuple[str, ...]) -> UncertainRuns:
+def _runs_of_members(campaign: MemberRuns, sample: Sequence[Chunk], remarks: tuple[str, ...]) -> UncertainRuns:
     """Return what the members say: the first kept whole, the others run and counted."""
     job, n, whole = campaign.job, campaign.members, campaign.whole
     failed = {m: why for c in sample for m, why in c.failed.items()}
@@ -467,7 +478,7 @@ def _told(campaign: MemberRuns, sample: Sequence[Chunk], remarks: tuple[str, ...
     if whole < n and len(failed) == whole:
         n, remarks = whole, (*remarks, f"none of the first {whole} members reached the end, so the other {n - whole} were not run")
     elif whole < n:
-        table = CountTable.of(job, campaign.limits, sample)
+        table = CountTable.of_pilot(job, campaign.limits, sample)
         first = [(c.first, table.counted(job, c)) for c in sample]
         counted = Counted.gathered(chain(first, campaign.others(table)), n)
     if counted.failed:
@@ -482,8 +493,8 @@ def _told(campaign: MemberRuns, sample: Sequence[Chunk], remarks: tuple[str, ...
     turnings, blind = _turnings(job, sample)
     campaign.say(0)
     passed = dict(zip(campaign.limits, counted.rows.get("crossings", ()), strict=False))
-    told = (counted.failed, counted.tallies, passed, campaign.reused, (*remarks, *blind))
-    return UncertainRuns(job, n, temperatures, turnings, *told)
+    outcome = (counted.failed, counted.tallies, passed, campaign.reused, (*remarks, *blind))
+    return UncertainRuns(job, n, temperatures, turnings, *outcome)
 
 
 def _turnings(job: Job, ordered: Sequence[Chunk]) -> tuple[dict[str, MemberTurnings], tuple[str, ...]]:
@@ -501,5 +512,5 @@ def kept_members(job: Job, members: int, limits: Mapping[str, Any] | None, folde
     """Return how many of the members an earlier run left in a folder."""
     if folder is None:
         return 0
-    campaign = MemberRuns(job, members, job.whole(members), _limits_of(job, limits), JobFolder.of(folder, job.key()), None, None)
-    return campaign.kept()
+    campaign = MemberRuns(job, members, job.whole(members), _limits_of(job, limits), JobFolder.below(folder, job.key()), None, None)
+    return campaign.members_in_folder()

@@ -538,7 +538,7 @@ def pair_of(pair: Any, where: str) -> tuple[float, float]:
     return low, high
 
 
-SHOWN = 16
+SHOWN_STEPS = 16
 """Steps that a table shows before it stops."""
 
 
@@ -556,8 +556,8 @@ def as_text(profile: ThermalProfile) -> str:
     lines = [*head, *rows]
     try:
         steps = profile.steps
-        lines += ["  steps:", *(f"    {_step(s)}" for s in steps[:SHOWN])]
-        lines += [f"    ... {len(steps) - SHOWN} more"] if len(steps) > SHOWN else []
+        lines += ["  steps:", *(f"    {_step(s)}" for s in steps[:SHOWN_STEPS])]
+        lines += [f"    ... {len(steps) - SHOWN_STEPS} more"] if len(steps) > SHOWN_STEPS else []
         lines += [f"  remark: {r}" for r in profile.check()]
     except ThermidError as error:
         lines += [f"  steps: {error.message}"]

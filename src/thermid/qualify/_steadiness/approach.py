@@ -19,18 +19,18 @@ from thermid.base.memo import Memo
 from thermid.measure.records import FloatArray
 from thermid.measure.steadiness import effective_samples
 
-BINS: Final = 120
+MEDIANS_OF_READINGS: Final = 120
 """Medians that stand for the readings."""
 SKIP: Final = 0.3
 """Share of the stretch whose beginning is left to the fast parts, which two exponentials do not describe; decision 067 has the figures."""
 FASTEST: Final = 1.0 / 12.0
 """Shortest time constant tried, over the stretch."""
-STEPS: Final = 12
+TIME_CONSTANTS_PER_DECADE: Final = 12
 """Time constants tried in each factor of ten."""
-BEND: Final = 0.1
+CURVATURE_ERROR_SHARE: Final = 0.1
 """Error of the change that is still to come, as a share of it: coefficients that grow with differences bend the exponentials. A natural
 convection with an exponent of 1/4 changes by a tenth over the last third of an approach. [-]"""
-BENT: Final = 0.005
+CURVATURE_SHARE_OF_READINGS: Final = 0.005
 """The same within the readings, as a share of the change in them: what cannot be told from noise. [-]"""
 SCALES: Final = np.exp(0.2 * np.linspace(-2.0, 2.0, 9))
 """Factors on time constants that a model gives: it is trusted to 20 %."""
@@ -100,7 +100,7 @@ class Approach:
     room: Reference | None
 
     @cached_property
-    def _wide(self) -> float:
+    def _spread_factor(self) -> float:
         """Factor on spreads: few readings do not know their own noise (Student's distribution)."""
         free = max(self.worth - 5.0, 3.0)
         return float(np.sqrt(free / (free - 2.0)))
@@ -117,9 +117,9 @@ class Approach:
         """Return the temperature at a later time, infinity for the end; `reading` adds the scatter of one reading. [K]"""
         terms = self._terms(time)
         means = np.einsum("pt,pt->p", terms, self.means)
-        variances = np.einsum("pt,ptu,pu->p", terms, self.covariances, terms) * self._wide**2
+        variances = np.einsum("pt,ptu,pu->p", terms, self.covariances, terms) * self._spread_factor**2
         stands = np.einsum("pt,pt->p", self._terms(self.now), self.means)
-        variances = variances + (BEND * (means - stands)) ** 2
+        variances = variances + (CURVATURE_ERROR_SHARE * (means - stands)) ** 2
         # the wander that the fit leaves is there at any later time too
         variances = variances + self.noise**2 + (self.scatter**2 if reading else 0.0)
         return Mixture(self.weights, means, np.sqrt(variances))
@@ -155,7 +155,7 @@ class Reference:
 
     def filtered(self, tau: float) -> FloatArray:
         """Return it behind one time constant (samples,), straight between samples. [K]"""
-        return self.memo.made(tau, lambda: self._filter(tau))
+        return self.memo.value(tau, lambda: self._filter(tau))
 
     def _filter(self, tau: float) -> FloatArray:
         out = np.empty(self.values.size)
@@ -177,9 +177,9 @@ def approach(
     times: FloatArray,
     kelvin: FloatArray,
     slowest: float,
-    known: Sequence[float] = (),
+    time_constants: Sequence[float] = (),
     room: tuple[FloatArray, FloatArray] | None = None,
-    bent: float = BENT,
+    bent: float = CURVATURE_SHARE_OF_READINGS,
 ) -> Approach:
     """Return what readings under constant conditions say about their end.
 
@@ -187,7 +187,7 @@ def approach(
     ----------
     times, kelvin : array (samples,)    Readings of the stretch. [s], [K]
     slowest : float                     Longest time constant that is thought possible. [s]
-    known : sequence of float           Time constants by a model, in place of the search; trusted to 20 %. [s]
+    time_constants : sequence of float  Time constants by a model, in place of the search; trusted to 20 %. [s]
     room : (times, kelvin)              A temperature that the readings follow, such as the air around. [s], [K]
     bent : float                        Share of the change in the readings by which exponentials may miss them. [-]
     """
@@ -197,17 +197,17 @@ def approach(
     reference = None if room is None else _reference(*room, axis)
     scale = max(float(np.ptp(_medians(times, kelvin, float(times[0]))[1])), 1e-3)
     middle = float(medians[-1])
-    if known:
-        kept = sorted(t for t in known if np.isfinite(t) and t > span * FASTEST / 3.0)[-3:] or [max(known)]
-        taus = SCALES[:, None] * np.array(kept)[None, :]
+    if time_constants:
+        slow_constants = sorted(t for t in time_constants if np.isfinite(t) and t > span * FASTEST / 3.0)[-3:] or [max(time_constants)]
+        taus = SCALES[:, None] * np.array(slow_constants)[None, :]
         prior = np.exp(-0.5 * np.linspace(-2.0, 2.0, SCALES.size) ** 2)
     else:
         taus = _pairs(span, slowest)
         prior = np.ones(taus.shape[0])
     designs = np.stack([_design(axis, now, row, reference) for row in taus])
     terms = designs.shape[2]
-    _, _, left, _ = _ridge(designs, medians - middle, scale, taus.shape[1], 1e-6 * scale)
-    residuals = left[int(np.argmin(np.einsum("pb,pb->p", left, left)))]
+    _, _, residuals_of_each, _ = _ridge(designs, medians - middle, scale, taus.shape[1], 1e-6 * scale)
+    residuals = residuals_of_each[int(np.argmin(np.einsum("pb,pb->p", residuals_of_each, residuals_of_each)))]
     worth = effective_samples(residuals, terms + 2)
     factor = medians.size / worth
     noise = float(np.sqrt(residuals @ residuals / max(medians.size - factor * (terms + 2), medians.size / 4.0)))
@@ -223,12 +223,12 @@ def _medians(times: FloatArray, kelvin: FloatArray, begin: float) -> tuple[Float
     """Return times and medians of bins, and the scatter of readings about them (by their median deviation). [s], [K], [K]"""
     late = times >= begin
     t, y = times[late], kelvin[late]
-    if t.size <= BINS:
+    if t.size <= MEDIANS_OF_READINGS:
         steps = np.diff(y)
         return t, y, float(np.median(np.abs(steps)) / 0.6745 / 2.0**0.5) if steps.size else 0.0
-    edges = np.linspace(t[0], t[-1], BINS + 1)
-    index = np.clip(np.searchsorted(edges, t, side="right") - 1, 0, BINS - 1)
-    groups = [index == k for k in range(BINS)]
+    edges = np.linspace(t[0], t[-1], MEDIANS_OF_READINGS + 1)
+    index = np.clip(np.searchsorted(edges, t, side="right") - 1, 0, MEDIANS_OF_READINGS - 1)
+    groups = [index == k for k in range(MEDIANS_OF_READINGS)]
     filled = [g for g in groups if g.any()]
     axis = np.array([t[g].mean() for g in filled])
     # a mean of the middle half resists spikes as a median does, and is not bound to the steps of a sensor
@@ -256,7 +256,7 @@ def _pairs(span: float, slowest: float) -> FloatArray:
     """Return pairs of time constants (pairs, 2), the slower one second. [s]"""
     fast = span * FASTEST
     top = max(slowest, 3.0 * fast)
-    count = max(3, round(STEPS * np.log10(top / fast)) + 1)
+    count = max(3, round(TIME_CONSTANTS_PER_DECADE * np.log10(top / fast)) + 1)
     grid = np.geomspace(fast, top, count)
     return np.array([(a, b) for i, a in enumerate(grid) for b in grid[i + 2 :]])
 

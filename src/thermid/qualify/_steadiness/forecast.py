@@ -20,18 +20,18 @@ from thermid.qualify._steadiness.approach import Approach, Mixture, approach
 from thermid.simulation.runs import simulate
 from thermid.simulation.scenarios import Scenario
 
-FEWEST: Final = 40
+MIN_FORECAST_READINGS: Final = 40
 """Readings below which nothing is forecast."""
-SHORTEST: Final = 0.1
+MIN_TIME_CONSTANT_SHARE: Final = 0.1
 """A longest time constant below this share of the stretch is a mistake."""
-LONGEST: Final = 1e6
+MAX_TIME_CONSTANT_RATIO: Final = 1e6
 """The same above this many times the stretch: pairs of time constants up to it fill the memory, and no reading depends on them."""
 GUARD: Final = 0.02
 """Share of the change in the readings by which exponentials may miss them, where a slow part is to be excluded by them alone: a drift below
 that may be coefficients that grow with differences, or a hidden mass. [-]"""
 SLOW_SHARE: Final = 0.05
 """Probability with which a slow part counts as not excluded."""
-REACH: Final = 10.0
+MAX_UNSEEN_SLOWNESS: Final = 10.0
 """Without better knowledge a part may be this many times slower than the time that was watched."""
 
 
@@ -157,7 +157,7 @@ class Forecast(EndForecast, Result):
         often = f"{100 * (1 - self.level):.3g} of 100 such forecasts are wrong"
         if self.by_model:
             return f"{often}, if the model includes every slow part"
-        far = duration_text(REACH * (self.now - self.start))
+        far = duration_text(MAX_UNSEEN_SLOWNESS * (self.now - self.start))
         return (
             f"{often}. A part slower than {far} that drifts by less than {3600.0 * self.drift:.2g} K/h cannot be detected; it would "
             "add that drift times its time constant"
@@ -209,17 +209,17 @@ def _limit(slowest: str | float | None, span: float, where: str) -> float:
     ------
     RecordError   When it is far below the stretch of readings, or beyond all reason.
     """
-    limit = positive_seconds(slowest, "slowest") if slowest is not None else REACH * span
-    if limit < SHORTEST * span:
+    limit = positive_seconds(slowest, "slowest") if slowest is not None else MAX_UNSEEN_SLOWNESS * span
+    if limit < MIN_TIME_CONSTANT_SHARE * span:
         raise RecordError(
             f"a slowest time constant of {duration_text(limit)} is far below the {duration_text(span)} of readings. Give the longest "
             "time constant that the unit can have, with its unit.",
             where,
         )
-    if limit > LONGEST * span:
+    if limit > MAX_TIME_CONSTANT_RATIO * span:
         raise RecordError(
             f"a slowest time constant of {short(limit, 3)} s is {short(limit / span, 3)} times the {duration_text(span)} of readings, "
-            f"above {LONGEST:.0e} times. Give the longest time constant that the unit can have, with its unit.",
+            f"above {MAX_TIME_CONSTANT_RATIO:.0e} times. Give the longest time constant that the unit can have, with its unit.",
             where,
         )
     return limit
@@ -305,8 +305,8 @@ def _readings(record: Record, name: str, inside: BoolArray, level: float) -> tup
     if measured.quantity != "temperature":
         raise RecordError(f"it is a {measured.quantity}; temperatures are forecast.", where)
     keep = inside & measured.valid
-    if np.count_nonzero(keep) < FEWEST:
-        raise RecordError(f"{np.count_nonzero(keep)} readings are in the period; a forecast needs {FEWEST}.", where)
+    if np.count_nonzero(keep) < MIN_FORECAST_READINGS:
+        raise RecordError(f"{np.count_nonzero(keep)} readings are in the period; a forecast needs {MIN_FORECAST_READINGS}.", where)
     if not 0.5 <= level < 1.0:
         raise RecordError(f"a level of {level:g} is not possible. Give 0.5 to 0.99.", where)
     return record.times[keep], measured.values[keep]

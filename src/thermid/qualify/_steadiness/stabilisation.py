@@ -19,7 +19,7 @@ from thermid.base.results import Result
 from thermid.measure.amounts import duration_text, positive_seconds
 from thermid.measure.records import FloatArray, Record, stretch, within_log
 from thermid.measure.steadiness import (
-    SURE,
+    DOUBT_IN_ERRORS,
     TAU_ERROR,
     ChannelStability,
     StabilityRule,
@@ -32,10 +32,10 @@ from thermid.measure.steadiness import (
 )
 from thermid.qualify._profile_runs.profile_run import ProfileRun
 from thermid.qualify._steadiness.approach import approach
-from thermid.qualify._steadiness.forecast import FEWEST, GUARD, REACH
+from thermid.qualify._steadiness.forecast import GUARD, MAX_UNSEEN_SLOWNESS, MIN_FORECAST_READINGS
 from thermid.simulation.runs import Solution
 
-SHORT: Final = 60.0
+SIMULATED_WINDOW: Final = 60.0
 """Window of a rule that names none, on a simulated trace. [s]"""
 
 
@@ -120,7 +120,7 @@ class Stability(Result):
     @property
     def slowest(self) -> str:
         """The channel that is furthest from stable."""
-        return max(self.channels, key=lambda n: abs(self.channels[n].rate) + SURE * self.channels[n].error)
+        return max(self.channels, key=lambda n: abs(self.channels[n].rate) + DOUBT_IN_ERRORS * self.channels[n].error)
 
     @property
     def verdict(self) -> str:
@@ -258,7 +258,7 @@ def _of_record(
         valid = cut.channel(name).valid
         if tau is not None:
             remaining[name] = _rate_times(c, tau)
-        elif np.count_nonzero(valid) >= FEWEST:
+        elif np.count_nonzero(valid) >= MIN_FORECAST_READINGS:
             remaining[name] = _by_readings(cut.times[valid], cut.channel(name).values[valid], room)
     return Stability(record.name, rule, end, states, remaining, stable_since, tau, stored)
 
@@ -272,7 +272,7 @@ def _rate_times(c: ChannelStability, tau: float) -> Remaining:
 
 def _by_readings(times: FloatArray, kelvin: FloatArray, room: tuple[FloatArray, FloatArray] | None) -> Remaining:
     """Return what the readings themselves say of the change to come. [K]"""
-    curve = approach(times, kelvin, REACH * float(times[-1] - times[0]), room=room, bent=GUARD)
+    curve = approach(times, kelvin, MAX_UNSEEN_SLOWNESS * float(times[-1] - times[0]), room=room, bent=GUARD)
     now, end = curve.at(curve.now).mean, curve.at(float("inf"))
     return Remaining(end.quantile(0.5) - now, end.quantile(0.025) - now, end.quantile(0.975) - now, "by the readings alone")
 
@@ -283,7 +283,7 @@ def _of_solution(
     begin = 0.0 if since == "start" else positive_seconds(since, "since")
     end = float(run.times[-1]) if at == "end" else positive_seconds(at, "at")
     slow = tau if tau is not None else next((float(t) for t in run.time_constants if np.isfinite(t)), None)
-    window = rule.window or SHORT
+    window = rule.window or SIMULATED_WINDOW
     if end - window < begin - 1e-9 or end > run.times[-1] * (1 + 1e-12):
         raise RecordError(
             f"'{rule.name}' needs {duration_text(window)} before {end:g} s, but the run does not include that time.", run.title

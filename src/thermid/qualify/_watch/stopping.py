@@ -20,7 +20,7 @@ from thermid.measure.records import Record
 from thermid.measure.steadiness import StabilityRule, channel_stability
 from thermid.model.tree import Model
 from thermid.physics.constants import ICE_POINT
-from thermid.qualify._steadiness.forecast import FEWEST, Forecast, forecast
+from thermid.qualify._steadiness.forecast import MIN_FORECAST_READINGS, Forecast, forecast
 from thermid.qualify._watch.live_fit import LiveFit, ModelForecast
 from thermid.simulation.scenarios import Scenario
 
@@ -28,7 +28,7 @@ RISK: Final = 0.01
 """Probability of one wrong stop on a plateau, at most: in a whole test where no known power is switched."""
 GROWN: Final = 1.15
 """By how much the time watched grows from one decision to the next."""
-FIRST: Final = 600.0
+MAX_DOUBLING_TIME: Final = 600.0
 """Up to which the time watched doubles from one decision to the next. [s]"""
 DECISIONS: Final = 30
 """Decisions that share the risk: the time watched grows to sixty times that of the first one."""
@@ -114,7 +114,7 @@ class Stopping:
         """Whether the time watched has grown enough for the next decision, or a power was switched since the last one."""
         if self.last is not None and record.times[-1] > self.changed >= self.last.at:
             return True
-        return self._since(record) >= min(2.0 * self._watched, max(GROWN * self._watched, FIRST))
+        return self._since(record) >= min(2.0 * self._watched, max(GROWN * self._watched, MAX_DOUBLING_TIME))
 
     def _since(self, record: Record) -> float:
         """Return the time watched: since the beginning, or since a known power was switched. [s]"""
@@ -177,7 +177,7 @@ class Stopping:
                 ends |= self.settling.ends(record, names, self.rule, self.within, level)
             except (RecordError, SolverError) as error:
                 return {}, error.message
-            return ends, "" if ends else f"a forecast needs {FEWEST} readings of every channel."
+            return ends, "" if ends else f"a forecast needs {MIN_FORECAST_READINGS} readings of every channel."
         for name in names:
             try:
                 ends[name] = forecast(record, name, rule=self.rule, within=self.within, level=level, **self.more)
@@ -201,32 +201,34 @@ class Stopping:
     ) -> StopAdvice:
         now = float(record.times[-1])
 
-        def said(word: str, because: str) -> StopAdvice:
+        def advice_of(word: str, because: str) -> StopAdvice:
             return StopAdvice(word, because, self.count, level, ends, late, now)
 
         if doubt or why:
-            return said(DECLINED if doubt or ends else WAIT, doubt or why)
+            return advice_of(DECLINED if doubt or ends else WAIT, doubt or why)
         if self.count > DECISIONS:
-            return said(DECLINED, f"{DECISIONS} decisions were made, which uses up the stated risk. Apply the plan's rule instead.")
+            return advice_of(DECLINED, f"{DECISIONS} decisions were made, which uses up the stated risk. Apply the plan's rule instead.")
         open_ = [f for f in ends.values() if f.declined]
         if open_:
             worst = max(open_, key=lambda f: f.final.error)
-            return said(DECLINED, f"{worst.channel}: {worst.declined}")
+            return advice_of(DECLINED, f"{worst.channel}: {worst.declined}")
         undecided = self._undecided(ends)
         if undecided:
             m = undecided[0]
             f = ends[m.channel].final
             span = f"{short(f.low - ICE_POINT)} to {short(f.high - ICE_POINT)} degC"
-            return said(DECLINED, f"{m.channel} may end on either side of its limit {m}: {span}. Wait longer.")
+            return advice_of(DECLINED, f"{m.channel} may end on either side of its limit {m}: {span}. Wait longer.")
         holds = late is not None and late <= now
         if self.required and not holds:
-            return said(WAIT, f"the final temperature is known, but the plan requires that '{self.rule.name}' is met{_when(late, now)}.")
+            return advice_of(
+                WAIT, f"the final temperature is known, but the plan requires that '{self.rule.name}' is met{_when(late, now)}."
+            )
         rule = (
             ""
             if holds
             else f" The plan's rule '{self.rule.name}' is not met yet{_when(late, now)}. Check in the plan whether the test may end."
         )
-        return said(
+        return advice_of(
             STOP, f"waiting longer does not change the verdict: every channel ends within +- {short(self.within)} K of its forecast.{rule}"
         )
 

@@ -11,7 +11,7 @@ from dataclasses import dataclass, field
 
 from thermid.model.tree import Flat, FlatConductor, Tree
 
-PAD, HEADER, GAP, WIDE_GAP, MARGIN = 12.0, 26.0, 16.0, 40.0, 14.0
+BOX_PAD, BOX_HEADER, BOX_GAP, WIDE_GAP, MARGIN = 12.0, 26.0, 16.0, 40.0, 14.0
 PORT, LOAD_PORT, LOAD_WIDTH = 19.0, 34.0, 104.0
 NARROW = "iljtfrI.,:;'|()[] "
 
@@ -112,8 +112,8 @@ class DiagramLayout:
 
     def box_edges(self, box: Box) -> tuple[float, float]:
         """Left and right edge of a box. [px]"""
-        inset = PAD * box.depth
-        return MARGIN + inset, self.frame if box.depth == 0 else self.right + PAD * (1 + self.depth - box.depth)
+        inset = BOX_PAD * box.depth
+        return MARGIN + inset, self.frame if box.depth == 0 else self.right + BOX_PAD * (1 + self.depth - box.depth)
 
     @property
     def depth(self) -> int:
@@ -124,12 +124,12 @@ class DiagramLayout:
 def _tree(model: Tree, prefix: str = "", depth: int = 0, folded: Sequence[str] = ()) -> Box:
     name = prefix.rstrip(".").rpartition(".")[2]
     title = f"{name} · {model.title}" if name and name != model.title else name or model.title
-    own = [prefix + n for n in (*model.nodes, *(j.mid or f"{k}.mid" for k, j in model.joints.items()))]
+    leaves = [prefix + n for n in (*model.nodes, *(j.mid or f"{k}.mid" for k, j in model.joints.items()))]
     parts: list[str | Box] = [
         f"{prefix}{k}" if f"{prefix}{k}." in folded else _tree(s.model, f"{prefix}{k}.", depth + 1, folded)
         for k, s in model.submodels.items()
     ]
-    return Box(prefix, title, depth, [*own, *parts])
+    return Box(prefix, title, depth, [*leaves, *parts])
 
 
 def _order(root: Box, pairs: Sequence[tuple[str, str]]) -> None:
@@ -186,8 +186,8 @@ def _wires(flat: Flat, rows: Mapping[str, Row], values: Mapping[str, str]) -> li
 def _common(boxes: Sequence[str]) -> str:
     """Return the prefix of the innermost box that holds all of some boxes."""
     first, *others = [b.split(".")[:-1] for b in boxes] or [[]]
-    kept = [steps for steps in (first[:n] for n in range(len(first), 0, -1)) if all(o[: len(steps)] == steps for o in others)]
-    return ".".join(kept[0]) + "." if kept else ""
+    common = [steps for steps in (first[:n] for n in range(len(first), 0, -1)) if all(o[: len(steps)] == steps for o in others)]
+    return ".".join(common[0]) + "." if common else ""
 
 
 def _ports(wires: Sequence[Wire], rows: Mapping[str, Row]) -> None:
@@ -211,11 +211,11 @@ def _ports(wires: Sequence[Wire], rows: Mapping[str, Row]) -> None:
 def _stack(box: Box, rows: Mapping[str, Row], y: float, straight: Mapping[tuple[str, str], list[Wire]]) -> float:
     """Give every box and row its place from y down; return the end of the box."""
     box.y = y
-    y += HEADER
+    y += BOX_HEADER
     for k, item in enumerate(box.items):
         if k:
             joined = straight.get((_ends(box.items[k - 1])[1], _ends(item)[0]), [])
-            gap = WIDE_GAP if joined else GAP
+            gap = WIDE_GAP if joined else BOX_GAP
             for wire in joined:
                 wire.label_y = y + gap / 2
             y += gap
@@ -224,7 +224,7 @@ def _stack(box: Box, rows: Mapping[str, Row], y: float, straight: Mapping[tuple[
         else:
             rows[item].y = y
             y += rows[item].height
-    box.bottom = y + PAD
+    box.bottom = y + BOX_PAD
     return box.bottom
 
 
@@ -255,12 +255,12 @@ def arrange(flat: Flat, values: Mapping[str, str], notes: Mapping[str, str], fol
     folded : sequence of str    Prefixes of submodels that `flat` holds as one node.
     """
     root = _tree(flat.names.model, folded=folded)
-    known = {n.path: n for n in flat.nodes}
-    pairs = [c.ends for c in flat.conductors if all(e in known for e in c.ends)]
+    node_of_path = {n.path: n for n in flat.nodes}
+    pairs = [c.ends for c in flat.conductors if all(e in node_of_path for e in c.ends)]
     _order(root, pairs)
     owner = {p: b.prefix for b in root.boxes() for p in b.items if isinstance(p, str)}
     loads = [load.node for load in flat.loads]
-    rows = {p: Row(p, not known[p].fields, loads.count(p), owner[p]) for p in root.leaves()}
+    rows = {p: Row(p, not node_of_path[p].fields, loads.count(p), owner[p]) for p in root.leaves()}
     wires = _wires(flat, rows, values)
     _ports(wires, rows)
     straight: dict[tuple[str, str], list[Wire]] = {}
@@ -272,17 +272,17 @@ def arrange(flat: Flat, values: Mapping[str, str], notes: Mapping[str, str], fol
     bottom = _stack(root, rows, top, straight)
     _label_lanes(wires, rows)
     depth = max(b.depth for b in root.boxes())
-    left = MARGIN + PAD * (depth + 1) + LOAD_WIDTH
+    x_left = MARGIN + BOX_PAD * (depth + 1) + LOAD_WIDTH
     texts = [(p.rpartition(".")[2], notes.get(p, "")) for p in rows]
     column = min(210.0, max(118.0, *(24 + max(width_of(a, 13), width_of(b)) for a, b in texts)))
-    right = left + column
-    x = right + PAD * (depth + 1) + 10
+    right = x_left + column
+    x = right + BOX_PAD * (depth + 1) + 10
     lanes = []
     for lane in range(1 + max((w.lane for w in wires if w.way == "lane"), default=-1)):
         lanes.append(x)
         x += 16 + min(110.0, max(max(width_of(w.name), width_of(w.value)) for w in wires if w.way == "lane" and w.lane == lane))
     to_rails = [width_of(f"{w.name}  {w.value}") for w in wires if w.way in ("rail", "rails")]
-    frame = x + 8 + min(240.0, max([*to_rails, 20.0])) + PAD
+    frame = x + 8 + min(240.0, max([*to_rails, 20.0])) + BOX_PAD
     rails, at = {}, frame + 22
     used = {b: sum(b in w.rails for w in wires) for b in flat.names.boundaries}
     for name in sorted(used, key=lambda b: -used[b]):
@@ -290,4 +290,4 @@ def arrange(flat: Flat, values: Mapping[str, str], notes: Mapping[str, str], fol
         rails[name] = at + half - 10
         at += 2 * half
     bottom += PORT * sum(w.way == "rails" for w in wires)
-    return DiagramLayout(root, rows, wires, left, right, lanes, x + 8, rails, frame, bottom, max(at + MARGIN, 430.0))
+    return DiagramLayout(root, rows, wires, x_left, right, lanes, x + 8, rails, frame, bottom, max(at + MARGIN, 430.0))

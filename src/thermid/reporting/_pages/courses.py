@@ -12,7 +12,7 @@ from thermid.reporting._pictures.figures import RecordDrive
 from thermid.simulation.runs import Solution, simulate
 from thermid.simulation.scenarios import Scenario
 
-SAMPLES = 400
+SHOWN_TIMES = 400
 """Times of a run."""
 
 
@@ -35,14 +35,14 @@ def course_of(c: Calibration, record: str, times: Array | None = None) -> Soluti
 
     Parameters
     ----------
-    times : array (times,)      Where it is wanted; `SAMPLES` times over the record by default. [s]
+    times : array (times,)      Where it is wanted; `SHOWN_TIMES` times over the record by default. [s]
     """
     try:
         inputs = run_of(c, record)
         if inputs is None:
             return None
         model, scenario = inputs
-        return simulate(model, scenario, times=np.linspace(0.0, scenario.seconds, SAMPLES) if times is None else times)
+        return simulate(model, scenario, times=np.linspace(0.0, scenario.seconds, SHOWN_TIMES) if times is None else times)
     except ThermidError:
         return None
 

@@ -23,7 +23,7 @@ from thermid.physics.htc import HtcComparison
 from thermid.simulation.runs import Solution
 from thermid.values.fitted import FittedValue
 
-SCHEMA = 1
+VIEW_SCHEMA = 1
 
 
 def clean(value: Any, arrays: Callable[[Array], Any] = np.ndarray.tolist) -> Any:

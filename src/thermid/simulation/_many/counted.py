@@ -36,7 +36,7 @@ class Counted:
     statistics: Mapping[str, Any]
 
     @classmethod
-    def of(
+    def on_grids(
         cls,
         grids: Mapping[str, CountGrid],
         counted: Mapping[str, Array],
@@ -46,12 +46,12 @@ class Counted:
         rows: Mapping[str, NDArray[Any]] | None = None,
     ) -> Counted:
         """Return what is kept of members: counts of what those that reached the end did (rows, members), and what is kept of every one."""
-        return cls(members, {n: Tally.of(grid, counted[n]) for n, grid in grids.items()}, rows or {}, failed, statistics)
+        return cls(members, {n: Tally.of_values(grid, counted[n]) for n, grid in grids.items()}, rows or {}, failed, statistics)
 
     @staticmethod
     def grids(pilot: Mapping[str, Array]) -> dict[str, CountGrid]:
         """Return the grids for what the first members did (rows, members); none where none reached the end."""
-        return {n: CountGrid.of(x[:, :PILOT]) for n, x in pilot.items() if x.size}
+        return {n: CountGrid.for_pilot(x[:, :PILOT]) for n, x in pilot.items() if x.size}
 
     @classmethod
     def gathered(cls, parts: Iterable[tuple[int, Counted]], members: int) -> Counted:
@@ -63,8 +63,8 @@ class Counted:
         for first, part in parts:
             for n, tally in part.tallies.items():
                 tallies[n] = tallies[n].joined(tally) if n in tallies else tally
-            for n, own in part.rows.items():
-                rows.setdefault(n, np.full((*own.shape[:-1], members), np.nan, dtype=own.dtype))[..., first : first + part.members] = own
+            for n, row in part.rows.items():
+                rows.setdefault(n, np.full((*row.shape[:-1], members), np.nan, dtype=row.dtype))[..., first : first + part.members] = row
             failed |= {first + m: why for m, why in part.failed.items()}
             statistics.append(part.statistics)
             del part  # megabytes, while the next is made
@@ -72,10 +72,10 @@ class Counted:
 
     def arrays(self) -> dict[str, Any]:
         """Return it as arrays for a file; grids come from the pilot, which is run again."""
-        kept = {f"{part}_{k}": getattr(t, part) for k, t in enumerate(self.tallies.values()) for part in TALLIED}
+        counts = {f"{part}_{k}": getattr(t, part) for k, t in enumerate(self.tallies.values()) for part in TALLIED}
         rows = {f"rows_{k}": x for k, x in enumerate(self.rows.values())}
         about = [self.members, {str(m): why for m, why in self.failed.items()}, dict(self.statistics), list(self.rows)]
-        return {**kept, **rows, "about": np.array(json.dumps(about))}
+        return {**counts, **rows, "about": np.array(json.dumps(about))}
 
     @classmethod
     def read(cls, arrays: Mapping[str, Any] | None, grids: Mapping[str, CountGrid]) -> Counted | None:
@@ -96,6 +96,6 @@ def added(parts: Sequence[Mapping[str, Any]]) -> dict[str, Any]:
     """Return the statistics of several parts together: sums of numbers, and each text once."""
     out: dict[str, Any] = {}
     for name in dict.fromkeys(n for p in parts for n in p):
-        found = [p[name] for p in parts if name in p]
-        out[name] = " and ".join(sorted({*found})) if isinstance(found[0], str) else sum(found)
+        values = [p[name] for p in parts if name in p]
+        out[name] = " and ".join(sorted({*values})) if isinstance(values[0], str) else sum(values)
     return out

@@ -19,7 +19,7 @@ from thermid.physics.constants import STEFAN_BOLTZMANN
 
 Given = Mapping[str, Signal]
 
-HOTTEST = 5e4
+MAX_IRRADIATION = 5e4
 """Radiation beyond this is a mistake of units: the sun has 1361. [W/m^2]"""
 SOLAR = ("direct", "diffuse", "albedo", "total")
 
@@ -50,16 +50,16 @@ class Irradiation(Shown):
     def __post_init__(self) -> None:
         """Turn texts into signals, and refuse radiation that does not exist."""
         for name in (*SOLAR, "infrared", "stream", "sky"):
-            given = getattr(self, name)
-            if given is None:
+            written = getattr(self, name)
+            if written is None:
                 continue
-            made = signal(given, TEMPERATURE if name == "sky" else "W/m^2", f"irradiation, {name}")
-            object.__setattr__(self, name, made)
-            low, high = made.bounds
+            course = signal(written, TEMPERATURE if name == "sky" else "W/m^2", f"irradiation, {name}")
+            object.__setattr__(self, name, course)
+            low, high = course.bounds
             if name != "infrared" and low < 0.0:
                 what = "a temperature below absolute zero" if name == "sky" else f"{name} radiation of {low:.4g} W/m^2"
                 raise ScenarioError(f"{what} is not possible.", "irradiation")
-            if high > HOTTEST:
+            if high > MAX_IRRADIATION:
                 raise ScenarioError(
                     f"{name} reaches {high:.4g}; the sun has 1361 W/m^2 above the atmosphere. Check the unit.", "irradiation"
                 )
@@ -72,11 +72,11 @@ class Irradiation(Shown):
 
     def signals(self) -> dict[str, Signal]:
         """Return what changes, or may change, by name."""
-        return {name: given for name in (*SOLAR, "infrared", "sky", "stream") if (given := getattr(self, name)) is not None}
+        return {name: course for name in (*SOLAR, "infrared", "sky", "stream") if (course := getattr(self, name)) is not None}
 
     def mapped(self, law: Callable[[Signal], Signal]) -> Irradiation:
         """Return the radiation with what a law makes of its signals."""
-        return replace(self, **{name: law(given) for name, given in self.signals().items()})
+        return replace(self, **{name: law(course) for name, course in self.signals().items()})
 
     def sun(self, facing: Facing | None) -> Signal | None:
         """Return the solar radiation on the surface, or None. [W/m^2]"""

@@ -99,22 +99,22 @@ DIRECT = 40
 """Steps of Newton's method before its search is taken for stuck at the knee of a table."""
 DRIFT = 1.12
 """By how much each step of the search in time is longer than the one before."""
-CLOSE = 1e-10
+MAX_NEWTON_STEP = 1e-10
 LARGEST_MOVE = 100.0
-HOTTEST = 1e5
+MAX_TEMPERATURE = 1e5
 """Above this nothing that a model means is left, here as in runs over time. [K]"""
-NUDGE = 0.01
+BOUNDARY_SLOPE_STEP = 0.01
 """Change of temperature over which the heat that a boundary takes is differenced. [K]"""
-MOST_PERIODS = 40
+MAX_CYCLE_PERIODS = 40
 """Periods that are run until a state comes back."""
-CLOSED = 2e-6
+MAX_RETURN_ERROR = 2e-6
 """How far a state that comes back may miss itself. [K]"""
-FINE = Options(error=2.0 * CLOSED, inputs=1e-4)
+FINE = Options(error=2.0 * MAX_RETURN_ERROR, inputs=1e-4)
 """Of the runs over a period that look for it."""
 METHODS = ("auto", "integrator", "modal")
 """Methods of ordinary models by the name that `Options.method` gives them."""
-REMEMBERED = 64  # lengths of stretches that the kernel has in mind, at least
-MOST = 300  # nodes beyond which modes cost more than any noise asks of steps
+REMEMBERED_LENGTHS = 64  # lengths of stretches that the kernel has in mind, at least
+MAX_NODES_FOR_MODES = 300  # nodes beyond which modes cost more than any noise asks of steps
 
 
 class Exact(NamedTuple):
@@ -223,7 +223,7 @@ class Modal:
             grid = np.unique(np.concatenate((times, [0.0, end], *(s.times for s in tables))))
             gaps = np.diff(grid[(grid >= 0.0) & (grid <= end)])
             gaps = gaps[gaps > 1e-15 * end]
-            often = np.sort(np.unique(gaps.astype(np.float32), return_counts=True)[1])[-REMEMBERED:]
+            often = np.sort(np.unique(gaps.astype(np.float32), return_counts=True)[1])[-REMEMBERED_LENGTHS:]
             self._grids[key] = gaps.size, gaps.size - int(often.sum()) + often.size
         stops = sum(s.times.size for s in tables if s.times.size <= (5000 if s.hold else 500))
         waves = sum(isinstance(s, Sine) for s in signals)
@@ -238,7 +238,7 @@ class Modal:
 
         Taken at nominal values, so that the choice of method does not hang on which run came first.
         """
-        if self.problem.nodes > MOST:
+        if self.problem.nodes > MAX_NODES_FOR_MODES:
             return 0.0, 0.0
         a = self.wiring.assemble(gradients=False)
         capacity = np.array([np.inf if c < 0 else a.coefficients[c] for c in self.wiring.structure.capacity])
@@ -330,7 +330,7 @@ class Engine(KernelProblem):
             raise ScenarioError(
                 f"unknown method '{method}'.{nearest(method, methods)} There are {', '.join(methods)}.", self.title, code="name.unknown"
             )
-        if method not in LARGE_METHODS or (method == "auto" and not self.many):
+        if method not in LARGE_METHODS or (method == "auto" and not self.is_large):
             return False
         why = "sensitivities are requested, which large networks do not have" if gradients else refusal(self)
         if why and method != "auto":
@@ -387,7 +387,7 @@ class Engine(KernelProblem):
         flows = raw.conductor_energy[self.flow_rows] if self.flow_rows.size else np.zeros(0)
         slopes = raw.sensitivities if raw.sensitivities is not None else np.zeros((times.size, len(nodes), 0))
         events = (raw.event_times, raw.event_controls, raw.event_states, raw.event_before)
-        switched = tuple(zip(*(each.tolist() for each in events), strict=True))
+        switched = tuple(zip(*(column.tolist() for column in events), strict=True))
         energies = (raw.load_energy[: len(self.load_names)], raw.boundary_energy, flows)
         turnings = dict(zip((*nodes, *gone), by_column(raw.turnings, len(nodes) + len(gone)), strict=True)) if extremes else None
         return Answer(raw.traces, slopes, a.initial, raw.final_temperatures, *energies, end, statistics, raw.on, switched, turnings)
@@ -627,12 +627,12 @@ def _settled(problem: KernelProblem, a: Assembled, time: float, gradients: bool,
         step = _solved(jacobian, leaving, heat)
         if step is None:
             raise SolverError(_no_steady(problem, a), where)
-        close = float(np.abs(step).max()) < CLOSE * max(1.0, float(np.abs(temperatures).max()))
+        close = float(np.abs(step).max()) < MAX_NEWTON_STEP * max(1.0, float(np.abs(temperatures).max()))
         if k < DIRECT or close:
             temperatures = _moved(balance, temperatures, step, float(np.linalg.norm(heat)), reach)
             # a state far away lies in one direction: steps towards it get longer
             reach = 2.0 * reach if float(np.abs(step).max()) > reach else LARGEST_MOVE
-            if float(temperatures.max()) > HOTTEST:
+            if float(temperatures.max()) > MAX_TEMPERATURE:
                 raise SolverError(_too_hot(problem, balance, temperatures), where)
         else:
             temperatures = _drifted(temperatures, heat, jacobian, k - DIRECT)
@@ -645,7 +645,7 @@ def _settled(problem: KernelProblem, a: Assembled, time: float, gradients: bool,
                     where,
                 )
             _, jacobian, slopes = balance(temperatures, gradients)
-            if beyond := problem.left(a, time, balance.states(temperatures)):
+            if beyond := problem.tables_left(a, time, balance.states(temperatures)):
                 raise SolverError(f"in the steady state {beyond}", where)
             moves = _solved(jacobian, leaving, slopes) if slopes is not None else np.zeros((temperatures.size, 0))
             if moves is None:
@@ -696,15 +696,15 @@ class _Balance:
         if self.held or s.factors or s.driven or any(p.row.form != "signal" for p in s.loads) or (beside < 0.0).any():
             return None
         outer = np.asarray(outside, dtype=float)
-        nudged = np.array([[*(temperatures + d), *outer] for d in (-NUDGE, NUDGE)])
+        nudged = np.array([[*(temperatures + d), *outer] for d in (-BOUNDARY_SLOPE_STEP, BOUNDARY_SLOPE_STEP)])
         flows = np.asarray(self.problem.held.flows(self.a.coefficients, nudged, np.full(2, float(self.time))))
         out = np.zeros(size)
         # central difference along a rise of all nodes alike: row sums of -J, from the conductors at the boundary alone
         for k, p in enumerate(s.conductors):
             if p.a < size <= p.b:
-                out[p.a] += (flows[1, k] - flows[0, k]) / (2.0 * NUDGE)
+                out[p.a] += (flows[1, k] - flows[0, k]) / (2.0 * BOUNDARY_SLOPE_STEP)
             elif p.b < size <= p.a:
-                out[p.b] -= (flows[1, k] - flows[0, k]) / (2.0 * NUDGE)
+                out[p.b] -= (flows[1, k] - flows[0, k]) / (2.0 * BOUNDARY_SLOPE_STEP)
         summed = -jacobian.sum(axis=0)
         near = np.abs(out - summed) <= 1e-4 * np.abs(out) + 1e-9 * np.abs(jacobian).sum(axis=0)
         return out if near.all() and (out >= 0.0).all() else None
@@ -746,8 +746,8 @@ def _too_hot(problem: KernelProblem, balance: _Balance, temperatures: Array) -> 
     """Return where a steady state lies that no model means."""
     node = np.array(problem.nodes)[balance.own][int(temperatures.argmax())]
     return (
-        f"at rest '{node}' would be above {HOTTEST:,.0f} K: more heat is supplied than its paths to a boundary carry. Check its power and "
-        "these conductances; a unit may be wrong."
+        f"at rest '{node}' would be above {MAX_TEMPERATURE:,.0f} K: more heat is supplied than its paths to a boundary carry. "
+        "Check its power and these conductances; a unit may be wrong."
     )
 
 
@@ -777,8 +777,8 @@ def _no_steady(problem: KernelProblem, a: Assembled) -> str:
     powers = {name: float(p[0]) for name, p in problem.powers(a, _columns(problem, a), np.zeros(1)).items()}
     parts = unreached(problem.wiring.network, a.numbers, powers)
     if parts:
-        said = parts[0].message()
-        return CodedText(f"no steady state exists: {said}.", said.code)
+        imbalance = parts[0].message()
+        return CodedText(f"no steady state exists: {imbalance}.", imbalance.code)
     follows = any(load.follows_temperature for load in problem.wiring.network.flat.loads)
     look = "power that grows with temperature" if follows else "node whose heat cannot leave"
     return f"no steady state exists: the equations are singular. Look for a {look}."
@@ -826,12 +826,12 @@ def _periodic(engine: Engine, a: Assembled, guess: Array, slopes: Array, gradien
         return raw.temperatures[0], raw.sensitivities[0] if gradients else moves
 
     state, step, before = guess.copy(), np.zeros(0), np.zeros(0)
-    for _ in range(MOST_PERIODS):
+    for _ in range(MAX_CYCLE_PERIODS):
         end, _ = after(state, slopes)
         missed = (end - state)[massive]
         if step.size:
             inverse = _mended(inverse, step, before - missed)
-        if float(np.abs(missed).max(initial=0.0)) < CLOSED:
+        if float(np.abs(missed).max(initial=0.0)) < MAX_RETURN_ERROR:
             break
         step, before = inverse @ missed, missed
         held = state[massive]
@@ -841,7 +841,7 @@ def _periodic(engine: Engine, a: Assembled, guess: Array, slopes: Array, gradien
         raise SolverError(
             f"no periodic state with a period of {period:g} s was found; the last residual is {np.abs(missed).max():.3g} K.", where
         )
-    for _ in range(MOST_PERIODS if gradients else 0):
+    for _ in range(MAX_CYCLE_PERIODS if gradients else 0):
         _, moved = after(state, slopes)
         change = inverse @ (moved - slopes)[massive]
         held = slopes[massive]

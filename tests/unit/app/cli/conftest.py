@@ -45,7 +45,7 @@ Call = Callable[..., Said]
 def call(monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]) -> Call:
     """``call("simulate", deck, "--json")``; nothing is told of progress, however slow the machine is."""
     monkeypatch.delenv("THERMID_DATA", raising=False)
-    monkeypatch.setattr("thermid.app.cli.screen.PATIENCE", float("inf"))
+    monkeypatch.setattr("thermid.app.cli.screen.SECONDS_TO_FIRST_PROGRESS", float("inf"))
 
     def run(*arguments: object) -> Said:
         monkeypatch.setattr(sys, "argv", ["thermid", *map(str, arguments)])

@@ -196,7 +196,7 @@ class TestCalibrate:
         import thermid.app.cli.screen as command
 
         seconds = itertools.count(0.0, 3.0)
-        monkeypatch.setattr(command, "PATIENCE", 2.0)
+        monkeypatch.setattr(command, "SECONDS_TO_FIRST_PROGRESS", 2.0)
         monkeypatch.setattr(command.time, "monotonic", lambda: next(seconds))
         said = call("calibrate", campaign, "--json", "--fresh")
         assert json.loads(said.out)["status"] == "ok"

@@ -12,7 +12,7 @@ from pathlib import Path
 import pytest
 
 from thermid.app.cli import options, screen
-from thermid.app.cli.screen import LONGEST, Progress, folded, severity, spoken, working
+from thermid.app.cli.screen import MAX_LINE_CHARACTERS, Progress, folded, severity, spoken, working
 from thermid.base.errors import MissingExtraError
 from thermid.base.extensions import missing, modules_of, require
 from thermid.reporting._blocks import extras
@@ -51,10 +51,10 @@ def plain(text: str) -> str:
 @pytest.mark.parametrize("columns", [60, pytest.param(80, marks=pytest.mark.campaign), 200])
 def test_no_line_is_longer_than_the_terminal_or_100(accelerometer: Path, columns: int) -> None:
     said = plain(in_a_terminal("check", accelerometer, "-v", columns=columns))
-    assert max(map(len, said.splitlines())) <= min(columns, LONGEST)
+    assert max(map(len, said.splitlines())) <= min(columns, MAX_LINE_CHARACTERS)
     said = plain(in_a_terminal("simulate", accelerometer, "--boundary", "air=24", "--for", "1 [h]", "--vacuum", columns=columns))
     assert said.startswith("error: accelerometer.toml:15, surfaces.skin: ")
-    assert max(map(len, said.splitlines())) <= min(columns, LONGEST)
+    assert max(map(len, said.splitlines())) <= min(columns, MAX_LINE_CHARACTERS)
 
 
 class Terminal:
@@ -78,7 +78,7 @@ class Terminal:
 def test_no_progress_stands_before_a_text_that_stays(monkeypatch: pytest.MonkeyPatch) -> None:
     terminal = Terminal()
     monkeypatch.setattr(sys, "stderr", terminal)
-    monkeypatch.setattr(screen, "PATIENCE", 0.0)
+    monkeypatch.setattr(screen, "SECONDS_TO_FIRST_PROGRESS", 0.0)
     monkeypatch.setenv("TERM", "xterm")
 
     def slowly(text: str, err: bool = False, whole: bool = True) -> None:
@@ -121,7 +121,7 @@ def test_a_campaign_fits_on_a_screen(made: Path, tmp_path: Path, columns: int) -
     said = plain(re.sub(r"[^\n]*\r\x1b\[2K", "", in_a_terminal("calibrate", made, "--to", tmp_path, columns=columns))).replace("\r", "")
     lines = said.splitlines()
     assert len(lines) <= 45
-    assert max(map(len, lines)) <= min(columns, LONGEST)
+    assert max(map(len, lines)) <= min(columns, MAX_LINE_CHARACTERS)
     assert "pair on pair_two: PASSED" in said
 
 

@@ -162,7 +162,7 @@ def test_a_profile_tells_how_far_it_is() -> None:
     deck = {"title": "block", "needs": ["air"], "nodes": {"block": {"capacitance": "50 [J/K]"}}}
     deck["conductors"] = {"film": {"kind": "conduction", "between": ["block", "air"], "conductance": "2 [W/K]"}}
     profile = td.qualify.profile_of("SMC-S-016", "unit thermal cycle", level="acceptance", cycles=1)
-    run = td.qualify.run_profile(td.model_from_dict(deck), profile, told=lambda *so_far: said.append(so_far))
+    run = td.qualify.run_profile(td.model_from_dict(deck), profile, progress=lambda *so_far: said.append(so_far))
     assert [k for k, _, _ in said] == list(range(1, len(profile.steps) + 1))
     assert said[-1][2] == run.duration
 

@@ -243,7 +243,7 @@ def raw(port: int, data: bytes, more: bytes = b"") -> bytes:
 
 def test_who_brings_no_request_in_time_is_let_go(port: int, monkeypatch: pytest.MonkeyPatch) -> None:
     """A connection that stays silent, headers without an end, a body by drops, headers beyond measure."""
-    monkeypatch.setattr(serving, "PATIENCE", 0.3)
+    monkeypatch.setattr(serving, "REQUEST_TIMEOUT", 0.3)
     host = f"host: 127.0.0.1:{port}\r\ncookie: thermid-studio-{port}={TOKEN}\r\n".encode()
     begun = b"POST /api/fit HTTP/1.1\r\n" + host
     assert raw(port, b"") == b""

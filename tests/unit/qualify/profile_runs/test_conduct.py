@@ -214,7 +214,7 @@ def test_humidity_is_followed_and_condensation_named():
             raise EnoughError
 
     with pytest.raises(EnoughError):
-        td.qualify.run_profile(box(), td.qualify.profile_of("SMC-S-016", "unit humidity").with_(steps=steps), told=told)
+        td.qualify.run_profile(box(), td.qualify.profile_of("SMC-S-016", "unit humidity").with_(steps=steps), progress=told)
 
 
 @pytest.mark.parametrize(

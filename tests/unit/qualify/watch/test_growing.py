@@ -34,7 +34,7 @@ def read(path: Path) -> Record:
 
 @pytest.mark.parametrize("stamps", [False, True], ids=["seconds", "stamps"])
 def test_pieces_are_the_whole(tmp_path: Path, stamps: bool, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(growing, "CHUNK", 5000)
+    monkeypatch.setattr(growing, "CHUNK_BYTES", 5000)
     path = tmp_path / "bench.csv"
     log = GrowingLog(path, read)
     assert log.record() is None
@@ -53,7 +53,7 @@ def test_pieces_are_the_whole(tmp_path: Path, stamps: bool, monkeypatch: pytest.
 
 
 def test_a_log_of_the_bench_in_pieces(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(growing, "CHUNK", 4000)
+    monkeypatch.setattr(growing, "CHUNK_BYTES", 4000)
     made = Sheet().start()
     made.say(0.01, 0, "uno,thermid-bench 1,power", "B")
     for k in range(400):
@@ -162,12 +162,12 @@ class TestThinned:
         t = np.arange(0.0, 3600.0 * hours, 5.0)
         values = ICE + 22.0 + 20.0 * (1.0 - np.exp(-t / 900.0))
         return Record.from_arrays(
-            "long", t, {"T": values, "P": Channel.of("P", np.where(t < 9000.0, 4.0, 2.0), role="load", quantity="power")}, unit="K"
+            "long", t, {"T": values, "P": Channel.from_array("P", np.where(t < 9000.0, 4.0, 2.0), role="load", quantity="power")}, unit="K"
         )
 
     def test_rows_grow_with_the_logarithm(self) -> None:
         sizes = [thinned(self.long(h)).times.size for h in (10.0, 20.0, 40.0)]
-        assert np.diff(sizes).max() < growing.FINE
+        assert np.diff(sizes).max() < growing.ROWS_PER_E_FOLD
         assert sizes[-1] < 3500
 
     def test_means_lie_on_the_course_and_recent_readings_stay(self) -> None:
