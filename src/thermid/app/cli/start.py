@@ -119,7 +119,8 @@ def _stated_facts(
     """Return the roles, seated in the deck where there is one, and what is known beside the log; a part may be named by its column."""
     parts = list(roles.parts.values())
     weights, made_of = (
-        {roles.parts.get(n, n): v for n, v in pairs(*given).items()} for given in ((masses, "--mass"), (materials, "--material"))
+        {roles.parts.get(n, n): v for n, v in pairs(*pairs_and_option).items()}
+        for pairs_and_option in ((masses, "--mass"), (materials, "--material"))
     )
     ends = ([end.strip() for end in text.partition("=")[::2]] for text in paths)
     joined = tuple((roles.parts.get(a, a), roles.parts.get(b, b)) for a, b in ends)

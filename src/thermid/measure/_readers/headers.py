@@ -373,12 +373,12 @@ def _spread(row: Sequence[str], clock: set[int]) -> list[str]:
 def _names_assumed(cells: Lines, numbers: Sequence[int], used: Sequence[int], names: Sequence[str]) -> str:
     """Return what was assumed about several lines of names, in words."""
 
-    def few(row: Sequence[str]) -> str:
+    def first_cells(row: Sequence[str]) -> str:
         shown = [cell for cell in row if cell]
         return ", ".join(shown[:4]) + (", ..." if len(shown) > 4 else "")
 
     which = " and ".join(str(numbers[k]) for k in used)
-    rest = [f"line {numbers[k]} ({few(row)})" for k, row in enumerate(cells) if k not in used]
+    rest = [f"line {numbers[k]} ({first_cells(row)})" for k, row in enumerate(cells) if k not in used]
     omitted = f"; left out: {', '.join(rest)}" if rest else ""
     assumption = f"assumed names: those of line {which}" if len(used) == 1 else f"assumed names: lines {which} combined"
-    return f"lines {numbers[0]} to {numbers[-1]} hold names above the samples; {assumption} ({few(names)}){omitted}"
+    return f"lines {numbers[0]} to {numbers[-1]} hold names above the samples; {assumption} ({first_cells(names)}){omitted}"

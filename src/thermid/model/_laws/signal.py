@@ -878,8 +878,8 @@ def own_signal(value: Any, where: str = "") -> Any:
         raise error.located(where) from None
     if of is None:
         return signal(value, "1", where)
-    own = signal(value, TEMPERATURE if of.unit.absolute else of.unit.text, where)
-    return replace(own, unit=of.unit.text) if isinstance(own, TableSignal | Sine) else own
+    parsed = signal(value, TEMPERATURE if of.unit.absolute else of.unit.text, where)
+    return replace(parsed, unit=of.unit.text) if isinstance(parsed, TableSignal | Sine) else parsed
 
 
 def _column(values: Any, slot: str, where: str) -> Array:
