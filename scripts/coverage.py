@@ -65,7 +65,7 @@ True values are drawn from their ranges. Constant errors of sensors (0.25 K, one
 drawn from their accuracies. Logs have noise of 0.05 K, steps of 1/16 K and an ambient that drifts by 0.5 K. Each campaign
 has two tests of five hours with 101 samples each. The prediction is the end of a hold-out test: an ambient of 45 C from a
 start at 20 C, with powers 1.5 and 0.5 times as large in turn. The right side has the same fits without a model of constant
-errors. The misfit widens their intervals, but they still rarely contain the true value.
+errors. Their residuals widen the intervals, but these still rarely contain the true value.
 
 A share of 95 % scatters by 0.7 % in 1000 draws. A share outside 93 to 97 % was examined. For `d.case` the mean square of
 truth minus prediction, in standard errors, is 0.95 +- 0.09 (250 draws). It is 0.98 without the term for autocorrelated

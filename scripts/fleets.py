@@ -12,11 +12,12 @@ import sys
 import time
 from collections.abc import Iterator
 from pathlib import Path
+from statistics import NormalDist
 
 import numpy as np
 
 from thermid.base.linear_algebra import HALF_WIDTH_95, Array
-from thermid.inference._fleet.population import PopulationFit, Summaries, interval_of_mean, odd_units
+from thermid.inference._fleet.population import FALSE_ALARMS, PopulationFit, Summaries, interval_of_mean, odd_units
 
 VALUES = 6
 TRUE_SPREADS = np.array([0.10, 0.05, 0.20, 0.10, 0.30, 0.08])
@@ -93,6 +94,17 @@ def coverage(fleets: int, units: int, weak: float, seed: int) -> None:
         print(f"  {kind:<12} {np.mean(shares):5.1f} %   each {min(shares):.1f} to {max(shares):.1f} %", flush=True)
 
 
+def named_by_oracle(fleets: int, units: int, seed: int, error: float, moved: float, added: bool) -> float:
+    """Return how often one that knows the population names the odd unit, at as many false alarms as a fleet has."""
+    limit, hits = NormalDist().inv_cdf(1.0 - FALSE_ALARMS / (2.0 * units * VALUES)), 0
+    for k in range(fleets):
+        said, _ = summaries(np.random.default_rng((seed, int(moved), k)), units, 0.0, moved, error, added)
+        weights = np.linalg.inv(omega() + np.linalg.inv(said.information[0]))
+        push = weights @ (np.linalg.solve(said.information[0], said.score[0]) - TRUE_MEANS)
+        hits += bool(np.abs(push / np.sqrt(np.diag(weights))).max() > limit)
+    return hits / fleets
+
+
 def oddness(fleets: int, units: int, seed: int) -> None:
     """Print how often an odd unit is named, and any of a clean fleet."""
     for error, moved, added in [(e, m, a) for e in (0.33, 0.1) for m, a in ((6.0, False), (4.0, False), (4.0, True), (0.0, False))]:
@@ -103,6 +115,8 @@ def oddness(fleets: int, units: int, seed: int) -> None:
             hit += 0 in odd and moved > 0.0
             other += bool(odd - {0} if moved else odd)
         where = f"unit at {moved:g}{' more than drawn' if added else ''}: named {100 * hit / fleets:.1f} %, another" if moved else "clean:"
+        if moved:
+            where = f"(an oracle {100 * named_by_oracle(fleets, units, seed, error, moved, added):.1f} %) {where}"
         print(f"  logs to {error:g} of a spread, {where} {100 * other / (fleets if moved else 3 * fleets):.1f} %", flush=True)
 
 

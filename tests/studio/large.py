@@ -8,7 +8,7 @@ import numpy as np
 
 import thermid as td
 
-__all__ = ["dense_campaign", "wide_campaign"]
+__all__ = ["dense_campaign", "values_campaign", "wide_campaign"]
 
 TRUE_HTC = 9.0
 """Of every part, where its deck says 8. [W/(m^2 K)]"""
@@ -59,6 +59,32 @@ def dense_campaign(folder: Path, sensors: int = 12, rows: int = 10_000) -> Path:
     (folder / "campaign.toml").write_text(
         text + '[[stages]]\nname = "rack"\nmodel = "rack.toml"\nrecords = ["warm"]\nfree = ["skin.effective_htc"]\n'
     )
+    return folder / "campaign.toml"
+
+
+def values_campaign(folder: Path, nodes: int = 60, rows: int = 2000) -> Path:
+    """Write a ring of 60 nodes with 465 values, of which ten have a sensor, and one log; return its campaign."""
+    every = range(nodes)
+    parts = [f'n{k} = {{ mass = "{0.2 + 0.01 * k:.2f} [kg]", specific_heat = "900 [J/(kg K)]" }}' for k in every]
+    skins = [f's{k} = {{ of = "n{k}", to = "air", area = "0.02 [m^2]", effective_htc = "8 [W/(m^2 K)]" }}' for k in every]
+    pairs = [(k, (k + step) % nodes) for step in (1, 7, 11) for k in every][:135]
+    values = ('conductance = "0.8 [W/K]"', 'area = "4 [cm^2]", contact_conductance = "900 [W/(m^2 K)]"')
+    kinds = [("conduction", values[0])] * 105 + [("contact", values[1])] * 30
+    links = [
+        f'g{j} = {{ kind = "{kind}", between = ["n{a}", "n{b}"], {v} }}'
+        for j, ((a, b), (kind, v)) in enumerate(zip(pairs, kinds, strict=True))
+    ]
+    loads = [f'p{k} = {{ into = "n{k}", power = "1.5 [W]" }}' for k in every]
+    tables = {"nodes": parts, "surfaces": skins, "conductors": links, "loads": loads}
+    deck = 'title = "ring"\nneeds = ["air"]\n' + "".join(f"[{name}]\n" + "\n".join(lines) + "\n" for name, lines in tables.items())
+    (folder / "ring.toml").write_text(deck, encoding="utf-8")
+    rng, times = np.random.default_rng(5), np.arange(rows) * 20.0
+    seen = {f"T{k}": 24.0 + 9.0 * (1.0 - np.exp(-times / 2500.0)) + 0.1 * rng.standard_normal(rows) for k in range(0, nodes, 6)}
+    _log(folder / "ring.csv", {**seen, "T_AIR": np.full(rows, 24.0)}, 20.0)
+    channels = ", ".join(f'T{k} = {{ node = "n{k}", noise = "0.1 [K]", accuracy = "0.3 [K]" }}' for k in range(0, nodes, 6))
+    text = f'title = "ring"\n[records.warm]\nfile = "ring.csv"\nchannels = {{ {channels}, T_AIR = {{ boundary = "air" }} }}\n'
+    text += '[[stages]]\nname = "ring"\nmodel = "ring.toml"\nrecords = ["warm"]\nfree = ["s0.effective_htc"]\n'
+    (folder / "campaign.toml").write_text(text, encoding="utf-8")
     return folder / "campaign.toml"
 
 

@@ -159,6 +159,35 @@ def check_result(
 
 
 @pytest.mark.campaign
+def test_a_name_that_is_sent_as_soon_as_it_is_typed_counts(page: Page) -> None:
+    """Firefox on a busy machine: the name was that of the last drawing of the page, which was empty."""
+    page.run(
+        "const i = document.getElementById('new-name'); i.value = 'box'; i.dispatchEvent(new Event('input', { bubbles: true }));"
+        "i.form.requestSubmit()"
+    )
+    page.until("window.studio && window.studio.ready && location.pathname === '/build'", 15)
+
+
+@pytest.mark.campaign
+def test_a_tab_that_is_looked_at_again_shows_what_another_did(page: Page, folder: Path) -> None:
+    """And says that a file was changed on disk, before anything is done."""
+    (folder / "one.toml").write_text('title = "one"\n[nodes]\ncase = { capacitance = "450 [J/K]" }\n', encoding="utf-8")
+    page.driver.refresh()
+    page.until("document.querySelector('[data-file=\"one.toml\"]')")
+    page.click("[data-file='one.toml']")
+    page.until("location.pathname === '/' && window.studio && studio.ready")
+    page.driver.get(f"{page.address.partition('?')[0]}build")
+    page.until("document.querySelector('[data-node=case]')")
+    mass = "JSON.stringify({ do: 'add', shape: 'mass', ends: [], use: '' })"
+    page.run(f"fetch('/api/edit', {{ method: 'POST', headers: {{ 'x-thermid-studio': '1' }}, body: {mass} }})")
+    page.wait("await pause(500)")
+    file = folder / "one.toml"
+    file.write_text(file.read_text(encoding="utf-8").replace("450", "470"), encoding="utf-8")
+    page.run("window.dispatchEvent(new Event('focus'))")
+    page.until("document.querySelectorAll('[data-node]').length === 2 && document.querySelector('.banner:not([hidden]) #merge')", 15)
+
+
+@pytest.mark.campaign
 def test_two_masses_are_built_and_fitted_by_clicks(page: Page, folder: Path, tmp_path: Path) -> None:
     log, person = write_log(tmp_path / "board test.csv"), Person(page)
     person.fill("#new-name", "box")

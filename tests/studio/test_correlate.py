@@ -12,7 +12,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from unit.app.studio.test_live import DECK, printed, warm, write
+from unit.app.studio.test_live import DECK, printed, unnamed, warm, write
 
 from .browser import Page, needed, page, studio
 from .large import dense_campaign
@@ -166,7 +166,7 @@ def test_a_log_of_six_hours_is_watched_as_the_command_watches_it(tmp_path: Path,
         part = tmp_path / "part.csv"
         part.write_text("".join(prefix), encoding="utf-8")
         told = printed(str(part), "--model", str(tmp_path / "rig.toml"), "--boundary", "air=22 [degC]")
-        seen = {k: v for k, v in looks[at].items() if k not in ("unused", "model", "like")}
+        seen = {k: v for k, v in looks[at].items() if k not in ("unused", "model", "like", "bound")}
         assert json.loads(json.dumps(seen)) == told, at
     if fault:
         assert "ALARM sensor: case" in "".join(alarm)
@@ -175,3 +175,39 @@ def test_a_log_of_six_hours_is_watched_as_the_command_watches_it(tmp_path: Path,
         assert advice == last["advice"] == "stop"
         assert alarm == []
         assert np.isfinite(last["ends"]["chip"]["final_C"])
+
+
+def test_columns_without_names_and_units_are_bound_on_the_page(tmp_path: Path) -> None:
+    """A logger's A0, A1 and Q1: what each is, its unit and the power at 100 % are said in the table, by keys as by the mouse."""
+    needed()
+    (tmp_path / "rig.toml").write_text(DECK, encoding="utf-8")
+    log = unnamed(tmp_path / "run.csv", 2700.0)
+    typed = (
+        "const i = document.querySelector(arguments[0]); i.value = arguments[1]; i.dispatchEvent(new Event('change', { bubbles: true }))"
+    )
+    with studio(str(tmp_path / "rig.toml"), "--log", str(log)) as address, page(address) as shown:
+        shown.until("document.querySelector('#watch-columns')")
+        assert "Say in the table of columns what each is." in shown.text("#bench-verdict")
+        assert "a load needs its power at 100 %" in shown.text("#watch-columns")
+        shown.run(typed, "[aria-label='Unit of A0']", "degF")
+        shown.run(typed, "[aria-label='A0 is']", "node:chip")
+        shown.until("document.querySelector('[data-channel-tile=A0]')")
+        assert shown.run("return document.getElementById('watch-columns').open")  # there is more to say
+        shown.run(typed, "[aria-label='A1 is']", "node:case")
+        shown.run(typed, "[aria-label='Q1 is']", "load:heater")
+        shown.run(typed, "[data-full=Q1]", "24")
+        shown.run(typed, "#watch-boundaries", "air=22")
+        shown.until("studio.look && studio.look.model === 'rig' && studio.look.bound.Q1 && studio.look.bound.Q1.full_scale")
+        look = shown.run("return studio.look")
+        assert look["bound"] == {
+            "A0": {"node": "chip", "unit": "degF"},
+            "A1": {"node": "case"},
+            "Q1": {"load": "heater", "full_scale": "24 [W]"},
+        }
+        assert look["advice"] == "stop"
+        assert shown.run("return document.querySelectorAll('#hidden tbody tr').length") == 1
+        assert shown.serious(False) == []
+        for width in shown.widths():
+            assert shown.run("return document.documentElement.scrollWidth") <= width
+        shown.driver.get_screenshot_as_file(str(tmp_path / "columns.png"))
+        shown.clean()

@@ -53,6 +53,18 @@ def test_a_trace_is_an_array_in_degrees_celsius(run: td.Solution) -> None:
     assert np.asarray(trace, dtype=np.float32).dtype == np.float32
 
 
+def test_a_record_and_a_prediction_are_collections_and_a_channel_an_array(fit: Any) -> None:
+    band = td.predict(fit, BENCH, nodes=["box"])
+    assert (list(band), len(band), "box" in band, 0 in band) == (["box"], 1, True, False)
+    masked = td.Channel.from_array("T", [20.0, np.nan, 22.0], unit="degC")
+    record = td.Record.from_arrays(
+        "log", [0.0, 1.0, 2.0], {"T": masked, "P": td.Channel.from_array("P", [3.0, 4.0, 5.0], unit="W", quantity="power")}
+    )
+    assert (list(record), "T" in record, "lid" in record) == (["T", "P"], True, False)
+    np.testing.assert_allclose(np.asarray(record["T"]), [20.0, np.nan, 22.0])
+    np.testing.assert_allclose(np.asarray(record["P"]), [3.0, 4.0, 5.0])
+
+
 def test_a_trace_has_a_frame_and_a_plot(run: td.Solution) -> None:
     frame = run["box"].to_frame()
     assert list(frame.columns) == ["box"]

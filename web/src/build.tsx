@@ -58,9 +58,11 @@ function keys(e: KeyboardEvent) {
 function Build() {
   const state = draft.value;
   useEffect(() => {
-    void told(() => ask<Draft>("draft")).then((d) => { if (d) take(d); document.getElementById("canvas")?.focus(); });
+    const fetched = () => told(() => ask<Draft>("draft")).then((d) => { if (d) take(d); }), again = () => void fetched();
+    void fetched().then(() => document.getElementById("canvas")?.focus());
     document.addEventListener("keydown", keys);
-    return () => document.removeEventListener("keydown", keys);
+    window.addEventListener("focus", again); // what another tab or another program changed meanwhile
+    return () => { document.removeEventListener("keydown", keys); window.removeEventListener("focus", again); };
   }, []);
   if (!state) return <main><p role="alert" class="error" hidden={!error.value}>{error.value} <a href="/start">Start page</a></p></main>;
   const armed = tool.value, others: [string, number | string][] = [...Object.entries(state.others), ...(hidden().length ? [[`couplings to parts that are not drawn (${hidden().map((e) => e.name).slice(0, 4).join(", ")})`, hidden().length] as [string, number]] : [])], show = pane.value;

@@ -12,16 +12,18 @@ export async function dropped(files: FileList | null | undefined) {
 
 const ROLES: [string, string][] = [["node", "nodes"], ["boundary", "needs"], ["load", "loads"], ["command", "loads"]];
 
-function Row({ column, bound }: { column: Column; bound: Binding | undefined }) {
-  const state = draft.value!, role = ROLES.find(([r]) => bound?.[r]), unit = useRef<HTMLInputElement>(null);
-  const value = role ? `${role[0]}:${bound![role[0]]}` : "";
+// what a column may be: its role, and the names that it may be bound to
+export type Offered = [string, string[]][];
+export function Row({ column, bound, known, taken }: { column: Column; bound: Binding | undefined; known: Offered; taken: (to: Binding | null) => void }) {
+  const role = ROLES.find(([r]) => bound?.[r])?.[0], unit = useRef<HTMLInputElement>(null), full = useRef<HTMLInputElement>(null);
+  const value = role ? `${role}:${bound![role]}` : "", percent = (bound?.unit ?? column.unit) === "%" || column.guess === "duty";
   const bind = (to: string) => {
-    const [kind, ...rest] = to.split(":"), own = unit.current?.value.trim() || (column.assumed ? column.unit : "");
-    const kept = Object.fromEntries(Object.entries(bound ?? {}).filter(([k]) => !ROLES.some(([r]) => r === k)));
-    void command({ do: "bind", channels: { [column.name]: to ? { ...kept, [kind!]: rest.join(":"), ...(own ? { unit: own } : {}) } : null } });
+    const [kind, ...rest] = to.split(":"), own = unit.current?.value.trim() || (column.assumed ? column.unit : ""), watts = full.current?.value.trim();
+    const kept = Object.fromEntries(Object.entries(bound ?? {}).filter(([k]) => !ROLES.some(([r]) => r === k) && k !== "full_scale" && k !== "unit"));
+    taken(to ? { ...kept, [kind!]: rest.join(":"), ...(own ? { unit: own } : {}), ...(kind === "load" && percent && watts ? { full_scale: /\[/.test(watts) ? watts : `${watts} [W]` } : {}) } : null);
   };
-  const heats = ["power", "duty"].includes(column.guess);
-  const offered = ROLES.filter(([r]) => (heats ? r === "load" || (column.guess === "duty" && r === "command") : r !== "command"));
+  const heats = ["power", "duty"].includes(column.guess), open = column.guess === "ignored";
+  const offered = known.filter(([r]) => open || (heats ? r === "load" || (column.guess === "duty" && r === "command") : r === "node" || r === "boundary"));
   return (
     <tr data-column={column.name}>
       <th scope="row" draggable onDragStart={(e) => e.dataTransfer?.setData("text/x-column", column.name)} title="Drag to a node, or choose at the right">{column.name}</th>
@@ -30,8 +32,8 @@ function Row({ column, bound }: { column: Column; bound: Binding | undefined }) 
       <td class="soft">{column.guess}: {column.why}</td>
       <td><select aria-label={`${column.name} is`} value={value} onChange={(e) => bind(e.currentTarget.value)}>
         <option value="">not used</option>
-        {offered.flatMap(([r, table]) => state.elements.filter((e) => e.table === table).map((e) => <option key={`${r}:${e.name}`} value={`${r}:${e.name}`}>{r} {e.name}</option>))}
-      </select></td>
+        {offered.flatMap(([r, names]) => names.map((n) => <option key={`${r}:${n}`} value={`${r}:${n}`}>{r} {n}</option>))}
+      </select>{percent && heats && <label class="soft"> 100 % is <input ref={full} class="unit" type="text" data-full={column.name} aria-label={`Power of ${column.name} at 100 %`} defaultValue={bound?.full_scale?.replace(/ ?\[W\]$/, "") ?? ""} placeholder="watts" onChange={() => role === "load" && bind(value)} /> W</label>}</td>
     </tr>
   );
 }
@@ -50,7 +52,7 @@ export function Log() {
         <p>{log.file}: {log.rows} rows{log.others > 0 && `, ${log.others} more records in the campaign`}. {log.problem && <strong class="bad">{log.problem}</strong>}{[...log.questions, ...log.notes].map((q) => <span key={q} class="soft"> {q}</span>)}</p>
         <div class="scroll" tabIndex={0} role="group" aria-label="Columns of the log"><table id="columns"><caption>Columns: drag a name to a node on the canvas, or choose what it is</caption>
           <thead><tr><th scope="col">Column</th><th scope="col" class="num">Range</th><th scope="col">Unit</th><th scope="col">Looks like</th><th scope="col">Is</th></tr></thead>
-          <tbody>{log.columns.filter((c) => c.guess !== "time").map((c) => { const b = log.channels[c.name]; return <Row key={c.name} column={c} bound={typeof b === "string" ? { node: b } : b} />; })}</tbody></table></div>
+          <tbody>{log.columns.filter((c) => c.guess !== "time").map((c) => { const b = log.channels[c.name]; return <Row key={c.name} column={c} bound={typeof b === "string" ? { node: b } : b} known={ROLES.map(([r, table]) => [r, state.elements.filter((e) => e.table === table).map((e) => e.name)])} taken={(to) => void command({ do: "bind", channels: { [c.name]: to } })} />; })}</tbody></table></div>
       </>}
       {Object.entries(state.held).length > 0 && <p class="held">No column is {Object.entries(state.held).map(([n, v]) => <label key={n}><strong>{n}</strong>: held at <input type="text" data-held={n} aria-label={`Temperature of ${n} for the whole log`} inputMode="decimal" value={v.replace(/ ?\[degC\]$/, "")} onChange={(e) => { const t = e.currentTarget.value.trim(); void command({ do: "hold", name: n, value: !t || t.includes("[") ? t : `${t} [degC]` }); }} /> °C </label>)}</p>}
       {state.inherited.length > 0 && <details id="inherited" open={state.inherited.length < 6}><summary>{state.inherited[0]!.path ? `${state.inherited.length} values come from stages below` : "Values come from stages below"}</summary><ul class="detail">{state.inherited.map((v) => <li key={v.path}>{v.path && <strong>{v.path} </strong>}{nice(v.words)}</li>)}</ul></details>}

@@ -11,7 +11,6 @@ async function go(path: string, body: unknown, wrong: (text: string) => void) {
 
 function Start() {
   const [front, setFront] = useState<Front | null>(null);
-  const [name, setName] = useState("");
   const [find, setFind] = useState("");
   const [error, setError] = useState("");
   const load = (path: string, body?: unknown) => ask<Front>(path, body).then(setFront, (e: Error) => setError(e.message));
@@ -24,8 +23,8 @@ function Start() {
       <p role="alert" class="error" hidden={!error}>{error}</p>
       <section aria-labelledby="new-title">
         <h2 id="new-title">New model</h2>
-        <form class="bar" onSubmit={(e) => { e.preventDefault(); void go("new", { name }, setError); }}>
-          <label class="grow">Name <input id="new-name" type="text" required maxLength={60} autofocus value={name} onInput={(e) => setName(e.currentTarget.value)} placeholder="box of two boards" /></label>
+        <form class="bar" onSubmit={(e) => { e.preventDefault(); void go("new", { name: (e.currentTarget.elements.namedItem("name") as HTMLInputElement).value }, setError); }}>
+          <label class="grow">Name <input id="new-name" name="name" type="text" required maxLength={60} autofocus placeholder="box of two boards" /></label>
           <button id="new" class="main" type="submit">New model</button>
         </form>
         <p class="soft">Masses, couplings and loads by mouse or keys; drop a log on it, fit, save. Nothing is written before you save.</p>

@@ -4,18 +4,19 @@ import { useEffect, useMemo } from "preact/hooks";
 import { studio, tried, view } from "./project";
 import { over, under, type Marks } from "./marks";
 import { Plot, css, hour, scheme, type Line } from "./plot";
-import { ask, nice, shown } from "./server";
+import { Row, type Offered } from "./log";
+import { ask, nice, shown, type Binding, type Column } from "./server";
 import { error } from "./state";
 
 interface Forecast { declined: string; final: number | null; low: number; high: number; holds: number | null; late: number | null; open?: boolean; at?: number; level?: string; fan?: { times: Float32Array; low: Float32Array; value: Float32Array; high: Float32Array } }
 interface Channel { name: string; times: Float32Array; values: Float32Array; latest: number | null; latest_at: number | null; gaps: { from: number; to: number; why: string; count: number }[]; verdict: string; why: string; rate: number | null; error: number | null; since: number | null; forecast?: Forecast }
-interface Seen { advice: "stop" | "wait" | "declined"; because: string; remaining_s?: number | null; at_s?: number; alarms: { kind: string; suspect: string; since_s: number; because: string }[]; nodes: Record<string, { value_C: number; half_K: number; measured: boolean }>; assumed: string[]; ends?: Record<string, { declined: string; final_C: number; interval_C: [number, number]; holds: number | null; now: number; level: number }>; model: string; like: string; unused: string }
-interface Look { same?: boolean; waiting?: string; known: string; age: number; seconds?: number; file: string; rows: number; begin: number; end: number; step: number; forecast_at: number; slowest: string | null; verdict: { word: string; text: string }; channels: Channel[]; reference: string; synthetic: boolean; notes: string[]; watch: Seen }
+interface Seen { advice: "stop" | "wait" | "declined"; because: string; remaining_s?: number | null; at_s?: number; alarms: { kind: string; suspect: string; since_s: number; because: string }[]; nodes: Record<string, { value_C: number; half_K: number; measured: boolean }>; assumed: string[]; ends?: Record<string, { declined: string; final_C: number; interval_C: [number, number]; holds: number | null; now: number; level: number }>; model: string; like: string; unused: string; bound: Record<string, Binding> }
+interface Look { same?: boolean; waiting?: string; columns?: Column[]; roles?: Record<string, string>; known: string; age: number; seconds?: number; file: string; rows: number; begin: number; end: number; step: number; forecast_at: number; slowest: string | null; verdict: { word: string; text: string }; channels: Channel[]; reference: string; synthetic: boolean; notes: string[]; watch: Seen }
 interface Logs { given: string | null; logs: string[]; rules: { name: string; source: string; mark: string }[] }
 
 const WORDS = { stop: ["✓ stop now", "stable"], wait: ["… wait", "too early"], declined: ["? no stop advised", "cannot tell"] } as const;
 const MARKS: Record<string, string> = { stable: "✓", "not stable": "✗", "cannot tell": "?", "too early": "…", reference: "=" };
-const logs = signal<Logs | null>(null), found = signal<Look | null>(null), waits = signal(""), opened = signal(false), zoom = signal<[number, number] | null>(null), follows = signal(true);
+const logs = signal<Logs | null>(null), found = signal<Look | null>(null), waits = signal(""), columns = signal<Pick<Look, "columns" | "roles">>({}), bound = signal<Record<string, Binding> | null>(null), opened = signal(false), zoom = signal<[number, number] | null>(null), follows = signal(true);
 const form = signal({ file: "", rule: "3 C/h", own: "", since: "", slowest: "", reference: "", channel: "", boundaries: "", within: "", limits: "" });
 
 // asked once: whether a log was named on the command line, and what may be opened
@@ -32,10 +33,11 @@ async function look(fresh: boolean) {
   const f = form.value, number = (t: string) => (t === "" ? null : Number(t));
   let told: Look | null = null;
   try {
-    told = await ask<Look>("bench", { file: f.file, rule: f.rule === "own" ? f.own : f.rule, since: number(f.since), slowest: number(f.slowest), reference: f.reference, channel: f.channel, boundaries: f.boundaries, within: number(f.within), limits: f.limits, window: zoom.value, known: fresh ? "" : found.value?.known ?? "" });
+    told = await ask<Look>("bench", { file: f.file, rule: f.rule === "own" ? f.own : f.rule, since: number(f.since), slowest: number(f.slowest), reference: f.reference, channel: f.channel, boundaries: f.boundaries, within: number(f.within), limits: f.limits, channels: bound.value ?? {}, window: zoom.value, known: fresh ? "" : found.value?.known ?? "" });
     if (fresh) error.value = "";
   } catch (e) { error.value = String((e as Error).message ?? e); }
   busy = false;
+  if (told?.columns) columns.value = told;
   if (told?.same) { if (found.value) found.value = { ...found.value, age: told.age }; } else if (told?.waiting) { found.value = null; waits.value = told.waiting; } else if (told) { waits.value = ""; found.value = told; studio.look = told.watch; studio.looks++; }
   if (again) { again = false; void look(true); return; }
   // a long log takes longer to read, and is asked for less often
@@ -78,7 +80,7 @@ function Form() {
   return (
     <section aria-labelledby="bench-form-title">
       <h2 id="bench-form-title">Which log</h2>
-      <form id="bench-form" onSubmit={(e) => { e.preventDefault(); const file = (document.getElementById("log") as HTMLInputElement).value; opened.value = true; found.value = null; zoom.value = null; set({ file, channel: "" }); }}>
+      <form id="bench-form" onSubmit={(e) => { e.preventDefault(); const file = (document.getElementById("log") as HTMLInputElement).value; opened.value = true; found.value = null; zoom.value = null; bound.value = null; columns.value = {}; set({ file, channel: "" }); }}>
         <label>Log <input id="log" type="text" list="logs" autocomplete="off" placeholder={o?.given ?? (o?.logs.length ? "choose a log of the project" : "no log lies in the project")} /></label><datalist id="logs">{o?.logs.map((n) => <option key={n} value={n} />)}</datalist>
         <button id="bench-open" class="main" type="submit">Open</button>
         <label>Stable by <select id="rule" value={f.rule} onChange={(e) => set({ rule: e.currentTarget.value }, e.currentTarget.value !== "own" || Boolean(f.own))}>{o?.rules.map((r) => <option key={r.name} value={r.name}>{r.name}</option>)}<option value="own">one of your own …</option></select></label>
@@ -123,6 +125,26 @@ function Shown({ l }: { l: Look }) {
   );
 }
 
+// what each column is: by its name or the record at first, by what is chosen here from then on
+function Columns() {
+  const { columns: all, roles } = columns.value, used = bound.value ?? found.value?.watch.bound ?? {};
+  if (!all) return null;
+  const named = Object.entries(roles ?? {}), known: Offered = named.length ? ["node", "boundary", "load"].map((r) => [r, named.filter(([, role]) => role === r).map(([n]) => n)]) : [];
+  const taken = (name: string, to: Binding | null) => {
+    const next = { ...used };
+    if (to) next[name] = to; else delete next[name];
+    bound.value = next; found.value = null; void look(true);
+  };
+  return (
+    <details id="watch-columns" open={!found.value || Boolean(found.value.watch.unused)}><summary>Columns of the log</summary>
+      <div class="scroll" tabIndex={0} role="group" aria-label="Columns of the log"><table><caption>{known.length ? "What each column is, in the names of the model" : "Which columns are temperatures"}</caption>
+        <thead><tr><th scope="col">Column</th><th scope="col" class="num">Range</th><th scope="col">Unit</th><th scope="col">Looks like</th><th scope="col">Is</th></tr></thead>
+        <tbody>{all.map((c) => { const b = used[c.name]; return <Row key={c.name} column={c} bound={typeof b === "string" ? { node: b } : b} known={known.length ? known : [["node", [c.name]]]} taken={(to) => taken(c.name, to)} />; })}</tbody></table></div>
+      {bound.value && <button type="button" onClick={() => { bound.value = null; found.value = null; void look(true); }}>As the log names them</button>}
+    </details>
+  );
+}
+
 export function Watch() {
   const l = found.value, quiet = l && l.age > Math.max(10, 3 * l.step);
   useEffect(() => { if (opened.value) void look(true); return () => clearTimeout(timer); }, []);
@@ -131,6 +153,7 @@ export function Watch() {
       <section aria-labelledby="bench-title">
         <h2 id="bench-title" data-quiet={quiet || undefined}>{l ? `${l.file}: ${l.rows} rows over ${hour(l.end - l.begin)}; ${quiet ? `has not grown for ${l.age < 120 ? `${Math.round(l.age)} s` : `${shown(l.age / 60, 3)} min`}` : "growing"}` : opened.value ? "Waiting" : "No log is open"}</h2>
         {l ? <Shown l={l} /> : waits.value && <div id="bench-verdict"><p class="verdict" data-word="too early"><strong>… waiting</strong> {waits.value}</p></div>}
+        <Columns />
       </section>
     </main>
   );

@@ -15,17 +15,13 @@ import numpy as np
 from thermid.base.errors import IdentificationError, SolverError, refuse_unknown
 from thermid.base.linear_algebra import NOTHING, Array, covariance, finite, sandwich
 from thermid.base.units import counted
-from thermid.fit._problem.residuals import Compressed, Sums, Unknown, starting_point
+from thermid.fit._problem.residuals import Compressed, Sums, Unknown, refuse_not_finite, starting_point
 
 NEW_STEPS_SHARE, DONE = 0.02, 1e-4
 """A search goes on with new steps once the step ahead is below this part of every unknown's typical change, and ends once it is below this
 part of a standard error."""
 MOST_EVALUATIONS = 200
 """Of a descent at most."""
-DIVERGED = (
-    "the fit diverged: its derivatives are not finite. Give its parameters min and max, or priors. Check the log too: a column, a unit or "
-    "a node may be wrong."
-)
 MISJUDGED = 0.25
 """Part of a promised gain by which a step misses it, from which the curvature that J'J lacks counts. [-]"""
 LOSSES = ("linear", "soft_l1", "huber", "cauchy")
@@ -240,8 +236,7 @@ def _step(rows: Array, slopes: Array, x: Array, bounds: tuple[Array, Array], sca
     ------
     SolverError   When a derivative is not finite.
     """
-    if not (np.isfinite(slopes).all() and np.isfinite(rows).all()):
-        raise SolverError(DIVERGED, "fit")
+    refuse_not_finite(slopes, rows)
     low, high = bounds
     slopes = slopes * scale
     gradient = slopes.T @ rows

@@ -16,6 +16,7 @@ from thermid.base.arguments import takes_objects
 from thermid.base.dual import value_of
 from thermid.base.errors import DeckError, MissingExtraError, NameNotFoundError, ThermidError, refuse_unknown
 from thermid.base.extensions import missing
+from thermid.base.results import Shown
 from thermid.interop._wired import identifiers
 from thermid.model.tree import Model
 from thermid.simulation.network import Network, compile_network
@@ -27,7 +28,7 @@ MOST_STATES = 6
 
 
 @dataclass(frozen=True, eq=False)
-class Equations:
+class Equations(Shown):
     """The state equations of a linear network, ``C dT/dt = heat``.
 
     Parameters

@@ -20,6 +20,7 @@ from thermid.base.arguments import takes_objects
 from thermid.base.errors import DeckError, ExpressionError, ThermidError, UnitError, cap, raising
 from thermid.base.expression import parse
 from thermid.base.files import read_text
+from thermid.base.results import Shown
 from thermid.base.units import DIMENSIONLESS, Dimension, counted, describe, in_si, unit
 from thermid.model.parameters import Parameter, parameter
 
@@ -42,7 +43,7 @@ ROLES = {
 
 
 @dataclass(frozen=True)
-class InitFcn:
+class InitFcn(Shown):
     """The parameters of an InitFcn script.
 
     Parameters

@@ -7,6 +7,7 @@ from thermid.measure._readers.formats import is_bench_log as is_bench_log, log_c
 from thermid.measure._readers.guess import Column as Column, columns_of as columns_of
 from thermid.measure._readers.headers import name_and_unit as name_and_unit
 from thermid.measure._readers.log_reader import (
+    parts_between_restarts as parts_between_restarts,
     read_plain as read_plain,
     read_record as read_record,
     temperature_columns as temperature_columns,

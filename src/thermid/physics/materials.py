@@ -5,6 +5,7 @@ A model should take its values from a certificate or a fit; these are where a fi
 
 from __future__ import annotations
 
+import re
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from functools import cache
@@ -68,7 +69,7 @@ def _material(name: str, row: Mapping[str, object], table: Mapping[str, Mapping[
 
 
 def material(name: str) -> Material:
-    """Properties of the material of that name.
+    """Properties of the material of that name, or of the only one that has all its words: 'AL6061' is 'aluminium 6061-T6'.
 
     Raises
     ------
@@ -80,9 +81,29 @@ def material(name: str) -> Material:
     130
     """
     library = materials()
-    if name not in library:
-        family = name.replace(",", " ").split(" ")[0].lower()
+    fitting = [name] if name in library else [each for each in library if _words(name) and _words(name) <= _words(each)]
+    if len(fitting) > 1:
+        listed = ", ".join(f"'{each}'" for each in fitting)
+        raise NameNotFoundError(f"several materials are called '{name}': {listed}. Give one of them.")
+    if not fitting:
+        family = re.sub("aluminum", "aluminium", name.replace(",", " ").split(" ")[0].lower())
         alike = [f"'{n}'" for n in library if n.lower().startswith(family)] if family else []
         listed = f" There are {', '.join(alike)}." if alike else nearest(name, library)
         raise NameNotFoundError(f"no material '{name}' in the table.{listed} 'thermid example --materials' lists all. Or give its values.")
-    return library[name]
+    return library[fitting[0]]
+
+
+_SPELT = (
+    ("aluminum", "aluminium"),
+    (r"\b(al|aa|en[ -]aw)[ -]?(?=\d{4})", "aluminium "),
+    (r"\b(aisi|ss)[ -]?(?=3\d\d)", "stainless steel "),
+)
+"""How materials are called by others, and here."""
+
+
+def _words(name: str) -> set[str]:
+    """Return the words and numbers of a name, in the spelling of the table."""
+    plain = name.lower()
+    for other, own in _SPELT:
+        plain = re.sub(other, own, plain)
+    return {*re.findall(r"[a-zäöüß]+\d*|\d+[a-z]*", plain)}

@@ -6,7 +6,7 @@
 from __future__ import annotations
 
 import os
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from statistics import NormalDist
 from typing import Any
@@ -57,7 +57,7 @@ MEANING = {
     RUN: "coefficients, masses and powers differ from run to run",
     ROOM: "a room drifts about what is logged of it",
     UNEXPLAINED: "residuals that no departure of an element follows",
-    AVERAGED: "whether free air or a fan carries the heat of surfaces",
+    AVERAGED: "whether free air or a fan carries the heat of surfaces, and how much of it is radiated",
     GAS_IN_JOINTS: "no log shows how much of a joint is conduction through the gas between its faces",
 }
 """Cause -> what it stands for."""
@@ -67,7 +67,7 @@ NARROWS = {
     RUN: "further runs: they tell how much elements differ from run to run",
     ROOM: "a room that is logged better, or held",
     UNEXPLAINED: "an element that explains what the residuals show: criticise looks for it",
-    AVERAGED: "a deck that states what carries the heat (carried_by), or a run at another difference",
+    AVERAGED: "a deck that states what carries the heat (carried_by), measured emissivities, or a run at another difference",
     GAS_IN_JOINTS: "a record at low pressure, or a gap in the deck",
 }
 """Cause -> what would narrow a band that comes from it."""
@@ -260,6 +260,18 @@ class Prediction(Result):
             raise NameNotFoundError(f"no node '{node}' was predicted.{nearest(node, self.bands)}", self.title)
         return self.bands[path]
 
+    def __iter__(self) -> Iterator[str]:
+        """Iterate over the nodes that were predicted."""
+        return iter(self.bands)
+
+    def __contains__(self, node: object) -> bool:
+        """Whether a node was predicted; aliases are accepted."""
+        return node in self.bands or node in self._find
+
+    def __len__(self) -> int:
+        """How many nodes were predicted."""
+        return len(self.bands)
+
     @property
     def final(self) -> dict[str, Estimate]:
         """Node -> its last temperature."""
@@ -448,10 +460,18 @@ class PredictRequest:
 def carrier_words(budget: Budget, bands: Mapping[str, Band]) -> list[str]:
     """Return what nobody stated of the surfaces, what readings say of it, and what a statement would change; empty where it matters not."""
     share = max((b.final.shares.get(AVERAGED, 0.0) for b in bands.values()), default=0.0)
-    if len(budget.ways) < 2 or min(w.weight for w in budget.ways) < TELLING or share < TELLING:
+    if share < TELLING:
         return []
-    probabilities = ", ".join(f"{w.kept[0].name} {100 * w.weight:.0f} %" for w in budget.ways)
-    return [f"no deck states what carries the heat of its surfaces; the readings say {probabilities}. State carried_by: the bands narrow"]
+    carriers = {w.kept[0].carrier: sum(x.weight for x in budget.ways if x.kept[0].carrier == w.kept[0].carrier) for w in budget.ways}
+    finish = sum(w.weight for w in budget.ways if w.kept[0].name != w.kept[0].carrier)
+    named = ", ".join(f"{name} {100 * weight:.0f} %" for name, weight in carriers.items())
+    words = {
+        f"no deck states what carries the heat of its surfaces; the readings say {named}. State carried_by: the bands narrow": min(
+            carriers.values()
+        ),
+        f"a finish is not that of the deck, with {100 * finish:.0f} %. Measure its emissivity and state that: the bands narrow": finish,
+    }
+    return [text for text, weight in words.items() if TELLING <= weight < 1.0]
 
 
 def averaged(plain: Prediction, others: Sequence[ExplainedFit], explained: Sequence[Prediction], fit: Calibration) -> Prediction:
@@ -786,7 +806,7 @@ def _missed_at(node: str, wide: float, ends: Array, straight: Array, off: Array)
 
 STORED_TURNING_POINTS = 3
 """How many of the highest and of the lowest turning points of every node are stored beside the times that are asked for."""
-IN_TESTS = "misfit in tests"
+IN_TESTS = "residuals of tests"
 """Cause: what the model could not follow in the logs of a plan."""
 
 

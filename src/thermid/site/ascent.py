@@ -13,6 +13,7 @@ import numpy as np
 from thermid.base.arguments import takes_objects
 from thermid.base.errors import RecordError, ScenarioError, refuse_unknown
 from thermid.base.linear_algebra import Array
+from thermid.base.results import Shown
 from thermid.base.sourced import Figure
 from thermid.base.units import TEMPERATURE
 from thermid.measure.readers import read_plain
@@ -32,7 +33,7 @@ FAIRING_OPENING_TIME = 1e-3
 
 
 @dataclass(frozen=True, eq=False)
-class Trajectory:
+class Trajectory(Shown):
     """Where a vehicle flies.
 
     Parameters
@@ -270,7 +271,7 @@ _UNITS = {"pressure decay": "Pa/s", "brief pressure decay": "Pa/s", "time of bri
 
 
 @dataclass(frozen=True)
-class AscentCheck:
+class AscentCheck(Shown):
     """One figure of an ascent beside its limit.
 
     Parameters

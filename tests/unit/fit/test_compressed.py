@@ -7,10 +7,11 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from thermid.base.errors import SolverError
 from thermid.fit._calibrate import calibrate
 from thermid.fit._problem.gather import build_problem
 from thermid.fit._problem.request import LocalSpec, Reading, Request
-from thermid.fit._problem.residuals import Predictions, Problem, Sums, pooled
+from thermid.fit._problem.residuals import Predictions, Problem, Sums, compressed_in_full, pooled
 from thermid.fit._uncertainty.information import EXACT
 from thermid.measure.records import Record
 from thermid.model.deck import model_from_dict
@@ -151,3 +152,17 @@ def test_blocks_are_predicted_when_they_are_looked_at() -> None:
         assert told[record]["T"].rmse == pytest.approx(sensors["T"].rmse, rel=1e-9)
     assert pool["T"].lag_one == pytest.approx(looked.sensors["T"].lag_one, abs=1e-9)
     assert [b.record for b in found.blocks[:]] == ["a", "b"]
+
+
+@pytest.mark.parametrize(
+    ("unknown", "value", "loss"),
+    [("sensor T", -1e300, "linear"), ("sensor T", 1e160, "linear"), ("sensor T", 1e300, "soft_l1")],
+)
+def test_what_overflows_is_refused_in_a_sentence_and_warns_of_nothing(unknown: str, value: float, loss: str) -> None:
+    problem = build_problem(Request(box(), (log(box(), {}, {"T": "case"}, accuracy=0.5, samples=41),), (HTC, MASS)))
+    at = np.array([u.to_fitted(u.start) for u in problem.unknowns])
+    at[[u.name for u in problem.unknowns].index(unknown)] = value
+    with pytest.raises(SolverError, match="not finite"):
+        problem.compressed(at, loss)
+    with pytest.raises(SolverError, match="not finite"):
+        compressed_in_full(problem, 0, at, loss, 1.0)

@@ -11,9 +11,10 @@ import pytest
 import thermid as td
 from thermid.base.errors import IdentificationError
 from thermid.fit._error_model.courses import OperatingPoint
-from thermid.fit._error_model.elements import JointLaw, class_of, with_laws
+from thermid.fit._error_model.elements import JointLaw, SurfaceLaw, class_of, with_laws
 from thermid.fit.error_model import SIZES, ErrorModel
 from thermid.model.laws import TableSignal
+from thermid.physics.constants import ICE_POINT
 from thermid.prediction.bands import Band
 from thermid.simulation.network import compile_network
 from unit.fit.bench import BOX, HTC, MASS, box, deck, log, metered
@@ -111,6 +112,42 @@ def test_a_deck_that_says_what_carries_the_heat_leaves_one_way(fit: td.Calibrati
     assert _band(said, 8.0).half_width[-1] < _band(fit, 8.0).half_width[-1]
 
 
+@pytest.fixture(scope="module")
+def polished() -> td.Calibration:
+    """The box of a dull skin, by a deck that states a bright one."""
+    return td.calibrate(box({"surfaces/skin/emissivity": 0.3}), _logs("free air"), [HTC, MASS], search="local")
+
+
+def test_a_finish_that_is_not_the_decks_is_in_the_band_of_vacuum(polished: td.Calibration) -> None:
+    asked = _asked(4.0).vacuum()
+    times = np.linspace(0.0, 18000.0, 31)
+    told = td.predict(polished, asked, nodes=["case"], times=times)
+    true = td.simulate(_truth("free air"), asked, times=times)["case"].kelvin
+    assert np.abs(td.simulate(polished.fitted_model, asked, times=times)["case"].kelvin - true).max() > 10.0
+    low, high = told["case"].interval()
+    assert np.mean((low <= true - ICE_POINT) & (true - ICE_POINT <= high)) > 0.95
+    assert any("its emissivity" in w for w in told.warnings)
+
+
+def test_a_measured_finish_is_no_other(polished: td.Calibration) -> None:
+    stated = {"value": 0.8, "source": "measured"}
+    found = td.calibrate(box({"surfaces/skin/emissivity": stated}), _logs("free air"), [HTC, MASS], search="local")
+    assert set(ErrorModel.of_fit(found).carriers) <= {"free air", "fan"}
+    assert {c.partition(", ")[0] for c in ErrorModel.of_fit(polished).carriers} < set(ErrorModel.of_fit(polished).carriers)
+
+
+def test_radiation_stays_what_the_finish_says(polished: td.Calibration) -> None:
+    """Whatever a coefficient becomes, a surface radiates by its emissivity; what is more or less is what the gas carries."""
+    network = polished.problem.experiments[0].network  # type: ignore[union-attr]
+    law = next(w for w in ErrorModel.of_fit(polished).ways if w.name == "free air").laws_in(network)["skin"]
+    assert isinstance(law, SurfaceLaw)
+    fields = {"area": 0.05, "effective_htc": 1.2 * law.fitted / 0.05}
+    convected, radiated = law(fields)
+    assert radiated.coefficients[0] * 4.0 * law.at.level**3 == pytest.approx(law.share * law.fitted)
+    whole = convected.coefficients[0] * law.at.difference**law.exponent + law.share * law.fitted
+    assert whole == pytest.approx(1.2 * law.fitted)
+
+
 def test_nothing_depends_on_whether_logs_are_called_synthetic(fit: td.Calibration) -> None:
     measured = _fit("free air", synthetic=False)
     assert not measured.synthetic
@@ -172,3 +209,14 @@ def test_a_joint_whose_trend_is_looked_for_departs_as_a_joint() -> None:
         c for c in with_laws(network, {"joint": JointLaw(OperatingPoint(5.0, 300.0), 0.01, None)}).flat.conductors if c.path == "joint"
     )
     assert class_of(joint, network) == "joint"
+
+
+@pytest.mark.parametrize("trend", [-0.01, 0.01])
+def test_a_joint_grows_straight_and_falls_as_an_exponential(trend: float) -> None:
+    """Positive at every level, with the slope of the trend where it was found."""
+    law = JointLaw(OperatingPoint(5.0, 300.0), trend, None)
+    growth, slope = law.growth(np.array([300.0, 350.0]))
+    assert growth == pytest.approx([1.0, 1.5 if trend > 0.0 else np.exp(-0.5)])
+    assert slope[0] == pytest.approx(trend)
+    steps = np.array([300.0, 350.0]) + 1e-3
+    assert (law.growth(steps)[0] - growth) / 1e-3 == pytest.approx(slope, rel=1e-4)

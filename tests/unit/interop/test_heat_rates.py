@@ -294,3 +294,46 @@ def test_the_tutorials_tables_against_the_tools_own_print() -> None:
     for case in ("case0", "case1"):
         agreed = agreement(read_sinda(folder / f"{case}.inp"), sinda_print(folder / f"{case}.out"))
         assert np.abs(agreed.off).max() < 0.0055  # the print has two digits
+
+
+def _rows_of(folder: Path, case: str) -> tuple[int, int]:
+    """Return the rows of nodes and of conductors of a case and of the files that it inserts, counted by a reader of this test's own."""
+    inserted = re.findall(r"(?im)^\s*INSERT\s+(\S+)", (folder / f"{case}.inp").read_text("latin-1"))
+    files = [folder / f"{case}.inp", *(folder / re.sub(r"\.k_in$", ".k", name) for name in inserted)]
+    block, rows = "", {"NODE DATA": 0, "CONDUCTOR DATA": 0}
+    for file in files:
+        for line in file.read_text("latin-1").splitlines() if file.is_file() else []:
+            if header := re.match(r"HEADER (\w+ \w+)", line):
+                block = header[1]
+            elif block in rows and re.match(r"\s*-?\d+\s*,", line.split("$")[0]):
+                rows[block] += 1
+    return rows["NODE DATA"], rows["CONDUCTOR DATA"]
+
+
+RYAN, MODEL_OF_2024 = f"{DAVIS}/Reference Files and Tutorials/Workshops/Ryan", f"{DAVIS}/Working CubeSat Model"
+SHA |= {
+    f"{RYAN}/case0.cc": "6d566b1ed8494dcf57edc59faea33a3d6ec3137b755b12645fd717d0c480d4d2",
+    f"{MODEL_OF_2024}/case5.cc": "df454f8620afa32ec4873551b76df5751914f231eba1fb6b365adc67b8e57c2f",
+    f"{MODEL_OF_2024}/case8.cc": "ce4da22d2eb6fdf88208e877d94735eba93fe6769c6bfbb5866f451a2a646306",
+}
+
+
+@pytest.mark.parametrize(("deck", "median", "most"), [(f"{RYAN}/case0", 0.005, 0.013), (f"{MODEL_OF_2024}/case8", 0.013, 0.27)])
+def test_decks_that_the_readers_authors_had_not_seen(deck: str, median: float, most: float) -> None:
+    """Read by code that was there before they were: nothing dropped, and their steady states and orbits as SINDA prints them."""
+    file = _public(f"{deck}.cc")
+    network = read_sinda(file.with_suffix(".inp"))
+    assert (len(network.nodes), len(network.conductors)) == _rows_of(file.parent, file.stem)
+    assert network.incomplete == ""
+    agreed = agreement(network, sinda_print(file.with_suffix(".out")))
+    steady, off = np.isnan(agreed.times), np.abs(agreed.off)
+    assert np.all(off[steady] < 1e-3)
+    assert np.median(off[~steady]) < median
+    assert np.quantile(off[~steady], 0.95) < most  # the heat of the middle of SINDA's step over the edge of the shadow, as above
+
+
+def test_every_row_of_a_deck_of_seven_orbits_is_read() -> None:
+    file = _public(f"{MODEL_OF_2024}/case5.cc")
+    network = read_sinda(file.with_suffix(".inp"))
+    assert (len(network.nodes), len(network.conductors)) == _rows_of(file.parent, file.stem) == (153, 8402)
+    assert network.incomplete == ""

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import hashlib
+import os
 from pathlib import Path
 
 import numpy as np
@@ -91,3 +93,34 @@ def test_what_comes_back_equals_the_fit_in_every_number(tmp_path: Path, name: st
     assert found.keys() == wanted.keys()
     for path, value in wanted.items():
         assert found[path] == pytest.approx(value, rel=1e-11), path  # twelve digits are written
+
+
+ORESAT = "oresat/oresat-thermal/OreSat0.5"
+SHA = {
+    "case0.cc": "1c9075ed7f0441ac4720e3c1a647fa268120a0a51313df8e2bd4a29b0c56c85f",
+    "C0A0.k": "b9c563b3a52886a04a84e92ccc2a8b326988051b0db646508840453bc5679ad1",
+    "C0A2.k": "7f63df2e38bd0c6bf007f562c49f522a65f548f9b0b2dd67a41157e4e4ada835",
+}
+
+
+def test_a_deck_of_12_426_conductors_comes_back_in_every_number(tmp_path: Path) -> None:
+    folder = Path(os.environ.get("THERMID_PUBLIC", "/nowhere")) / ORESAT
+    if not (folder / "case0.cc").is_file():
+        pytest.skip(f"{ORESAT} is not under THERMID_PUBLIC")
+    for name, digest in SHA.items():
+        assert hashlib.sha256((folder / name).read_bytes()).hexdigest() == digest
+    for file in folder.iterdir():
+        if file.suffix in {".inp", ".cc", ".k", ".ar", ".hra", ".hrl"}:
+            (tmp_path / file.name).write_bytes(file.read_bytes())
+    network = read_sinda(tmp_path / "case0.inp")
+    groups, rng = set(network.groups()), np.random.default_rng(1)
+    factors = {group: float(rng.uniform(0.5, 2.0)) for group in sorted(groups)}
+    fitted = network.model().with_values(
+        factors | {name: float(e * rng.uniform(0.85, 1.1)) for name, (e, _) in network.emissivities.items()}
+    )
+    assert network.not_written_back(fitted) == ()
+    for path, text in network.written_back(fitted).items():
+        Path(path).write_text(text, encoding="latin-1")
+    wanted, found = _numbers(fitted, groups), _numbers(read_sinda(tmp_path / "case0.inp").model(), groups)
+    assert found.keys() == wanted.keys()
+    assert [found[path] for path in wanted] == pytest.approx(list(wanted.values()), rel=1e-10)

@@ -8,6 +8,7 @@ import pytest
 
 import thermid as td
 from thermid.base.errors import RecordError
+from thermid.measure.readers import parts_between_restarts
 from thermid.reporting.pictures import look
 
 
@@ -32,7 +33,24 @@ def test_a_counter_that_begins_again_is_a_restart_of_the_board(tmp_path: Path) -
         RecordError, match=r"b\.csv:32, column 'millis': the counter begins again here, at 3 after 29003: the board restarted"
     ):
         td.read_record(path, {"T1": {"node": "a"}})
-    assert "cut the log here" in look(path).problem
+    assert "`thermid look b.csv --cut FOLDER` writes each part as a log of its own" in look(path).problem
+
+
+def test_a_log_is_cut_at_restarts_into_logs_of_their_own(tmp_path: Path) -> None:
+    """A board greets and writes its header again; the parts keep their readings and the lines above, each on its own clock."""
+    path = tmp_path / "e.csv"
+    path.write_text(
+        "\n".join(["# SYNTHETIC", "millis,T1 [degC],T2 [degC]", *rows(), "Hello v1.2", "millis,T1 [degC],T2 [degC]", *rows(30, 20)]) + "\n"
+    )
+    for k, text in enumerate(parts_between_restarts(path), 1):
+        (tmp_path / f"e_{k}.csv").write_text(text)
+    first, second = (td.read_record(tmp_path / f"e_{k}.csv", {"T1": {"node": "a"}}) for k in (1, 2))
+    assert (first.times.size, second.times.size) == (30, 20)
+    assert second.times[0] == pytest.approx(0.003)
+    assert second["T1"].values[0] == pytest.approx(273.15 + 22.30)
+    assert "SYNTHETIC" in (tmp_path / "e_2.csv").read_text()
+    with pytest.raises(RecordError, match="There is nothing to cut"):
+        parts_between_restarts(tmp_path / "e_1.csv")
 
 
 def test_a_counter_beside_stamps_is_ignored_and_its_restart_named(tmp_path: Path) -> None:

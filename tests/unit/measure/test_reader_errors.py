@@ -302,6 +302,12 @@ def test_a_start_of_labview_that_cannot_be_is_left_out(log, clock):
     assert (cells.start, cells.columns[1]) == (None, ("21.5", "21.6"))
 
 
+def test_a_labview_file_that_dates_its_whole_alone_begins_there(log):
+    head = LABVIEW.replace("***End", "Date\t2024/03/05\nTime\t09:58:00.25\n***End")
+    text = f"{head}Channels\t1\n***End_of_Header***\t\nX_Value\tcase\n0\t21.5\n1\t21.6\n"
+    assert read_plain(log(text.encode(), "x.lvm")).cells.start == "2024-03-05T09:58:00.250000"
+
+
 def test_a_labview_file_that_ends_behind_a_header_is_refused(log):
     with pytest.raises(RecordError, match="ends behind a header, without channels"):
         read_record(log(f"{LABVIEW}Channels\t1\n***End_of_Header***".encode(), "x.lvm"), {"case": "case"})

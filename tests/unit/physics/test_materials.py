@@ -16,6 +16,40 @@ def test_aluminium_of_the_document() -> None:
     assert (found.density, found.specific_heat, found.conductivity) == (2810.0, 960.0, 130.0)
 
 
+@pytest.mark.parametrize(
+    ("asked", "found"),
+    [
+        ("Aluminium 6061", "aluminium 6061-T6"),
+        ("aluminum 6061-T6", "aluminium 6061-T6"),
+        ("AL6061", "aluminium 6061-T6"),
+        ("Al 7075 T6", "aluminium 7075-T6"),
+        ("EN AW-5052", "aluminium 5052"),
+        ("AISI 304", "stainless steel 304"),
+        ("SS316", "stainless steel 316"),
+        ("Ti-6Al-4V", "titanium Ti-6Al-4V"),
+        ("FR4 4 layers", "FR4, 4 layers"),
+        ("Copper", "copper"),
+    ],
+)
+def test_the_only_material_with_all_words_is_meant(asked: str, found: str) -> None:
+    assert material(asked).name == found
+
+
+@pytest.mark.parametrize(
+    ("asked", "said"),
+    [
+        ("aluminium", "several materials"),
+        ("6061-T4", "no material"),
+        ("steel 316-T6", "no material"),
+        ("stainless", "several"),
+        ("", "no material"),
+    ],
+)
+def test_no_or_several_materials_are_refused_with_names(asked: str, said: str) -> None:
+    with pytest.raises(NameNotFoundError, match=said):
+        material(asked)
+
+
 def test_air_is_that_of_the_correlations() -> None:
     from thermid.physics.air import AIR_300K, air_density, air_specific_heat
 
@@ -87,7 +121,7 @@ def test_tables_cannot_be_changed() -> None:
 
 
 def test_misspelt_names_offer_the_nearest() -> None:
-    with raises_code("name.unknown", NameNotFoundError, match="'aluminum 7075-T6'.*'aluminium 7075-T6'"):
-        material("aluminum 7075-T6")
+    with raises_code("name.unknown", NameNotFoundError, match="'aluminum 7075-T7'.*'aluminium 7075-T6'"):
+        material("aluminum 7075-T7")
     with raises_code("name.unknown", NameNotFoundError, match="'FR4, 3 layers'.*'FR4, 4 layers'"):
         material("FR4, 3 layers")

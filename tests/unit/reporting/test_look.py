@@ -117,7 +117,7 @@ def test_command_prints_writes_and_speaks_json(log, tmp_path):
     assert (first["separator"], first["preamble"], first["decimal"], first["rows"]) == ("semicolon", 3, ",", 200)
     assert first["gaps"] == [{"at": 990.0, "length": 910.0}]
     assert [c["guess"] for c in first["columns"]] == ["time", "temperature", "boundary", "duty", "power", "ignored"]
-    with pytest.raises(ThermidError, match="one log is drawn"):
+    with pytest.raises(ThermidError, match="it is of one log"):
         CliRunner().invoke(app, ["look", str(log), str(log), "--svg", "x.svg"], catch_exceptions=False)
 
 
@@ -194,3 +194,13 @@ def test_the_log_without_stamps_is_named(tmp_path):
     assert '"... [s]"' in done.stdout
     done = CliRunner().invoke(app, ["look", str(tmp_path / "a.csv"), str(tmp_path / "b.csv"), "--time", "when"], catch_exceptions=False)
     assert (done.exit_code, done.stdout.count("'when'")) == (2, 2)
+
+
+@pytest.mark.parametrize("name", ["trafo", "Torque", "total", "tank_level", "ambient_light", "Tool", "T_case_2"])
+def test_a_name_or_a_size_of_another_quantity_is_asked_about(tmp_path: Path, name: str) -> None:
+    size = 640.0 if name == "T_case_2" else 22.0
+    rows = [f"{10 * k},{size + 0.1 * k:.1f},{22 + 0.1 * k:.1f},{24 + 0.1 * k:.1f}" for k in range(12)]
+    (tmp_path / "a.csv").write_text("\n".join([f"time_s,{name},T_top,tbox", *rows]) + "\n")
+    seen = td.look(tmp_path / "a.csv")
+    assert [c.guess for c in seen.columns] == ["time", "unclear", "temperature", "temperature"]
+    assert any(question.startswith(f"{name}: a temperature or another quantity: state its unit") for question in seen.questions)

@@ -52,7 +52,7 @@ DISCREPANCY = Discrepancy(
 OWN = OwnValue("air", "AIR", 0.1, 0.2, 3, (Beside("T", 0.3, 0.4, 0.5),))
 AT = OperatingPoint(10.0, 300.0)
 WAY = KeptWay(
-    "free air", 1.0, {"a.skin": SurfaceLaw(AT, 0.25, 0.2, None), "a.joint": JointLaw(AT, 0.01, None)}, {"a.x": 0.1},
+    "free air", 1.0, {"a.skin": SurfaceLaw(AT, 0.25, 0.2, 1.5, None), "a.joint": JointLaw(AT, 0.01, None)}, {"a.x": 0.1},
     Departures({"a.skin": Smooth(AT, "surface", np.zeros((1, 2)), np.array([0.5]), (True,), 0.02)}, (60.0,), ("a.n",), 1),
     (UnknownColumn("exponent of a.skin", "", 0.1, "a.skin"),), np.array([0.1]), np.array([[0.2, 0.0], [0.1, 0.3]]), {"run": 0.02},
     ((1.0, 0.1, 0.3),),

@@ -44,7 +44,8 @@ from thermid.app.cli.options import (
 from thermid.app.cli.screen import Progress, show, working
 from thermid.app.cli.summary import show_campaign
 from thermid.base.errors import ScenarioError, SolverError
-from thermid.base.files import CREDIBILITY, PICTURE, TABLE, VALUES, may_write
+from thermid.base.files import CREDIBILITY, PICTURE, TABLE, VALUES, may_write, read_bytes
+from thermid.base.toml_files import kind_of_text
 from thermid.campaign import studies as origins
 from thermid.campaign.stages import Campaign, file_name, fleet_in, local_of, plain_readings, read_campaign, scenario_of, survey
 from thermid.campaign.studies import plan_retune
@@ -114,7 +115,7 @@ def calibrate(
 
 
 def report(
-    campaign: CampaignPath,
+    campaign: Annotated[Path | None, typer.Argument(help="A campaign (TOML); the only one of this folder without it.")] = None,
     to: Page = None,
     pdf: Pdf = None,
     data: Data = None,
@@ -129,17 +130,38 @@ def report(
 
     Exit code as for calibrate.
     """
+    alone = campaign is None
+    campaign = campaign or _only_campaign()
     if to is None and pdf is None:
-        raise ScenarioError("a report needs a file: --to page.html, --pdf page.pdf, or both.", "command line")
+        if not alone:
+            raise ScenarioError("a report needs a file: --to page.html, --pdf page.pdf, or both.", "command line")
+        to = Path("report.html")
     to, pdf = ready(to, pdf)
     check_audience(audience)
     result, _ = _run(campaign, data, results, fresh, accept)
     beside = tables_folder(to or pdf or "")
     with working("writing the report"):
         files = written(lambda path: page.report(result, to=path, audience=audience, tables_to=beside), to, pdf)
-    text = result.standing.over("\n".join(f"report: {path}" for path in files.values()), "stage")
-    say(as_json, {**files, "passed": result.passed, "standing": campaign_standing(result)}, text)
+    taken = [f"campaign: {campaign}, the only one of this folder"] if alone else []
+    text = result.standing.over("\n".join([*taken, *(f"report: {path}" for path in files.values())]), "stage")
+    say(as_json, {**files, "campaign": str(campaign), "passed": result.passed, "standing": campaign_standing(result)}, text)
     leave(result.standing, result.exit_code)
+
+
+def _only_campaign() -> Path:
+    """Return the only campaign of the working folder.
+
+    Raises
+    ------
+    ScenarioError   When it has none or several.
+    """
+    found = [path for path in sorted(Path().glob("*.toml")) if kind_of_text(read_bytes(path)) == "a campaign"]
+    if len(found) != 1:
+        several = ", ".join(map(str, found)) or "none"
+        raise ScenarioError(
+            f"campaigns of this folder: {several}. Name one: thermid report campaign.toml --to report.html.", "command line"
+        )
+    return found[0]
 
 
 def identify(

@@ -10,9 +10,9 @@ import typer
 
 from thermid.app.cli.options import Force, Json, Whole, say, with_unit
 from thermid.base.errors import RecordError
-from thermid.base.files import DRAWING, check_ending, write_text
+from thermid.base.files import DRAWING, LOG, check_ending, write_text
 from thermid.measure.amounts import amount
-from thermid.measure.readers import read_record, temperature_columns
+from thermid.measure.readers import parts_between_restarts, read_record, temperature_columns
 from thermid.measure.records import Record
 from thermid.measure.steadiness import rule_of
 from thermid.model.deck import load_model
@@ -31,6 +31,7 @@ def look(
     clock: Annotated[str | None, typer.Option("--clock", help="Form of the stamps, such as '%d/%m/%Y %H:%M'.")] = None,
     unit: Annotated[str | None, typer.Option("--time-unit", help="Unit of the times, where they are numbers without one.")] = None,
     to: Annotated[Path | None, typer.Option("--svg", help="Picture to write (SVG), of one log.")] = None,
+    cut: Annotated[Path | None, typer.Option("--cut", help="Folder for the parts of one log between restarts of its board.")] = None,
     force: Force = False,
     as_json: Json = False,
 ) -> None:
@@ -38,8 +39,11 @@ def look(
 
     The lines for a campaign are printed too. Exit code 2 if times cannot be read.
     """
-    if to is not None and len(logs) > 1:
-        raise RecordError("one log is drawn as one SVG. Give one log.", "--svg")
+    for option, one in (("--svg", to), ("--cut", cut)):
+        if one is not None and len(logs) > 1:
+            raise RecordError("it is of one log. Give one log.", option)
+    if cut is not None:
+        logs = _cut(logs[0], cut)
     if to is not None:
         check_ending(to, DRAWING)
     reading = {"separator": separator, "decimal": decimal, "clock": clock, "unit": unit}
@@ -51,11 +55,22 @@ def look(
     width = shutil.get_terminal_size((110, 24)).columns
     bad = any(file_look.problem for file_look in looks)
     parts = ["\n".join(file_look.lines(width)) for file_look in looks]
-    parts += ["\n".join(lines)] if (lines := picture.clock_lines(looks)) else []
+    parts += [f"{len(logs)} parts between restarts, each on a clock of its own, written to {cut}"] if cut is not None else []
+    parts += ["\n".join(lines)] if cut is None and (lines := picture.clock_lines(looks)) else []
     text = "\n\n".join(parts) + (f"\npicture: {to}" if to is not None else "")
     clocks = {"clocks": picture.clocks_of(looks)} if len(looks) > 1 else {}
     say(as_json, {"status": "error" if bad else "ok", "logs": [file_look.as_object() for file_look in looks], **clocks}, text)
     raise SystemExit(2 if bad else 0)
+
+
+def _cut(log: Path, folder: Path) -> list[Path]:
+    """Write the parts of a log between restarts of its board, each on its own clock; return their paths."""
+    parts = parts_between_restarts(log)
+    folder.mkdir(parents=True, exist_ok=True)
+    paths = [folder / f"{log.stem}_{k}.csv" for k in range(1, len(parts) + 1)]
+    for path, text in zip(paths, parts, strict=True):
+        write_text(path, text, LOG)
+    return paths
 
 
 def settle(

@@ -56,7 +56,7 @@ MIN_SILENCE: Final = 60.0
 
 Channels = Annotated[
     list[str],
-    typer.Option("--channel", help="Column, or COLUMN=NODE, BOUNDARY or LOAD of the deck; by default what has a name of the deck's."),
+    typer.Option("--channel", help="Column, or 'COLUMN=NODE [UNIT]', a BOUNDARY or LOAD; by default what has a name of the deck's."),
 ]
 FullScale = Annotated[list[str], typer.Option("--full-scale", help="COLUMN=POWER of a duty at 100 %, such as Q1='1.2 [W]'.")]
 LogPath = Annotated[
@@ -123,7 +123,7 @@ def watch(
     test = None if campaign is None else running_test(staged(campaign, data, results, accept), record, stage)
     if test is None:
         deck = None if model is None else fitted_model(model, values, keep)
-        columns = BoundColumns(_column_bindings(channel), pairs(full_scale, "--full-scale"), stated, deck, read)
+        columns = BoundColumns(*_column_bindings(channel, full_scale), stated, deck, read)
     else:
         columns = _columns_of(test, stated, read)
     standing = UNJUDGED if columns.model is None else model_standing(columns.model).accept(accept or ())
@@ -147,9 +147,11 @@ def _columns_of(test: RunningTest, noise: str | None, read: dict[str, str | None
     return columns
 
 
-def _column_bindings(channel: list[str]) -> dict[str, str]:
-    """Return column -> what it is bound to, of ``COLUMN`` and ``COLUMN=PATH``."""
-    return {n.strip(): path.strip() or n.strip() for n, _, path in (text.partition("=") for text in channel)}
+def _column_bindings(channel: list[str], full_scale: list[str]) -> tuple[dict[str, str], dict[str, str], dict[str, str]]:
+    """Return what columns are bound to, their powers at 100 % and their units, of ``COLUMN=PATH [UNIT]`` or less of it."""
+    parts = {n.strip(): rest.partition("[") for n, _, rest in (text.partition("=") for text in channel)}
+    units = {n: text.strip(" ]") for n, (_, bracket, text) in parts.items() if bracket}
+    return {n: path.strip() or n for n, (path, _, _) in parts.items()}, pairs(full_scale, "--full-scale"), units
 
 
 def _looks(records: Iterator[Record], request: WatchRequest, standing: Standing, as_json: bool) -> WatchLook | None:

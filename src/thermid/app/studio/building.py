@@ -11,7 +11,7 @@ from thermid.app.studio.conditions import compared, conditions_object, finished
 from thermid.app.studio.curves import number_of, text_of, texts_of
 from thermid.app.studio.desk import Desk
 from thermid.app.studio.draft import CAMPAIGN, DECK, PLACES, VIEW, Draft, keep, parsed_line, recalled
-from thermid.app.studio.follow import Follower
+from thermid.app.studio.follow import Follower, looked_at
 from thermid.app.studio.orders import curves_object
 from thermid.app.studio.shapes import PALETTE, SOURCES, added, palette, removed, renamed, scheduled, schedules, sheets, stored, valued
 from thermid.app.studio.work import Jobs, JobState
@@ -27,7 +27,6 @@ from thermid.model.deck import Edit
 from thermid.model.tree import Model, parameter_table
 from thermid.reporting.diagrams import card_places
 from thermid.reporting.objects import fit_object
-from thermid.reporting.pictures import look
 from thermid.simulation.network import compile_network
 from thermid.simulation.scenarios import Scenario
 
@@ -158,7 +157,7 @@ class Building:
             return None
         table = content["records"][name]
         try:
-            looked = look(self._inside(table["file"]), time=table.get("time")).as_object()
+            looked = looked_at(self._inside(table["file"]), table.get("time"))
             looked = {k: looked[k] for k in ("problem", "rows", "columns", "questions", "notes", "sampling", "clock")}
         except ThermidError as error:
             looked = {"problem": error.message, "rows": 0, "columns": [], "questions": [], "notes": []}
@@ -273,7 +272,7 @@ class Building:
     def _log(self, body: Body) -> Draft:
         """Return the draft with a log of the folder as its record, its columns bound as their names and units suggest."""
         file = text_of(body, "file")
-        looked = look(self._inside(file)).as_object()
+        looked = looked_at(self._inside(file))
         name, stage = word(Path(file).name.partition(".")[0]), self._place_of_stage()
         records = [*(r for r in self._stage().get("records", []) if r != name), name]
         table = {"file": file, "channels": self._proposed(looked["columns"])}

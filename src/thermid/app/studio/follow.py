@@ -12,7 +12,7 @@ from typing import Any
 import numpy as np
 
 from thermid.app.studio.curves import Window, thinned_curve, window_of
-from thermid.app.studio.live import LiveWatch
+from thermid.app.studio.live import LiveWatch, temperatures_alone, told_columns
 from thermid.base.errors import DeckError, MissingDataError, RecordError, ThermidError, refuse_unknown
 from thermid.base.linear_algebra import Array, Bools
 from thermid.base.toml_files import project_root, resolve_inside
@@ -22,6 +22,7 @@ from thermid.measure.steadiness import RULES, ChannelStability, StabilityRule, c
 from thermid.physics.constants import ICE_POINT
 from thermid.qualify.steadiness import Forecast, Stability, forecast
 from thermid.qualify.watch import read_whole_lines
+from thermid.reporting.pictures import look
 
 KINDS = ("*.csv", "*.log", "*.txt", "*.tsv", "*.csv.gz")
 OFFERED = 200
@@ -31,6 +32,11 @@ FAN_POINTS = 24
 """Times for which a forecast is drawn."""
 BREAK = 5.0
 """A time between samples that is so many times the usual one is drawn as a gap."""
+
+
+def looked_at(path: Path, time: str | None = None) -> dict[str, Any]:
+    """Return what `thermid look` says of a log: its columns with what they look like and why, its rows, and questions."""
+    return look(path, time=time).as_object()
 
 
 @dataclass
@@ -64,6 +70,7 @@ class Follower:
         self.folder, self.log = folder, log
         self._live = live or LiveWatch(lambda: None)
         self._kept: _CachedForecasts | None = None
+        self._columns: tuple[Path, list[dict[str, Any]]] | None = None
 
     def offered(self) -> dict[str, Any]:
         """Return the logs that may be followed, newest first, and the rules that there are."""
@@ -95,23 +102,28 @@ class Follower:
         due = self._kept is None or self._kept.due
         if query.get("known") == version and not (due and self._kept is not None and self._kept.behind):
             return {"same": True, "known": version, "age": age}
-        begun, before = time.monotonic(), self._kept
+        begun, before, told = time.monotonic(), self._kept, temperatures_alone(told_columns(query))
         try:
-            columns = temperature_columns(path)
-            if not columns:
-                return {
-                    "waiting": "No column is recognised as a temperature. Give it a unit, such as T1 [degC].",
-                    "known": version,
-                    "age": age,
-                }
-            record = read_whole_lines(path, lambda p: read_record(p, {n: {"node": n} for n in columns}))
+            columns = self._looked(path)
+            tables = told or {n: {"node": n} for n in temperature_columns(path)}
+            if not tables:
+                none = "No column is recognised as a temperature. Say in the table of columns what each is."
+                return {"waiting": none, "known": version, "age": age, "columns": columns, "roles": self._live.roles()}
+            record = read_whole_lines(path, lambda p: read_record(p, tables))
         except (MissingDataError, RecordError) as error:
             return {"waiting": f"Nothing to show yet: {error.message}", "known": version, "age": age}
         out = self._curves_and_forecasts(record, rule, query)
         slowest, since = _hours(query.get("slowest"), "slowest"), _hours(query.get("since"), "since")
         out["watch"] = self._live.look(path, rule, query, slowest, since)
+        out |= {"columns": columns, "roles": self._live.roles()}
         spent = self._kept.took if self._kept is not None and self._kept is not before else 0.0
         return out | {"file": path.name, "known": version, "age": age, "seconds": time.monotonic() - begun - spent}
+
+    def _looked(self, path: Path) -> list[dict[str, Any]]:
+        """Return the columns of a log as they were when it was first looked at: name, unit, what they look like and why."""
+        if self._columns is None or self._columns[0] != path:
+            self._columns = path, looked_at(path)["columns"]
+        return [c for c in self._columns[1] if c["guess"] != "time"]
 
     def _path(self, name: str) -> Path:
         if not name:
@@ -158,7 +170,7 @@ class Follower:
 
     def _forecasts(self, record: Record, order: list[str], rule: StabilityRule, query: Mapping[str, Any]) -> _CachedForecasts:
         """Return where channels will end; what was worked out a moment ago where it is too soon to do so again."""
-        of = (record.origin.file, rule.name, order[0], *(query.get(k) for k in ("since", "slowest", "reference", "channel")))
+        of = (record.origin.file, rule.name, order[0], *(query.get(k) for k in ("since", "slowest", "reference", "channel", "channels")))
         end, cached = float(record.times[-1]), self._kept
         if cached is not None and cached.of == of and (not cached.due or cached.end == end):
             cached.behind = cached.end != end

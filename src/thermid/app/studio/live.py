@@ -17,14 +17,42 @@ from thermid.measure.steadiness import StabilityRule
 from thermid.model.laws import literal
 from thermid.model.parameters import UNJUDGED
 from thermid.model.tree import Model
-from thermid.qualify.watch import BoundColumns, TemperatureLimit, Watcher, WatchRequest
+from thermid.qualify.watch import BoundColumns, TemperatureLimit, Watcher, WatchRequest, roles_in
 from thermid.reporting.objects import clean
 from thermid.simulation.network import compile_network
 from thermid.simulation.scenarios import Scenario
 from thermid.values.store import model_standing
 
+ROLES = ("node", "boundary", "load")
 DEFAULT_MAX_HALF_WIDTH = 1.0
 """Half of the interval of where a channel ends, at most, where the page asks for none. [K]"""
+
+
+Tables = dict[str, dict[str, str]]
+
+
+def told_columns(asked: Mapping[str, Any]) -> Tables:
+    """Return column -> its table as in a campaign, of those that were bound to something on the page.
+
+    Raises
+    ------
+    RecordError   When that is no table of texts.
+    """
+    told = asked.get("channels") or {}
+    if not (isinstance(told, dict) and all(isinstance(t, dict) and all(isinstance(v, str) for v in t.values()) for t in told.values())):
+        raise RecordError("'channels' is a table for each column, of texts.", "bench")
+    return {n: t for n, t in told.items() if any(t.get(role) for role in ROLES)}
+
+
+def temperatures_alone(told: Tables) -> Tables:
+    """Return the tables of what was bound to nodes and boundaries, each as a node of its own name."""
+    return {n: {"node": n} | ({"unit": t["unit"]} if "unit" in t else {}) for n, t in told.items() if "load" not in t}
+
+
+def _as_told(channels: Mapping[str, Any], told: Tables) -> dict[str, Any]:
+    """Return the tables of a record with what was bound on the page in their place; noise and the like stay."""
+    kept = {n: t if isinstance(t, dict) else {} for n, t in channels.items()}
+    return {n: {k: v for k, v in kept.get(n, {}).items() if k not in ROLES} | t for n, t in told.items()} or dict(channels)
 
 
 @dataclass(frozen=True)
@@ -52,25 +80,34 @@ class LiveWatch:
         self._watcher: Watcher | None = None
         self._begin = self._end = 0.0
 
+    def roles(self) -> dict[str, str]:
+        """Return what columns may be bound to: path -> node, boundary or load; nothing where there is no model yet."""
+        try:
+            known = self._known()
+            model = known[list(known)[-1]].fitted_model if isinstance(known, Campaign) else known
+            return {} if model is None else roles_in(compile_network(model))
+        except ThermidError:
+            return {}
+
     def look(
         self, path: Path, rule: StabilityRule, query: Mapping[str, Any], slowest: float | None = None, since: float | None = None
     ) -> dict[str, Any]:
-        """Return what ``thermid watch --once --json`` prints of a log, and ``model``, ``like`` and ``unused``.
+        """Return what ``thermid watch --once --json`` prints of a log, and ``model``, ``like``, ``unused`` and ``bound``.
 
-        The last two are the record of a campaign that the log is like, and why no model is used.
+        The last three are the record of a campaign that the log is like, why no model is used, and what the columns are.
 
         Parameters
         ----------
         path : Path         The log.
         rule : StabilityRule
-        query : dict        ``boundaries`` and ``limits``, such as ``air=22`` in degC, and ``within`` [K].
+        query : dict        ``boundaries`` and ``limits``, such as ``air=22`` in degC, ``within`` [K], and ``channels`` as in a campaign.
         slowest : float     Longest time constant, where no model is there. [s]
         since : float       When conditions last changed; the beginning where it is None. [s]
         """
         model, unused = None, ""
         try:
             subject = self._known()
-            of = (path, rule.name, slowest, since, *(query.get(k) for k in ("boundaries", "within", "limits")))
+            of = (path, rule.name, slowest, since, *(query.get(k) for k in ("boundaries", "within", "limits", "channels")))
             if self._watcher is None or of != self._of or subject is not self._subject:
                 self._watcher, bare = None, _bare(rule, query, slowest, since)
                 self._bound, self._of, self._subject = _bound(path, subject, query, bare), of, subject
@@ -84,10 +121,15 @@ class LiveWatch:
         except ThermidError as error:
             self._watcher = None
             out = {"advice": "declined", "because": error.message, "alarms": [], "nodes": {}, "assumed": []}
-            return out | {"model": "", "like": "", "unused": unused}
+            return out | {"model": "", "like": "", "unused": unused, "bound": told_columns(query)}
         standing = UNJUDGED if model is None else model_standing(model)
         content: dict[str, Any] = clean(add_codes({**look.as_object(), "standing": standing.to_dict()}))
-        return content | {"model": "" if model is None else model.title, "like": self._bound.like, "unused": unused}
+        return content | {
+            "model": "" if model is None else model.title,
+            "like": self._bound.like,
+            "unused": unused,
+            "bound": self._bound.request.columns.tables,
+        }
 
 
 def _within(query: Mapping[str, Any]) -> float:
@@ -105,7 +147,14 @@ def _temperatures(body: Mapping[str, Any], key: str) -> dict[str, str]:
 def _bare(rule: StabilityRule, body: Mapping[str, Any], slowest: float | None, since: float | None) -> WatchRequest:
     """Return how a log is watched where its readings are all that is known."""
     limits = tuple(TemperatureLimit(n, False, literal(t, TEMPERATURE, "limit")) for n, t in _temperatures(body, "limits").items())
-    return WatchRequest(BoundColumns(), rule, _within(body), limits, slowest=slowest, since="start" if since is None else since)
+    return WatchRequest(
+        BoundColumns(tables=temperatures_alone(told_columns(body))),
+        rule,
+        _within(body),
+        limits,
+        slowest=slowest,
+        since="start" if since is None else since,
+    )
 
 
 def _bound(path: Path, subject: Model | Campaign | None, query: Mapping[str, Any], bare: WatchRequest) -> _Bound:
@@ -115,7 +164,12 @@ def _bound(path: Path, subject: Model | Campaign | None, query: Mapping[str, Any
     if subject is None:
         return _Bound(bare)
     try:
-        return _like_a_record(path, subject, stated, bare) if isinstance(subject, Campaign) else _by_names(path, subject, stated, bare)
+        told = told_columns(query)
+        return (
+            _like_a_record(path, subject, stated, bare, told)
+            if isinstance(subject, Campaign)
+            else _by_names(path, subject, stated, bare, told)
+        )
     except ThermidError as error:
         return _without_model(bare, error.message)
 
@@ -125,28 +179,31 @@ def _without_model(bare: WatchRequest, why: str) -> _Bound:
     return _Bound(bare, unused=f"the model is not used: {why}")
 
 
-def _by_names(path: Path, model: Model, stated: Scenario | None, bare: WatchRequest) -> _Bound:
-    """Return what a log is watched by where it has names of a deck."""
+def _by_names(path: Path, model: Model, stated: Scenario | None, bare: WatchRequest, told: Tables) -> _Bound:
+    """Return what a log is watched by where its columns were bound, or have names of a deck."""
     network = compile_network(model)
     find = network.flat.names.model.canonical
-    names = {find(name_and_unit(cell)[0]) for cell in log_cells(path).header}
-    if not names & set(network.nodes):
-        return _without_model(bare, "no channel of the log has the name of one of its nodes")
-    names |= {find(b) for b in stated.boundaries} if stated is not None else set()
-    missing = [b for b in network.boundaries if b not in names]
+    names = [t[role] for t in told.values() for role in ROLES if role in t] or [name_and_unit(cell)[0] for cell in log_cells(path).header]
+    known = {find(name) for name in names}
+    if not known & set(network.nodes):
+        return _without_model(bare, "no channel of the log has the name of one of its nodes. Bind the columns")
+    known |= {find(b) for b in stated.boundaries} if stated is not None else set()
+    missing = [b for b in network.boundaries if b not in known]
     if missing:
         return _without_model(bare, f"the temperature of '{missing[0]}' is not known. Give it as {missing[0]}=22")
-    return _Bound(replace(bare, columns=BoundColumns(model=model), scenario=stated))
+    return _Bound(replace(bare, columns=BoundColumns(model=model, tables=told), scenario=stated))
 
 
-def _like_a_record(path: Path, campaign: Campaign, stated: Scenario | None, bare: WatchRequest) -> _Bound:
+def _like_a_record(path: Path, campaign: Campaign, stated: Scenario | None, bare: WatchRequest, told: Tables) -> _Bound:
     """Return what a log is watched by where it has the columns of a record of a campaign: their meaning, and the last stage's model."""
     header = {name_and_unit(cell)[0] for cell in log_cells(path).header}
     records = campaign.source.content.records if campaign.source is not None else {}
     alike = [name for name, table in records.items() if table.channels and set(table.channels) <= header]
+    if not alike and told:
+        return _by_names(path, campaign[list(campaign)[-1]].fitted_model, stated, bare, told)
     if not alike:
-        return _without_model(bare, "the log has not the columns of one of the campaign's records")
+        return _without_model(bare, "the log has not the columns of one of the campaign's records. Bind the columns")
     test = running_test(campaign, alike[0])
-    columns = BoundColumns(model=test.model, options=test.options, tables=dict(test.table.channels), bound=test.bound)
+    columns = BoundColumns(model=test.model, options=test.options, tables=_as_told(test.table.channels, told), bound=test.bound)
     columns.remarks = test.remarks
     return _Bound(replace(bare, columns=columns, scenario=stated, conditions=test.conditions), alike[0])

@@ -57,7 +57,7 @@ EXAMPLES: Final = {
         ShippedExample("07_pad", "a cabinet on a launch pad, with weather", "python run.py"),
         ShippedExample(
             "sisnav",
-            "an avionics unit from parts to the whole, synthetic logs",
+            "an avionics unit from parts to the whole, synthetic logs; one verdict fails on purpose, exit code 1",
             "thermid report campaign.toml --to report.html",
             campaign="campaign.toml",
             makes="laboratory.py",

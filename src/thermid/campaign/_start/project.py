@@ -32,7 +32,7 @@ SLIGHT = 0.02
 """A way of heat that carries less than this part of what leaves a part, and whose value the log does not tell, is left out. [-]"""
 LOOSELY = 1.0
 """Standard error of a logarithm from which a value counts as not told by the log. [-]"""
-LIMIT_NOISES, LIMIT_RANGE = 4.0, 0.03
+VERDICT_NOISES, VERDICT_SHARE_OF_RANGE = 4.0, 0.03
 """Limit of the first verdict: so many noises, or so much of the range of the readings, whichever is more."""
 
 
@@ -316,7 +316,7 @@ def _campaign(
         f"Campaign for the logs of {source}. The hold-out record is not fitted; it validates the model.",
         f"Of a single log its last {100 * (1 - FITTED):.0f} % validate the model; a second test with other powers is a stronger "
         "validation.",
-        f"Limits of the verdict: {LIMIT_NOISES:g} noises or {100 * LIMIT_RANGE:g} % of the range of the readings. Replace them by yours.",
+        f"Limits of the verdict: {VERDICT_NOISES:g} noises or {100 * VERDICT_SHARE_OF_RANGE:g} % of the range of the readings. Replace them by yours.",
         "The noise is estimated from second differences of the readings.",
         proposal.offsets_text,
         *([instants_text(proposal.instants)] if proposal.instants else []),
@@ -347,7 +347,7 @@ def _hidden_starts(request: Request, records: Sequence[Record], seats: Mapping[s
 def _limit(proposal: Proposal, records: Sequence[Record], column: str) -> float:
     values = [r[column].values[r[column].valid] for r in records if column in r.channels]
     spread = max((float(np.ptp(v)) for v in values), default=1.0)
-    size = max(LIMIT_NOISES * proposal.noise.get(column, 0.1), LIMIT_RANGE * spread)
+    size = max(VERDICT_NOISES * proposal.noise.get(column, 0.1), VERDICT_SHARE_OF_RANGE * spread)
     return float(math.ceil(size * 100.0) / 100.0)
 
 

@@ -61,6 +61,7 @@ class ElementCourse:
     stores : dict               Node -> heat that it takes up (times,), and its capacitance [J/K]. [W]
     powers : dict               Load -> the node, and its power.
     radiated : dict             Conductor -> what of its heat is radiation (times,). [W]
+    values : dict               Parameter -> its value. [SI]
     settled : bool              Whether the last of the times stands for where the run settles.
     """
 
@@ -71,6 +72,7 @@ class ElementCourse:
     stores: Mapping[str, tuple[Array, float]]
     powers: Mapping[str, tuple[str, Any]]
     radiated: Mapping[str, Array]
+    values: Mapping[str, Any]
     settled: bool = False
 
 
@@ -109,7 +111,7 @@ def course_of(wiring: Wiring, engine: Engine, x: Array | None, options: Options,
     shining = replace(a.numbers, conductors=tuple(row for row in a.numbers.conductors if row.form == "radiation"))
     radiated = wiring.conductor_flows(shining, temperatures, held, shares)
     whole = times if rest is None else np.append(times, end + AFTER)
-    return ElementCourse(whole, temperatures, flows, follows, stores, powers, radiated, rest is not None)
+    return ElementCourse(whole, temperatures, flows, follows, stores, powers, radiated, a.numbers.values, rest is not None)
 
 
 AFTER = 1e-3

@@ -8,28 +8,34 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field, replace
+from itertools import product
 from typing import Any
 
 import numpy as np
 
+from thermid.base.dual import value_of
 from thermid.base.linear_algebra import Array
 from thermid.fit._error_model.courses import (
     FREE_AIR,
     STREAM,
     ElementCourse,
     OperatingPoint,
+    coefficient_path,
     constant_coefficients,
     laws_of,
 )
 from thermid.fit._error_model.sizes import (
     FINISH,
+    FINISHES,
     FLOWLESS,
     FREE_EXPONENT,
     FREE_EXPONENT_SD,
+    GROWTH_BEND,
     LARGEST_SHARE,
     LEAST_SHARE,
     LEVEL_POINTS,
     LEVELS,
+    OTHER_FINISH,
     ROOM_KNOTS,
 )
 from thermid.model.elements import CARRIED_BY, Law
@@ -39,8 +45,10 @@ from thermid.physics.constants import STEFAN_BOLTZMANN
 from thermid.simulation.network import Network
 from thermid.simulation.scenarios import Scenario
 
-EXPONENT_OF, SHARE_OF, TREND_OF = "exponent", "radiation", "trend"
+EXPONENT_OF, SHARE_OF, TREND_OF, BEND_OF = "exponent", "radiation", "trend", "bend"
 """What of a law is not known: of a surface and of a joint."""
+ANOTHER = ", another finish"
+"""What is added to the name of a way in which a finish is not the deck's."""
 SOLIDS = ("conduction", "contact", "bolted", "wedge_lock")
 """Kinds of conductor whose constant conductance may grow with its level."""
 SURFACE, JOINT, LAW = "surface", "joint", "law"
@@ -49,41 +57,45 @@ SURFACE, JOINT, LAW = "surface", "joint", "law"
 
 @dataclass(frozen=True)
 class SurfaceLaw:
-    """What stands behind a constant coefficient of a surface: ``G ((1 - s) (d/d0)^n + s (T/T0)^3)``, a recipe of two rows of the kernel.
+    """What stands behind a constant coefficient of a surface: ``(G - s Gf) (d/d0)^n + s Gf (T/T0)^3``, a recipe of two rows of the kernel.
+
+    The finish says how much is radiated, and so the share is one of the conductance that was fitted, whatever G becomes.
 
     Parameters
     ----------
     at : OperatingPoint     d0 and T0, where G is the value.
     exponent : float        n, of free air; zero behind a fan. [-]
     share : float           s, of radiation. [-]
+    fitted : float          Gf, as the fit's own structure has it. [W/K]
     linear : callable       Recipe of the constant coefficient.
     """
 
     at: OperatingPoint
     exponent: float
     share: float
+    fitted: float
     linear: Any
 
     def __call__(self, fields: Mapping[str, Any]) -> tuple[Law, ...]:
         """Return the laws at values of its fields."""
-        base = self.linear(fields)
-        conductance = base.coefficients[0]
-        convected = conductance * ((1.0 - self.share) / self.at.difference**self.exponent)
-        radiated = conductance * (self.share / (4.0 * self.at.level**3))
-        return Law("power", (convected, self.exponent), "gas"), Law("radiation", (radiated,), "radiation")
+        whole = self.linear(fields).coefficients[0]
+        radiated = self.share * self.fitted
+        if radiated > LARGEST_SHARE * value_of(whole):
+            radiated = LARGEST_SHARE * whole
+        convected = (whole - radiated) / self.at.difference**self.exponent
+        return Law("power", (convected, self.exponent), "gas"), Law("radiation", (radiated / (4.0 * self.at.level**3),), "radiation")
 
-    def growth(self, first: Array, second: Array) -> tuple[Array, Array]:
-        """Return ``ln(d/d0)`` and what linear radiation is in parts of that at T0 (times,). [-]"""
-        apart = np.maximum(np.abs(first - second), FLOWLESS * self.at.difference) / self.at.difference
-        return np.log(apart), (first**2 + second**2) * (first + second) / (4.0 * self.at.level**3)
-
-    def heats(self, course: ElementCourse, path: str, ends: tuple[str, str]) -> dict[str, Array]:
+    def heats(self, course: ElementCourse, c: FlatConductor) -> dict[str, Array]:
         """Return the heat (times,) that one more of n and of s adds along a run. [W]"""
-        log, _ = self.growth(*(course.kelvin[end] for end in ends))
-        radiated = course.radiated.get(path, np.zeros(course.times.size))
-        convected = course.flows[path] - radiated
-        out = {EXPONENT_OF: convected * log}
-        return out | ({SHARE_OF: radiated / self.share - convected / (1.0 - self.share)} if self.share else {})
+        first, second = (course.kelvin[end] for end in c.ends)
+        apart = np.maximum(np.abs(first - second), FLOWLESS * self.at.difference) / self.at.difference
+        radiated = course.radiated.get(c.path, np.zeros(course.times.size))
+        convected = course.flows[c.path] - radiated
+        out = {EXPONENT_OF: convected * np.log(apart)}
+        if not self.share:
+            return out
+        whole = float(value_of(self.linear({name: course.values[path] for name, path in c.fields.items()}).coefficients[0])) / self.fitted
+        return out | {SHARE_OF: radiated / self.share - convected / max(whole - self.share, 1.0 - LARGEST_SHARE)}
 
     def moved(self, by: Mapping[str, float]) -> SurfaceLaw:
         """Return the law with another exponent and share, kept to what is possible."""
@@ -100,7 +112,7 @@ class SurfaceLaw:
 
 @dataclass(frozen=True)
 class JointLaw:
-    """A joint or a solid whose conductance grows with its level: ``G f(c (T - T0))``, f(x) = 1 + x, and 1 / (1 - x) below T0.
+    """A joint or a solid whose conductance grows with its level: ``G f(c (T - T0))``, f(x) = 1 + x where it grows, exp(x) where it falls.
 
     Parameters
     ----------
@@ -127,15 +139,16 @@ class JointLaw:
     def growth(self, level: Array) -> tuple[Array, Array]:
         """Return f and df/dT at levels. [-], [1/K]"""
         x = self.trend * (level - self.at.level)
-        below = 1.0 / (1.0 - np.minimum(x, 0.0))
-        return np.where(x < 0.0, below, 1.0 + x), self.trend * np.where(x < 0.0, below**2, 1.0)
+        falling = np.exp(np.minimum(x, 0.0))
+        return np.where(x < 0.0, falling, 1.0 + x), self.trend * np.where(x < 0.0, falling, 1.0)
 
-    def heats(self, course: ElementCourse, path: str, ends: tuple[str, str]) -> dict[str, Array]:
-        """Return the heat (times,) that one more of c adds along a run. [W K]"""
-        apart = np.mean([course.kelvin[end] for end in ends], axis=0) - self.at.level
+    def heats(self, course: ElementCourse, c: FlatConductor) -> dict[str, Array]:
+        """Return the heat (times,) that one more of c, and of a bend of ``ln f`` by ``x^2 / 2``, adds along a run. [W K], [W]"""
+        apart = np.mean([course.kelvin[end] for end in c.ends], axis=0) - self.at.level
         x = self.trend * apart
         return {
-            TREND_OF: course.flows[path] * apart * np.where(x < 0.0, 1.0 / (1.0 - np.minimum(x, 0.0)), 1.0 / (1.0 + np.maximum(x, 0.0)))
+            TREND_OF: course.flows[c.path] * apart / (1.0 + np.maximum(x, 0.0)),
+            BEND_OF: course.flows[c.path] * 0.5 * np.minimum(x**2, 1.0),
         }
 
     def moved(self, by: Mapping[str, float]) -> JointLaw:
@@ -160,42 +173,55 @@ class Way:
     name : str      ``free air``, ``fan`` or another word of a deck.
     laws : dict     Conductor -> its law with the means of its prior.
     sizes : dict    (conductor, what) -> group of sizes, and the multiple of it that is the standard deviation about the mean.
+    before : float  Its probability before any reading, beside those of the others. [-]
     """
 
     name: str
     laws: Mapping[str, ElementLaw] = field(default_factory=dict)
     sizes: Mapping[tuple[str, str], tuple[str, float]] = field(default_factory=dict)
+    before: float = 1.0
 
 
-def ways_of(
-    network: Network, at: Mapping[str, OperatingPoint], coefficients: Mapping[str, float], emissivities: Mapping[str, float]
-) -> tuple[Way, ...]:
+def ways_of(network: Network, at: Mapping[str, OperatingPoint], values: Mapping[str, Any]) -> tuple[Way, ...]:
     """Return what may carry the heat of a network's surfaces: one way where the deck says it, free air and a stream where it does not.
+
+    A finish that the deck states, and nobody measured, may be another one: then any emissivity is as likely, in a way of its own; of
+    several finishes one at a time, of many all together.
 
     Parameters
     ----------
-    at : dict               Conductor -> where it was found.
-    coefficients : dict     Conductor -> its coefficient there. [W/(m^2 K)]
-    emissivities : dict     Conductor -> the emissivity that the deck gives its surface.
+    at : dict       Conductor -> where it was found.
+    values : dict   Parameter -> its value there. [SI]
     """
     surfaces = {p: c for p, c in constant_coefficients(network).items() if p in at and c.kind in ("effective", "convection")}
     joints = {c.path: c for c in network.flat.conductors if c.path in at and c.kind in SOLIDS and len(laws_of(network, c)) == 1}
     joints = {p: c for p, c in joints.items() if laws_of(network, c)[0].form == "linear"}
     unsaid = [p for p, c in surfaces.items() if CARRIED_BY not in c.words]
+    stated = {p: float(value_of(values[c.emissivity])) for p, c in surfaces.items() if c.kind == "effective" and c.emissivity}
+    deck = network.flat.parameters
+    loose = [p for p in stated if deck.table[deck.literal_behind(surfaces[p].emissivity)].parameter.source != "measured"]
+    others = [[p] for p in loose] if len(loose) <= FINISHES else [loose]
+    finishes = [(stated, "", 1.0 - OTHER_FINISH if loose else 1.0)]
+    for wrong in others:
+        name = f"{ANOTHER} of {wrong[0]}" if len(wrong) == 1 else ANOTHER
+        finishes.append(({p: e for p, e in stated.items() if p not in wrong}, name, OTHER_FINISH / len(others)))
     out = []
-    for carrier in (FREE_AIR, STREAM) if unsaid else ("as the deck says",):
+    for carrier, (emissivities, finish, before) in product((FREE_AIR, STREAM) if unsaid else ("as the deck says",), finishes):
         laws: dict[str, ElementLaw] = {p: JointLaw(at[p], 0.0, linear_recipe(c)) for p, c in joints.items()}
         sizes: dict[tuple[str, str], tuple[str, float]] = {(p, TREND_OF): ("trend", 1.0) for p in joints}
+        sizes |= {(p, BEND_OF): ("", GROWTH_BEND) for p in joints}
         for path, c in surfaces.items():
             carried = c.words.get(CARRIED_BY, carrier)
             if carried not in (FREE_AIR, STREAM):
                 continue
             free = carried == FREE_AIR
-            share, spread = (0.0, 0.0) if c.kind != "effective" else _radiation(coefficients[path], at[path], emissivities.get(path))
-            laws[path] = SurfaceLaw(at[path], FREE_EXPONENT if free else 0.0, share, linear_recipe(c))
+            recipe, coefficient = linear_recipe(c), float(value_of(values[coefficient_path(c)]))
+            share, spread = (0.0, 0.0) if c.kind != "effective" else _radiation(coefficient, at[path], emissivities.get(path))
+            fitted = float(value_of(recipe({name: values[p] for name, p in c.fields.items()}).coefficients[0]))
+            laws[path] = SurfaceLaw(at[path], FREE_EXPONENT if free else 0.0, share, fitted, recipe)
             sizes |= {(path, EXPONENT_OF): ("", FREE_EXPONENT_SD)} if free else {}
             sizes |= {(path, SHARE_OF): ("", spread)} if spread else {}
-        out.append(Way(carrier, laws, sizes))
+        out.append(Way(carrier + finish, laws, sizes, before))
     return tuple(out)
 
 

@@ -15,13 +15,14 @@ from typing import Any
 
 import numpy as np
 
-from thermid.base.dual import value_of
 from thermid.base.errors import IdentificationError, ThermidError
 from thermid.base.linear_algebra import Array
 from thermid.base.results import Result, Row
 from thermid.fit._calibration import FIRST, Calibration
-from thermid.fit._error_model.courses import FREE_AIR, OperatingPoint, coefficient_path, constant_coefficients
+from thermid.fit._error_model.courses import FREE_AIR, OperatingPoint
 from thermid.fit._error_model.elements import (
+    ANOTHER,
+    BEND_OF,
     EXPONENT_OF,
     SHARE_OF,
     TREND_OF,
@@ -57,6 +58,8 @@ KEY = "errors"
 """Where the provenance of fitted values keeps it."""
 FOLLOWED = "prediction.error-not-followed"
 """Code of what is said of a fit whose elements cannot be followed."""
+SHAPE = ("exponent", "share", "fitted")
+"""What a file keeps of the law of a surface."""
 SIGNIFICANT_DIGITS = 7
 """Significant digits of a file."""
 
@@ -128,9 +131,14 @@ class KeptWay:
         return {name: k for k, name in enumerate((*self.values, *(c.name for c in self.columns)))}
 
     @property
+    def carrier(self) -> str:
+        """What carries the heat, whatever the finish."""
+        return self.name.partition(ANOTHER)[0]
+
+    @property
     def way(self) -> Way:
         """What of its laws is not known."""
-        kinds = (EXPONENT_OF, SHARE_OF, TREND_OF)
+        kinds = (EXPONENT_OF, SHARE_OF, TREND_OF, BEND_OF)
         columns = {(c.source, kind): (c.group, c.size) for c in self.columns for kind in kinds if c.name == f"{kind} of {c.source}"}
         return Way(self.name, self.laws, columns)
 
@@ -207,7 +215,9 @@ class KeptWay:
         laws: dict[str, ElementLaw] = {}
         for p, w in data["laws"].items():
             point = OperatingPoint(*map(float, w["at"]))
-            laws[at + p] = SurfaceLaw(point, w["exponent"], w["share"], None) if w["surface"] else JointLaw(point, w["trend"], None)
+            laws[at + p] = (
+                SurfaceLaw(point, w["exponent"], w["share"], w["fitted"], None) if w["surface"] else JointLaw(point, w["trend"], None)
+            )
         smooth = {
             at + p: Smooth(
                 OperatingPoint(*map(float, s["at"])),
@@ -280,26 +290,25 @@ class ErrorModel(Result):
         points = points_of(problem, fitted)
         network = problem.experiments[0].network
         values = network.numbers({p: v.value for p, v in fit.values.assignments.items()}).values
-        surfaces = constant_coefficients(network)
-        coefficients = {p: float(value_of(values[coefficient_path(c)])) for p, c in surfaces.items()}
-        emissivities = {p: float(value_of(values[c.emissivity])) for p, c in surfaces.items() if c.emissivity}
-        fitted_ways = [fitted_way(problem, fitted, w, points) for w in ways_of(network, points, coefficients, emissivities)]
-        every = weights_of(np.concatenate([w.members.log_evidence for w in fitted_ways]))
+        fitted_ways = [fitted_way(problem, fitted, w, points) for w in ways_of(network, points, values)]
+        total = sum(w.way.before for w in fitted_ways)
+        logs = np.concatenate([w.members.log_evidence + math.log(w.way.before / total) for w in fitted_ways])
+        every = weights_of(logs)
         shares = np.split(every, np.cumsum([len(w.left) for w in fitted_ways])[:-1])
         misfit = float(np.sqrt(sum(share @ w.members.square for w, share in zip(fitted_ways, shares, strict=True))))
         named = {u.name: u for u in problem.unknowns}
         ends = {n: u.fitted_bounds() for n, u in named.items()}
         bounds = {n: (float(low), float(high)) for n, (low, high) in ends.items()}
         ways = [KeptWay.of_fitted(w, share, bounds) for w, share in zip(fitted_ways, shares, strict=True) if share.sum() > COUNTED]
-        total = sum(w.weight for w in ways)
+        whole = sum(w.weight for w in ways)
         fitted_values = {n: SeenValue.of_unknown(named[n]) for n in ways[0].values}
-        gain = log_sum(np.concatenate([w.members.log_evidence for w in fitted_ways])) - float(np.log(len(fitted_ways)))
-        ways = [replace(w, weight=w.weight / total) for w in ways]
+        gain = log_sum(logs)
+        ways = [replace(w, weight=w.weight / whole) for w in ways]
         return cls(fit.stage, fitted_values, tuple(ways), misfit, gain=gain - evidence_of_structure(problem, fitted))
 
     @property
     def carriers(self) -> dict[str, float]:
-        """What may carry the heat of surfaces -> its probability by the readings, each as likely before them. [-]"""
+        """What may carry the heat of surfaces, and with which finish -> its probability by the readings. [-]"""
         return {w.name: w.weight for w in self.ways}
 
     @property
@@ -434,7 +443,9 @@ def placed(name: str, at: str) -> str:
 
 def _shape(law: ElementLaw) -> dict[str, float]:
     """Return what of a law is not known, where it is."""
-    return {"exponent": law.exponent, "share": law.share} if isinstance(law, SurfaceLaw) else {"trend": law.trend}
+    if isinstance(law, JointLaw):
+        return {"trend": law.trend}
+    return {k: getattr(law, k) for k in SHAPE}
 
 
 def _triangular(covariance: Array) -> Array:

@@ -118,11 +118,13 @@ class Smooth:
         """Return the centred features along a run (times, r), and how much more of the variance than in the fit lies outside of them. [-]
 
         What lies outside in the runs of the fit is what so few features leave of them, and their readings have told it. In a gas of which
-        no run is, an element departs anew: nothing of what was found in the other says how.
+        no run is, what the gas carries departs anew: nothing of what was found in the other says how. What is radiated departs by its
+        finish, which is an unknown of its own.
         """
         phi = self._features(c, course, thinned)
-        heat = np.abs(course.flows[c.path])
-        rest = float(heat @ _outside(phi) / max(heat.sum(), 1e-300))
+        flow = course.flows[c.path]
+        carried = 1.0 - course.radiated.get(c.path, 0.0) / np.where(flow == 0.0, np.inf, flow) if thinned not in self.thinned else 1.0
+        rest = float(np.abs(flow) @ (_outside(phi) * carried**2) / max(np.abs(flow).sum(), 1e-300))
         return phi - self.centre, max(rest - self.outside, 0.0) / max(1.0 - self.outside, 1e-300)
 
 
@@ -164,7 +166,7 @@ class Departures:
                 out.append((UnknownColumn(title, group, size, c.path), moved_heat(title, network, c.ends, course.times, watts)))
 
             if path in laws:
-                for kind, watts in laws[path].heats(course, path, c.ends).items():
+                for kind, watts in laws[path].heats(course, c).items():
                     if (path, kind) in way.sizes:
                         add(kind, *way.sizes[path, kind], watts)
             phi, _ = smooth_departure.along(c, course, thinned(network, c))

@@ -80,6 +80,9 @@ ASIDE: Final = (1.0, 1.0)
 """How far beyond the conditions of a fit features of departures reach, in lengths; what lies further off is independent. [-]"""
 LEFT_OVER, COLUMNS = 0.01, 10
 """Part of the variance of a departure that its features may leave, and how many there may be."""
+GROWTH_BEND: Final = 1.0 / 3.0**0.5
+"""Standard deviation of the bend of a joint's growth, in parts of x^2/2: evenly from 1 + x to its inverse 1 / (1 - x), of which the growth
+is the first and exp(x) the middle. [-]"""
 FREE_EXPONENT: Final = 4.0 / 15.0
 """Mean exponent of natural convection with the difference: evenly between 1/5 and 1/3 (Incropera and others 2011, 9.6). [-]"""
 FREE_EXPONENT_SD: Final = (1.0 / 3.0 - 1.0 / 5.0) / 12.0**0.5
@@ -90,6 +93,8 @@ LEAST_SHARE: Final = 0.01
 """Least share of radiation where there may be some. [-]"""
 FINISH: Final = 0.15
 """What an emissivity of a deck is good to, relative; as in a fit's discrepancy. [-]"""
+OTHER_FINISH, FINISHES = 0.2, 3
+"""Probability before any reading that a finish is not that of the deck [-], and how many are tried one at a time, not together; prior."""
 FLOWLESS: Final = 1e-3
 """Part of the difference of a fit below which no heat flows. [-]"""
 LEVELS, LEVEL_POINTS = (150.0, 600.0), 181

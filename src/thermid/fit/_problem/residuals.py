@@ -438,11 +438,29 @@ def compressed_in_full(
     return as_triangle(blocks, full, loss, loss_scale)
 
 
+def refuse_not_finite(*numbers: Array | float) -> None:
+    """Refuse residuals or derivatives that overflowed.
+
+    Raises
+    ------
+    SolverError   When a number is not finite.
+    """
+    if not all(np.isfinite(each).all() for each in numbers):
+        raise SolverError(DIVERGED, "fit")
+
+
+@np.errstate(over="ignore", invalid="ignore")  # what overflows is refused
 def as_triangle(
     blocks: Sequence[SensorTrace], full: Array, loss: str, loss_scale: float
 ) -> tuple[Array, Array, float, list[tuple[str, str, Sums]]]:
-    """Return rows, slopes, chi-square and sums of weighted residuals, whose derivatives (samples, unknowns) are made into a triangle."""
+    """Return rows, slopes, chi-square and sums of weighted residuals, whose derivatives (samples, unknowns) are made into a triangle.
+
+    Raises
+    ------
+    SolverError   When a number is not finite.
+    """
     z = np.concatenate([b.weighted for b in blocks])
+    refuse_not_finite(z @ z, full)
     size, weight = loss_of(z**2, loss, loss_scale)
     root = np.sqrt(weight)
     # sqrt(rho') r and sqrt(rho') J have the gradient J' rho' r; Q'r and R have the same normal equations; |r|^2 - |Q'r|^2 is kept
@@ -454,6 +472,10 @@ def as_triangle(
     return rows, np.concatenate([triangle, np.zeros((1, triangle.shape[1]))]), float(weight @ z**2), sums
 
 
+DIVERGED = (
+    "the fit diverged: its residuals or derivatives are not finite. Give its parameters min and max, or priors. Check the log too: a "
+    "column, a unit or a node may be wrong."
+)
 FAILED = 1e4
 """Residual that stands for a run that the integrator could not finish; the optimiser then turns back."""
 
@@ -536,6 +558,7 @@ class Problem:
             out.append(SensorTrace(bench.experiment.record.name, o.sensor, o.seat, times, o.measured, predicted, o.sigma(self.noise)))
         return out
 
+    @np.errstate(over="ignore", invalid="ignore")  # what overflows is refused
     def compressed(self, fitted: Array, loss: str = "linear", loss_scale: float = 1.0, meshes: Sequence[Array] = ()) -> Compressed:
         """Return the weighted residuals of all data with their derivatives, from one run of each record.
 
@@ -544,7 +567,7 @@ class Problem:
 
         Raises
         ------
-        SolverError   When a record cannot be run.
+        SolverError   When a record cannot be run, or a residual or derivative is not finite.
         """
         rows: list[Array] = []
         slopes: list[Array] = []
@@ -571,6 +594,7 @@ class Problem:
             chi += squares.chi_square
             taken.append(squares.mesh)
             sums += [(bench.experiment.record.name, o.sensor, Sums(*line)) for o, line in zip(obs, squares.sums.tolist(), strict=True)]
+        refuse_not_finite(chi, *rows, *slopes)
         return Compressed(np.concatenate(rows), np.concatenate(slopes), chi, tuple(sums), tuple(taken))
 
     def _shifts(self, bench: Bench, x: Array, chain: Array, fitted: Array) -> tuple[Array, NDArray[np.int32], Array]:

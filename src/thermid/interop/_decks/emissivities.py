@@ -13,37 +13,43 @@ surfaces that see each other only. Terms with a negative m, of pairs that see ea
 from __future__ import annotations
 
 import re
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
-from itertools import takewhile
 from typing import Final
 
 import numpy as np
 
-FITTED: Final = "fitted, was"
-"""Mark of a row that was written back: its exchange factors are those of another emissivity."""
+WAS: Final = re.compile(r"fitted, was ([-+.\deEdD]+)")
+"""Mark of a number that was written back: the first says what the exchange factors were computed with."""
 POSITIVE: Final = 0.9
 """Share of a conductor that reflections may lose as an emissivity rises to 1, so that it stays positive."""
-_PROPERTY: Final = re.compile(r"(\S.*?)\s+([01]?\.\d+|[01]\.?)\s+[01]?\.?\d*\s*")
+_PROPERTY: Final = re.compile(r"[Cc][ \t]+(\S.*?)[ \t]+([01]?\.\d+|[01]\.?)(?:[ \t]+[01]?\.?\d*)?(?:.*?fitted, was ([-+.\deEdD]+))?.*\n")
 _ROW: Final = re.compile(r"\s*-\d+\s*,\s*([\w.]+)\s*,\s*([\w.]+)\s*,\s*([-+.\deEdD]+)")
 _AREA: Final = re.compile(r"^\s*([\w.]+)\s+([-+.\deE]+)\s*$", re.MULTILINE)
 
 
 @dataclass(frozen=True)
 class FileEmissivity:
-    """An emissivity that a radiation conductor follows: its parameter, its value in the file, and what the conductor loses by it.
+    """An emissivity that a radiation conductor follows: its parameter, the value it was computed with, and what the conductor loses by it.
 
-    The conductor is divided by 1 + lost u, or times 1 - lost u where that is negative, with u = value/parameter - 1.
+    The conductor is divided by 1 + lost u, or times 1 - lost u where that is negative, with u = value/parameter - 1. ``now`` is the
+    emissivity of the conductor's number in the file: another one once a fit has been written back.
     """
 
     name: str
     value: float
     lost: float
+    now: float
 
     @property
     def text(self) -> str:
         """Return the term lost u without its sign."""
         return f"{abs(self.lost):.5g}*{self.fall}"
+
+    @property
+    def term(self) -> float:
+        """Return the term lost u without its sign, of the conductor's number in the file."""
+        return float(f"{abs(self.lost):.5g}") * (self.value / self.now - 1.0)
 
     @property
     def fall(self) -> str:
@@ -67,55 +73,62 @@ class Emissivities:
     between: int
 
 
-def read_emissivities(lines: Sequence[tuple[str, str]], properties: Mapping[str, float], areas: str) -> Emissivities | None:
+def read_emissivities(lines: Sequence[tuple[str, str]], properties: Mapping[str, tuple[float, float]], areas: str) -> Emissivities | None:
     """Return how a block of radiation conductors follows emissivities; None when its comments or the areas do not say it.
 
     Parameters
     ----------
     lines : list        The rows, each with the comment behind it.
-    properties : dict   Name of a parameter -> emissivity, of the optical properties of the block.
+    properties : dict   Name of a parameter -> emissivity as computed and now, of the optical properties of the block.
     areas : str         Text of the file of areas. [m^2]
     """
     area = {node.upper(): float(number) for node, number in _AREA.findall(areas)}
     pairs = [match.groups() if (match := _ROW.match(text)) else None for text, _ in lines]
-    if not properties or not area or None in pairs or any(FITTED in note for _, note in lines):
+    if not properties or not area or None in pairs:
         return None
     at: dict[str, int] = {}
     exchange, certain = {}, dict[str, float]()
-    for (_, note), (a, b, number) in zip(lines, pairs, strict=True):  # type: ignore[misc]
-        g = float(number)
-        factors = [float(word) for word in re.split(r"[\s,]+", note.strip()) if word]
+    computed = [float(was[1] if (was := WAS.search(note)) else pair[2]) for (_, note), pair in zip(lines, pairs, strict=True)]  # type: ignore[index]
+    for (_, note), (a, b, _), g in zip(lines, pairs, computed, strict=True):  # type: ignore[misc]
+        factors = [float(word) for word in re.split(r"[\s,]+", note.partition("$")[0].strip()) if word]
         for node, factor in zip((a.upper(), b.upper()), factors, strict=False):
             if factor > certain.get(node, 0.0) and node in area:
                 certain[node], exchange[node] = factor, g / factor  # A e, by the factor with most digits
         for node in (a, b):
             at.setdefault(node.upper(), len(at))
-    names, levels = list(properties), np.array(list(properties.values()))
+    names, levels = list(properties), np.array([e for e, _ in properties.values()])
     emissivity = {node: g / area[node] for node, g in exchange.items()}
     of = {node: names[int(np.argmin(np.abs(levels - e)))] for node, e in emissivity.items()}
     G = np.zeros((len(at), len(at)))  # noqa: N806  # the letter of the formula
     ends = [(at[a.upper()], at[b.upper()]) for a, b, _ in pairs]  # type: ignore[misc]
-    for (i, j), (_, _, number) in zip(ends, pairs, strict=True):  # type: ignore[misc]
-        G[i, j] -= float(number)
-        G[j, i] -= float(number)
+    for (i, j), g in zip(ends, computed, strict=True):
+        G[i, j] -= g
+        G[j, i] -= g
     np.fill_diagonal(G, -G.sum(axis=1))
     lost = {}
     for name in names:
         inner = [node for node in of if of[node] == name]
         k = [at[node] for node in inner]
         lost[name] = (G[:, k] / np.array([exchange[node] for node in inner])) @ G[k] if k else np.zeros_like(G)
-    floor = {name: -POSITIVE / (1.0 - e) if e < 1.0 else -np.inf for name, e in properties.items()}
+    floor = {name: -POSITIVE / (1.0 - e) if e < 1.0 else -np.inf for name, (e, _) in properties.items()}
     rows = []
     for i, j in ends:
         shares = ((name, max(float(lost[name][i, j] / G[i, j]), floor[name])) for name in names)
-        rows.append(tuple(FileEmissivity(name, properties[name], m) for name, m in shares if m))
+        rows.append(tuple(FileEmissivity(name, properties[name][0], m, properties[name][1]) for name, m in shares if m))
     counts = {name: sum(other_name == name for other_name in of.values()) for name in names}
-    between = sum(abs(emissivity[node] - properties[of[node]]) > 1e-3 for node in of)
-    return Emissivities({name: (properties[name], n) for name, n in counts.items() if n}, rows, between)
+    between = sum(abs(emissivity[node] - properties[of[node]][0]) > 1e-3 for node in of)
+    return Emissivities({name: (properties[name][0], n) for name, n in counts.items() if n}, rows, between)
 
 
-def optical_properties(comments: Sequence[str]) -> dict[str, float]:
-    """Return name -> emissivity of the table of optical properties among the comments of a block."""
-    begin = next((k for k, words in enumerate(comments) if words.startswith("PROPERTY NAME")), len(comments))
-    rows = (_PROPERTY.match(words + " ") for words in comments[begin + 1 :])
-    return {row[1]: float(row[2]) for row in takewhile(bool, rows) if row}
+def optical_properties(text: str, row: int) -> Iterator[re.Match[str]]:
+    """Yield the rows of the list of optical properties above a row: name, emissivity, and what that was before a fit, if it is one.
+
+    Parameters
+    ----------
+    text : str      The file.
+    row : int       Where the first row of the block begins in it.
+    """
+    at = text.find("\n", text.rfind("PROPERTY NAME", 0, row)) + 1
+    while found := _PROPERTY.match(text, at, row):
+        yield found
+        at = found.end()

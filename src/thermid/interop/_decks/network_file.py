@@ -97,8 +97,10 @@ class FileConductor:
     follows: tuple[FileEmissivity, ...] = ()
 
     def factor(self) -> str:
-        """Return what multiplies the conductor's value: the factor of its group and its change with emissivities."""
-        up = [self.group] if self.group else []
+        """Return what multiplies the conductor's value: the factor of its group and its change since emissivities were as computed."""
+        kept = math.prod(1.0 + emissivity.term for emissivity in self.follows if emissivity.lost < 0.0)
+        kept /= 1.0 + sum(emissivity.term for emissivity in self.follows if emissivity.lost > 0.0)
+        up = ([self.group] if self.group else []) + ([repr(1.0 / kept)] if kept != 1.0 else [])
         up += [f"(1 + {emissivity.text})" for emissivity in self.follows if emissivity.lost < 0.0]
         down = [emissivity.text for emissivity in self.follows if emissivity.lost > 0.0]
         return "*".join(up or ["1"] if down else up) + (f"/(1 + {' + '.join(down)})" if down else "")
@@ -153,7 +155,8 @@ class NetworkFile:
     start : str                    Where the transient begins, as a scenario says it; empty for the temperatures of the nodes.
     seconds : float                The deck's unit of time. [s]
     begin : float                  The deck's time at which its transient begins. [s]
-    emissivities : dict            Parameter -> an optical property's emissivity [-], and how many nodes have it.
+    emissivities : dict            Parameter -> an optical property's emissivity as it was computed with [-], and how many nodes have it.
+    listed : dict                  Where an emissivity stands in a list of optical properties -> its parameter, and the number there.
     """
 
     title: str
@@ -171,6 +174,7 @@ class NetworkFile:
     seconds: float = 1.0
     begin: float = 0.0
     emissivities: Mapping[str, tuple[float, int]] = field(default_factory=dict)
+    listed: Mapping[TextSpan, tuple[str, float]] = field(default_factory=dict)
 
     def __str__(self) -> str:
         """Return what was read in one line, then what was not."""
@@ -223,10 +227,11 @@ class NetworkFile:
             name: {"use": model_from_dict({"title": name, "offers": list(nodes), "nodes": nodes})} for name, nodes in inner.items()
         }
         groups = {name: {**GROUP, "note": f"factor of {counted(n, 'conductor')}"} for name, n in self.groups().items()}
+        now = dict(self.listed.values())
         coatings = {
-            name: {"value": e, "min": e / TWOFOLD, "max": min(e * TWOFOLD, 1.0), "note": f"of {counted(n, 'node')}"}
+            name: {"value": now[name], "min": e / TWOFOLD, "max": min(e * TWOFOLD, 1.0), "note": f"of {counted(n, 'node')}"}
             for name, (e, n) in self.emissivities.items()
-        } | {FileEmissivity(name, e, 0.0).fall: f"{e!r}/{name} - 1" for name, (e, _) in self.emissivities.items()}
+        } | {FileEmissivity(name, e, 0.0, e).fall: f"{e!r}/{name} - 1" for name, (e, _) in self.emissivities.items()}
         stated = {name: {"value": value, "source": "derived", "basis": str(span)} for name, (value, span) in self.parameters.items()}
         deck = {
             "title": self.title,
@@ -319,6 +324,7 @@ class NetworkFile:
         rows = read.evaluate({name: named[name] for name in numbers})  # what their rows state
         changed = {p for p in before.keys() | now.keys() if not _is_same_number(now.get(p, math.nan), before.get(p, math.nan))}
         out = {self.parameters[n][1]: f"{named[n]:.12g}" for n, value in numbers.items() if not _is_same_number(named[n], value)}
+        out |= {span: f"{named[name]:.12g}" for span, (name, value) in self.listed.items() if not _is_same_number(named[name], value)}
         places: dict[TextSpan, dict[str, float]] = {}  # a row that makes several conductors has one number for all of them
         for path, span in self._places():
             places.setdefault(span, {})[path] = now.get(path, math.nan) / rows[path] if rows[path] else 1.0

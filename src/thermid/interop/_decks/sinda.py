@@ -127,6 +127,7 @@ class SindaDeck:
     control: dict[str, float] = field(default_factory=dict)
     courses: dict[str, FileCourse] = field(default_factory=dict)
     emissivities: dict[str, tuple[float, int]] = field(default_factory=dict)
+    listed: dict[TextSpan, tuple[str, float]] = field(default_factory=dict)
     logic: list[tuple[str, list[Line]]] = field(default_factory=list)
     steps: list[tuple[str, str, list[Line]]] = field(default_factory=list)
     settles: bool = False
@@ -184,6 +185,7 @@ def read_sinda(path: str | Path, units: str = "") -> NetworkFile:
         courses=deck.courses,
         begin=begin,
         emissivities=deck.emissivities,
+        listed=deck.listed,
     )  # fmt: skip
 
 
@@ -472,18 +474,23 @@ def _conductors(deck: SindaDeck, submodel: str, lines: list[Line]) -> None:
 def _followed(deck: SindaDeck, lines: list[Line]) -> dict[TextSpan, tuple[FileEmissivity, ...]]:
     """Return place of a row -> the emissivities that it follows, and keep their values; empty where the files do not say them."""
     areas = Path(lines[0].where.file).with_suffix(".ar")
-    emissivities = {f"emissivity_{identifier(name)}": e for name, e in optical_properties(lines[0].before).items()}
+    text, emissivities, places = deck.reading.texts[lines[0].where.file], dict[str, tuple[float, float]](), dict[str, TextSpan]()
+    for found in optical_properties(text, lines[0].where.begin) if any("PROPERTY NAME" in words for words in lines[0].before) else ():
+        emissivities[made := f"emissivity_{identifier(found[1])}"] = (float(found[3] or found[2]), float(found[2]))
+        places[made] = TextSpan(lines[0].where.file, text.count("\n", 0, found.start()) + 1, *found.span(2))
     block = read_emissivities([(x.text, x.note) for x in lines], emissivities, deck.reading.open(areas)) if areas.is_file() else None
     if block is None:
         return {}
     for name, (value, nodes) in block.values.items():
         old, n = deck.emissivities.get(name, (value, 0))
-        if old != value:
+        now, stood = emissivities[name][1], next((e for each, e in deck.listed.values() if each == name), emissivities[name][1])
+        if (old, stood) != (value, now):
             deck.reading.remark(
-                lines[0].where, f"{name} is {value:g} here and {old:g} in another block: its rows follow no emissivity", False
+                lines[0].where, f"{name} is {now:g} here and {stood:g} in another block: its rows follow no emissivity", False
             )
             return {}
         deck.emissivities[name] = (value, n + nodes)
+        deck.listed[places[name]] = (name, now)
     if block.between:
         deck.reading.remark(
             lines[0].where,

@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import hashlib
 import stat
+import sys
 import zipfile
 from collections import Counter
 from collections.abc import Iterator
@@ -99,7 +100,8 @@ def check_trust(path: Path, digest: str, trust: bool) -> None:
     if not (trust or trusting()):
         raise ThermidError(
             "an FMU is a program, and it would run with your rights. If you trust who made it, repeat the command with --trust, or in "
-            "Python fmu_model(path, trust=True): it is then remembered by its SHA-256, and not asked again.",
+            "Python fmu_model(path, trust=True): it is then remembered by its SHA-256, and not asked again."
+            + ("" if sys.platform == "linux" else " The limits of its process were tested on Linux only, not on this system."),
             str(path),
             code="fmu.not-trusted",
         )

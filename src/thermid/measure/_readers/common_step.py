@@ -2,7 +2,9 @@
 
 In: courses of two logs, each on its own clock. Out: the offset with its standard error, and what it was found from. A course of one log
 explains one of the other: as it is, where both are temperatures or both powers; where one is a power and the other a temperature, by a sum
-of first-order responses with time constants from seconds to the length of the log, as every network of resistances and capacitances has.
+of first-order responses with time constants from seconds to the length of the log, as every network of resistances and capacitances has,
+beside the decays of what was stored before both logs run. Logs may share a part of their time only, so offsets of the whole range compete:
+by the information N log(squares without the other course / squares left) of the N readings that both would share.
 """
 
 from __future__ import annotations
@@ -12,26 +14,53 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from thermid.measure._readers.questions import SWITCH
 from thermid.measure._record.channel import FloatArray
 
-MAX_COMPARED_READINGS, TRIED_OFFSETS = 1500, 300
+MAX_COMPARED_READINGS, TRIED_OFFSETS = 400, 300
 """Most readings that two courses are compared at, and offsets that are tried at first. [-]"""
 RESPONSES = (8, 5, 12)
 """First-order responses that stand for the way from a power to a thermometer; what they disagree by is an error of the offset. [-]"""
-SHARED = 0.5
+DECAYS = 4
+"""Decays of what was stored before a power was logged. [-]"""
+SHARED = 0.15
 """Part of the shorter log that must overlap the other one. [-]"""
-MIN_EXPLAINED_SHARE = 0.9
-"""Part of the squares that the other course must explain; two courses that wander explain half of each other by chance. [-]"""
+MIN_EXPLAINED_SHARE = {True: 0.985, False: 0.9}
+"""Part of the squares that the other course must explain, a power or one of the same kind; responses fit nine tenths by chance. [-]"""
+RIVAL, DISTINCT = {True: 0.65, False: 0.85}, 0.05
+"""Part of the best offset's information from which another one, off by that part of the shorter log, leaves it open. [-]"""
 MAX_OFFSET_ERROR = 0.1
 """Error of an offset, in lengths of the shorter log, from which there is no step that both show. [-]"""
+TWO_PLACES = 1.2
+"""Scatter about each other from which two temperatures are of two places, in that from reading to reading. [-]"""
 FINER = 3
 """How often offsets are tried again, eight times as close about the best."""
 
 
 MAX_POINTS = 20000
 """Points of a response, at most."""
-Made = tuple[FloatArray, FloatArray]
-"""Times (points,) of the second log, and what explains the first one there (points, columns)."""
+
+
+@dataclass(frozen=True, eq=False)
+class Explanation:
+    """What a course of one log may explain of the other one.
+
+    Parameters
+    ----------
+    times : array (points,)              Of its own log. [s]
+    columns : array (points, columns)    The course as it is, or first-order responses to it.
+    constants : array (columns,) or (0,) Time constants of the responses. [s]
+    """
+
+    times: FloatArray
+    columns: FloatArray
+    constants: FloatArray
+
+    def rise(self, length: float) -> FloatArray:
+        """Return how much of each column a step has raised after parts of a length (instants, columns). [-]"""
+        if not self.constants.size:
+            return np.ones((1, 1))
+        return 1.0 - np.exp(-length * np.array([0.1, 0.3, 1.0])[:, None] / self.constants)
 
 
 @dataclass(frozen=True, eq=False)
@@ -58,17 +87,17 @@ class LogCourse:
         """Whether it is a course at all."""
         return self.values.size >= 8 and float(np.ptp(self.values)) > 0.0
 
-    def responses(self, fine: float, count: int) -> tuple[FloatArray, FloatArray]:
-        """Return times (points,) and first-order responses (points, responses) to a power that held its first value before. [s, W]"""
+    def responses(self, fine: float, count: int, longest: float) -> Explanation:
+        """Return first-order responses to a power that held its first value before, with time constants up to the longest. [W]"""
         from scipy.signal import lfilter
 
         times = np.arange(0.0, self.times[-1] + fine, fine)
         held = self.values[np.clip(np.searchsorted(self.times, times, side="right") - 1, 0, self.times.size - 1)] - self.values[0]
-        out = []
-        for constant in np.geomspace(4.0 * fine, times[-1], count):
+        out, constants = [], np.geomspace(4.0 * fine, longest, count)
+        for constant in constants:
             decay = float(np.exp(-fine / constant))
             out.append(lfilter([0.0, 1.0 - decay], [1.0, -decay], held))  # the value of an interval acts at its end
-        return times, np.column_stack(out)
+        return Explanation(times, np.column_stack(out), constants)
 
 
 @dataclass(frozen=True)
@@ -81,6 +110,7 @@ class CommonStep:
     error : float       Its standard error; a mass between a power and a thermometer delays a step beyond it. [s]
     first, second : str Columns that it was found from.
     explained : float   Part of the squares that the second explains. [-]
+    lags : bool         Whether both are temperatures, and differ by more than noise: of two places, one later than the other.
     """
 
     offset: float
@@ -88,65 +118,83 @@ class CommonStep:
     first: str
     second: str
     explained: float
+    lags: bool = False
 
 
 def common_step(first: Sequence[LogCourse], second: Sequence[LogCourse]) -> CommonStep | None:
     """Return the offset that two logs show with the least error; None where no course of one explains a course of the other.
 
-    An error above a tenth of the shorter log is no step either. Temperatures of two places follow a step at different times: what the
-    pairs of places disagree by is an error of an offset that two of them show.
+    An error above a tenth of the shorter log is no step either. Temperatures of two places follow a step at different times: two of each
+    log are needed, and what the pairs disagree by is an error of the offset.
     """
-    offsets, places = [], []
-    for a, b in ((a, b) for a in first for b in second if a.moves and b.moves):
-        if (one := _compared(a, b)) is not None:
-            offsets.append(one)
-            places += [one] if a.heated and b.heated and not a.power and not b.power else []
+    offsets = [one for a in first for b in second if a.moves and b.moves and (one := _compared(a, b)) is not None]
     length = min((c.times[-1] for c in (*first, *second) if c.moves), default=0.0)
-    if places:
-        spread = float(np.std([f.offset for f in places]))
-        offsets = [replace(f, error=float(np.hypot(f.error, spread))) if f in places else f for f in offsets]
+    places = [f for f in offsets if f.lags]
+    if min(len({f.first for f in places}), len({f.second for f in places})) < 2:  # nothing says how late one place follows the other
+        offsets, places = [f for f in offsets if not f.lags], []
+    spread = float(np.std([f.offset for f in places])) if places else 0.0
+    offsets = [replace(f, error=float(np.hypot(f.error, spread))) if f.lags else f for f in offsets]
     best = min(offsets, key=lambda f: f.error, default=None)
     return best if best is not None and best.error <= MAX_OFFSET_ERROR * length else None
 
 
 def _compared(a: LogCourse, b: LogCourse) -> CommonStep | None:
-    """Return the offset between two courses, the second one's clock late on that of the first."""
+    """Return the offset between two courses, the second one's clock late on that of the first; None where several are as likely."""
     if not (a.heated and b.heated) and (a.power != b.power or a.heated != b.heated):
         return None  # no power and no heated part acts on the surroundings
     forward = a.power <= b.power  # what explains is the power, or the second of a kind
     effect, cause, sign = (a, b, 1.0) if forward else (b, a, -1.0)
-    shorter = SHARED * min(a.times[-1], b.times[-1])
-    low, high = shorter - cause.times[-1], effect.times[-1] - shorter
+    length = min(a.times[-1], b.times[-1])
+    low, high = SHARED * length - cause.times[-1], effect.times[-1] - SHARED * length
     step = max(float(np.median(np.diff(a.times))), float(np.median(np.diff(b.times))))
     offsets, spacing = np.linspace(low, high, TRIED_OFFSETS + 1), (high - low) / TRIED_OFFSETS
     ways = _ways(effect, cause)
-    first = _lowest(effect, ways[0], offsets)
-    if not 1.0 - _part_unexplained(effect, ways[0], first) >= MIN_EXPLAINED_SHARE:
-        return None
+    known = np.array([_information(effect, ways[0], offset) for offset in offsets])
+    first = float(offsets[int(np.argmax(known))])
+    rival = float(np.max(known[np.abs(offsets - first) > DISTINCT * length], initial=0.0))
     refined_offsets = [_refined_offset(effect, responses, first, spacing, step) for responses in ways]
+    explained = 1.0 - _part_unexplained(effect, ways[0], refined_offsets[0])
+    if cause.power and not _enough_switches(effect, cause, refined_offsets[0]):
+        return None
+    if explained < MIN_EXPLAINED_SHARE[a.power != b.power] or rival > RIVAL[a.power != b.power] * _information(
+        effect, ways[0], refined_offsets[0]
+    ):
+        return None
     error = max(_error(effect, responses, offset, step) for responses, offset in zip(ways, refined_offsets, strict=True))
+    rows, target = _rows(effect, ways[0], refined_offsets[0])
+    left, shares = _solved(rows, target)
+    noise = float(np.hypot(_scatter(effect), shares[-1] * _scatter(cause)))
+    lags = not (a.power or b.power) and left > target.size * (TWO_PLACES * noise) ** 2
     return CommonStep(
-        sign * float(np.median(refined_offsets)),
-        float(np.hypot(error, np.std(refined_offsets))),
-        a.name,
-        b.name,
-        1.0 - _part_unexplained(effect, ways[0], refined_offsets[0]),
+        sign * float(np.median(refined_offsets)), float(np.hypot(error, np.std(refined_offsets))), a.name, b.name, explained, lags
     )
 
 
-def _ways(effect: LogCourse, cause: LogCourse) -> list[Made]:
+def _scatter(course: LogCourse) -> float:
+    """Return the standard deviation of readings from the line between their neighbours, by their median. [the course's unit]"""
+    return float(1.4826 * np.median(np.abs(np.diff(course.values, 2))) / 6.0**0.5)
+
+
+def _enough_switches(seen: LogCourse, cause: LogCourse, offset: float) -> bool:
+    """Return whether a course sees two switches of a power, or all that it has: any one rise looks like any other."""
+    switched = cause.times[1:][np.abs(np.diff(cause.values)) > SWITCH * float(np.ptp(cause.values))]
+    inside = np.count_nonzero((switched > -offset) & (switched < seen.times[-1] - offset))
+    return bool(inside >= min(2, switched.size))
+
+
+def _ways(effect: LogCourse, cause: LogCourse) -> list[Explanation]:
     """Return how one course may act on another: several sets of responses where a power acts on a temperature, else as it is."""
     if cause.power == effect.power:
-        return [(cause.times, cause.values[:, None])]
+        return [Explanation(cause.times, cause.values[:, None], np.zeros(0))]
     fine = max(float(np.median(np.diff(cause.times))), cause.times[-1] / MAX_POINTS)
-    return [cause.responses(fine, count) for count in RESPONSES]
+    return [cause.responses(fine, count, max(effect.times[-1], cause.times[-1])) for count in RESPONSES]
 
 
-def _lowest(effect: LogCourse, responses: Made, offsets: FloatArray) -> float:
+def _lowest(effect: LogCourse, responses: Explanation, offsets: FloatArray) -> float:
     return float(offsets[int(np.argmin([_part_unexplained(effect, responses, o) for o in offsets]))])
 
 
-def _refined_offset(effect: LogCourse, responses: Made, best: float, spacing: float, step: float) -> float:
+def _refined_offset(effect: LogCourse, responses: Explanation, best: float, spacing: float, step: float) -> float:
     """Return the offset that leaves least, near one of a spacing. [s]"""
     for _ in range(FINER):
         best = _lowest(effect, responses, best + np.linspace(-4.0, 4.0, 33) * spacing)
@@ -156,26 +204,43 @@ def _refined_offset(effect: LogCourse, responses: Made, best: float, spacing: fl
     return best
 
 
-def _part_unexplained(effect: LogCourse, responses: Made, offset: float) -> float:
+def _part_unexplained(effect: LogCourse, responses: Explanation, offset: float) -> float:
     """Return the part of the squares of one course that the other one, later by an offset, leaves; 1 where it explains nothing."""
-    rows, target = _rows(effect, responses, offset)
-    if target.size < 4 * rows.shape[1] or float(np.ptp(rows[:, 2])) == 0.0:
-        return 1.0
-    (without, _), (remaining, shares) = _solved(rows[:, :1], target), _solved(rows, target)
-    if without <= 0.0 or (responses[1].shape[1] == 1 and shares[-1] <= 0.0):  # of one kind: what warms one place does not cool the other
-        return 1.0
-    return remaining / without
+    return _compare_at(effect, responses, offset)[0]
 
 
-def _rows(effect: LogCourse, responses: Made, offset: float) -> tuple[FloatArray, FloatArray]:
-    """Return the rows of the linear model (readings, unknowns), constant and drift first, and the readings that they explain."""
-    at, values = responses
+def _information(seen: LogCourse, made: Explanation, offset: float) -> float:
+    """Return how many readings both courses share at an offset, times the logarithm of what the other one explains of them. [-]"""
+    left, shared = _compare_at(seen, made, offset)
+    return -shared * float(np.log(max(left, 1e-12)))
+
+
+def _compare_at(seen: LogCourse, made: Explanation, offset: float) -> tuple[float, int]:
+    """Return the part of the squares that the other course leaves, and of how many readings."""
+    rows, target = _rows(seen, made, offset)
+    own = rows.shape[1] - made.columns.shape[1]
+    if target.size < 4 * rows.shape[1] or float(np.ptp(rows[:, own])) == 0.0:
+        return 1.0, target.size
+    (without, _), (left, shares) = _solved(rows[:, :own], target), _solved(rows, target)
+    shared = min(seen.times[-1], offset + made.times[-1]) - max(offset, 0.0)
+    if without <= 0.0 or np.any(made.rise(shared) @ shares[own:] <= 0.0):
+        return 1.0, target.size  # what warms does not cool
+    return left / without, target.size
+
+
+def _rows(effect: LogCourse, responses: Explanation, offset: float) -> tuple[FloatArray, FloatArray]:
+    """Return the rows of the linear model (readings, unknowns), those of the course itself first, and the readings that they explain."""
     thin = slice(None, None, max(1, effect.times.size // MAX_COMPARED_READINGS))
     times, target = effect.times[thin], effect.values[thin]
-    inside = (times >= offset) & (times <= offset + at[-1])
+    inside = (times >= offset) & (times <= offset + responses.times[-1])
     times, target = times[inside], target[inside]
-    moved = [np.interp(times - offset, at, column) for column in values.T]
-    return np.column_stack([np.ones(times.size), times / max(effect.times[-1], 1e-9), *moved]), target
+    moved = [np.interp(times - offset, responses.times, column) for column in responses.columns.T]
+    since = times - (times[0] if times.size else 0.0)
+    decays = (
+        responses.constants[np.linspace(1, responses.constants.size - 1, DECAYS).astype(int)] if responses.constants.size else np.zeros(0)
+    )
+    own = [np.exp(-since / constant) for constant in decays] or [times / max(effect.times[-1], 1e-9)]
+    return np.column_stack([np.ones(times.size), *own, *moved]), target
 
 
 def _solved(rows: FloatArray, target: FloatArray) -> tuple[float, FloatArray]:
@@ -187,7 +252,7 @@ def _solved(rows: FloatArray, target: FloatArray) -> tuple[float, FloatArray]:
     return float(residuals @ residuals), shares
 
 
-def _error(effect: LogCourse, responses: Made, best: float, step: float) -> float:
+def _error(effect: LogCourse, responses: Explanation, best: float, step: float) -> float:
     """Return the standard error of an offset: where the logarithm of the squares rises by one over the independent points.
 
     Points of residuals that wander are not independent: as many count as there are changes of sign, at least four. [s]

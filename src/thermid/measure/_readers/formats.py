@@ -183,6 +183,7 @@ def labview(text: str, file: str) -> Cells:
     columns = [tuple(repr(t) for t in times), *(tuple(column) for column in zip(*rows, strict=True))]
     if sign == ",":
         columns[1:] = [tuple(cell.replace(",", ".") if is_number(cell) else cell for cell in column) for column in columns[1:]]
+    first = first or _stamp(keys)  # older files date the whole, not their segments
     start = first.isoformat() if first else None
     layout = Layout("LabVIEW measurement", "", "tab" if mark == "\t" else "comma", numbers[0] - 1)
     return Cells(file, ("X_Value [s]", *header), columns, numbers, tuple(notes), time="X_Value", start=start, layout=layout)

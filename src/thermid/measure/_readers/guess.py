@@ -23,6 +23,15 @@ _SURROUNDINGS: Final = re.compile(
     re.IGNORECASE,
 )
 _TEMPERATURE: Final = re.compile(r"t($|[\d_ ]|[A-Z])|temp|tc\d|rtd|pt100|ds18|ntc|thermo|heat[_ -]?sink", re.IGNORECASE)
+_CLEAR: Final = re.compile(r"t($|[\d_ ])|.*temp|tc\d|rtd|pt100|ds18|ntc|thermo", re.IGNORECASE)
+_OTHER: Final = re.compile(
+    r"t(orque|otal|ra|ension|hr|ach|ilt|ank|are|ime|arget|ool|op|est|urb|ub|yp|rip|ick|ogg)"
+    r"|.*(press|flow|level|speed|rpm|light|lux|co2|force|weight|energy|valve|angle|volume)",
+    re.IGNORECASE,
+)
+"""Names of other quantities, and of things that begin with a t: without a unit they may be no temperatures."""
+_TO_THINK_OF: Final = (-100.0, 500.0)
+"""Readings that a temperature without a unit may have. [degC]"""
 _POWER: Final = re.compile(r"p($|[\d_ ])|power|watt|leistung|pot[eê]ncia|heat_?load", re.IGNORECASE)
 _ELECTRIC: Final = {
     ("V", "a voltage"): re.compile(r"(^|[_ ])(volts?|voltage|spannung|tens[aã]o)($|[_ ])", re.IGNORECASE),
@@ -42,7 +51,7 @@ class Column:
     header, name : str          As written; and without its unit.
     unit : str                  Its unit; empty where none is known.
     assumed : bool              Whether the unit is the usual one, because the log names none.
-    guess : str                 'time', 'temperature', 'boundary', 'power', 'duty' or 'ignored'.
+    guess : str                 'time', 'temperature', 'boundary', 'power', 'duty', 'unclear' or 'ignored'.
     why : str                   What the guess rests on.
     values : array (samples,)   Readings in the unit of the column; NaN where there is none.
     missing : int               How many readings are missing.
@@ -120,7 +129,7 @@ def _guess(name: str, text: str | None, values: FloatArray) -> tuple[str, str, s
     if dimension == unit("W").dimension:
         return "power", text, f"its unit is {text}"
     if dimension == DIMENSIONLESS and text == "%":
-        return ("ignored", text, "a humidity") if _HUMID.search(name) else ("duty", text, "in per cent: a load needs full_scale or gain")
+        return ("ignored", text, "a humidity") if _HUMID.search(name) else ("duty", text, "in per cent: a load needs its power at 100 %")
     return "ignored", text, describe(dimension)
 
 
@@ -151,6 +160,10 @@ def _by_name(name: str, finite: FloatArray) -> tuple[str, str, str]:
         return "duty", "%", "by its name"
     if _TEMPERATURE.match(name) or _SURROUNDINGS.search(name):
         hot = kelvin_sized(finite)
+        real = finite[~np.isin(finite, list(codes_of(finite))) & (np.abs(finite) < MIN_OVERLOAD_READING)]
+        sized = not real.size or (min(_TO_THINK_OF) <= real.min() and real.max() <= max(_TO_THINK_OF))
+        if not (hot or sized) or (_OTHER.match(name) and not _CLEAR.match(name)):
+            return "unclear", "", "a temperature or another quantity: state its unit"
         return _temperature(name, "K" if hot else "degC", "by its name" + (" and size" if hot else ""))
     if min(SENSOR_FAULT_CODES) in codes_of(finite):
         return _temperature(name, "degC", f"by the {min(SENSOR_FAULT_CODES):g} of a lost sensor")

@@ -17,9 +17,9 @@ from thermid.measure._readers.columns import decimal_sign, find_column, kelvin_s
 from thermid.measure._readers.formats import log_cells
 from thermid.measure._readers.headers import name_and_unit
 from thermid.measure._readers.power_of_columns import RESTARTED, power_readings
-from thermid.measure._readers.questions import board_restarts, hidden_switches, lost_hour, repeated_stamps, unit_question
+from thermid.measure._readers.questions import begins_again, board_restarts, hidden_switches, lost_hour, repeated_stamps, unit_question
 from thermid.measure._readers.stamps import Clock, Times, clock_column, read_times
-from thermid.measure._readers.textfile import Cells
+from thermid.measure._readers.textfile import Cells, decoded, read_bytes
 from thermid.measure._record.channel import BoolArray, Channel, FloatArray, Origin, digest, with_sensor
 from thermid.measure._record.record import Record
 from thermid.measure.amounts import amount
@@ -130,6 +130,26 @@ def _path(path: str | Path) -> Path:
             code="value.wrong-kind",
         )
     return Path(path)
+
+
+def parts_between_restarts(path: str | Path) -> list[str]:
+    """Return a text log cut where the counter that is its clock begins again: each part below the lines above the samples.
+
+    Raises
+    ------
+    MissingDataError   When there is no such file.
+    RecordError        When its clock does not begin again, or it is no text.
+    """
+    place = Path(path)
+    cells = log_cells(place)
+    counted = numbers(clock_column(cells, None).texts, decimal_sign(cells, None))
+    again = np.flatnonzero(begins_again(counted)).tolist() if isinstance(counted, np.ndarray) else []
+    if not again or not cells.layout.separator:
+        raise RecordError("its clock is not a counter of a text log that begins again. There is nothing to cut.", place.name)
+    lines = decoded(read_bytes(place), place.name)[0].split("\n")
+    head = lines[: cells.lines[0] - 1]
+    edges = zip([0, *again], [*again, len(cells.lines)], strict=True)
+    return ["\n".join([*head, *(lines[n - 1] for n in cells.lines[a:b]), ""]) for a, b in edges]
 
 
 def temperature_columns(path: str | Path) -> list[str]:

@@ -250,7 +250,7 @@ def read_times(cells: Cells, clock: Clock, decimal: str, form: str | None, unit_
         if isinstance(parsed, np.ndarray) and begins_again(parsed)[row]:
             raise RecordError(
                 f"the counter begins again here, at {column[row].strip()} after {column[row - 1].strip()}: the board restarted, and "
-                "how long it was off is not known. To use both parts, cut the log here into two files, each a record of its own.",
+                f"how long it was off is not known. `thermid look {cells.file} --cut FOLDER` writes each part as a log of its own.",
                 cells.where(row, name),
                 code="record.time-order",
             )

@@ -269,7 +269,12 @@ def _without_repeats(lines: list[tuple[int, str]]) -> tuple[list[tuple[int, str]
     first = next((at for at, (_, line) in enumerate(lines[:LOOKED_AT]) if TIMELY.search(line) or _has_number(line)), len(lines))
     heads = {line for _, line in lines[:first]}
     again = [number for number, line in lines[first:] if line in heads] if heads else []
-    return ([*lines[:first], *((n, line) for n, line in lines[first:] if line not in heads)] if again else lines), again
+    left = {*again}
+    for k in (k for k, (number, _) in enumerate(lines) if number in left):  # a board greets before it writes its header again
+        while not _has_number(lines[k - 1][1]) and not TIMELY.search(lines[k - 1][1]):
+            k -= 1
+            left.add(lines[k][0])
+    return ([*lines[:first], *((n, line) for n, line in lines[first:] if n not in left)] if again else lines), again
 
 
 def _has_number(line: str) -> bool:

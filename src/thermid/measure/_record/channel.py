@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import hashlib
 import math
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from typing import Any, Final, NamedTuple
 
@@ -163,6 +163,11 @@ class Channel(Shown):
                 raise RecordError(f"its {word} is {size:g}; a finite number {least} zero is needed.", where, code="value.outside-range")
         for key, value in (("values", values), ("valid", valid), ("masks", masks), ("unit", self.unit or _SI.get(self.quantity, "1"))):
             object.__setattr__(self, key, value)
+
+    def __array__(self, dtype: Any = None, copy: bool | None = None) -> FloatArray:
+        """Return its readings (samples,), NaN where one is masked. [degC of a temperature, else the unit of the channel]"""
+        shown = from_si(self.values, "degC" if self.quantity == "temperature" else self.unit)
+        return np.asarray(np.where(self.valid, shown, np.nan), dtype=dtype)
 
     @classmethod
     def from_array(cls, name: str, values: Any, *, unit: str = "", **fields: Any) -> Channel:
@@ -432,6 +437,14 @@ class Samples:
         return self.channels[name]
 
     __getitem__ = channel
+
+    def __iter__(self) -> Iterator[str]:
+        """Iterate over the names of the channels."""
+        return iter(self.channels)
+
+    def __contains__(self, name: object) -> bool:
+        """Whether there is a channel of that name."""
+        return name in self.channels
 
     @property
     def measured(self) -> list[str]:

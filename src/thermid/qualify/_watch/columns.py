@@ -31,6 +31,7 @@ class BoundColumns:
     ----------
     told : dict             Column -> node, boundary or load; by default every temperature, with a model every column of a name that it has.
     full_scale : dict       Column in per cent -> power at 100 %.
+    units : dict            Column -> its unit, where the log has none.
     noise : str or None     Of a reading of a node.
     model : Model or None   Of the unit.
     options : dict          What else `read_record` is told: time, separator, decimal, clock, units.
@@ -40,6 +41,7 @@ class BoundColumns:
 
     told: Mapping[str, str] = field(default_factory=dict)
     full_scale: Mapping[str, str] = field(default_factory=dict)
+    units: Mapping[str, str] = field(default_factory=dict)
     noise: str | None = None
     model: Model | None = None
     options: Mapping[str, Any] = field(default_factory=dict)
@@ -92,6 +94,5 @@ class BoundColumns:
         table: dict[str, Any] = {role: target}
         if role == "node" and self.noise is not None:
             table["noise"] = self.noise
-        if column in self.full_scale:
-            table["full_scale"] = self.full_scale[column]
-        return table
+        more = {"full_scale": self.full_scale, "unit": self.units}
+        return table | {key: given[column] for key, given in more.items() if column in given}

@@ -234,5 +234,5 @@ class Stopping:
 
 
 def _when(late: float | None, now: float) -> str:
-    """Return when a rule will hold, in brackets; nothing where that is not to be seen."""
-    return "" if late is None else f" (in about {duration_text(max(late - now, 0.0))})"
+    """Return when a rule will hold, in brackets, by the clock of the log: the advice stands while time goes on."""
+    return "" if late is None or late <= now else f" (expected at {duration_text(late)})"

@@ -108,6 +108,11 @@ class Look(Result):
         columns = {c.name: np.where(np.isfinite(c.values), c.values, np.nan) for c in self.columns if c.guess in _SHOWN and c.values.size}
         warm = {c.name: columns[c.name] for c in self.columns if c.guess in ("temperature", "boundary") and c.name in columns}
         out = [*unit_question({c.name: warm[c.name] for c in self.columns if c.name in warm and c.assumed and c.unit == "degC"})]
+        out += [
+            f'{c.name}: {c.why}. It is not read as a temperature; unit = "degC" says that it is one.'
+            for c in self.columns
+            if c.guess == "unclear"
+        ]
         if self.times is not None and self.clock is not None:
             times = self.times.values
             out += board_restarts(times, {c.name: c.values for c in self.columns if c.guess == "ignored" and not c.unit and c.values.size})
@@ -386,7 +391,7 @@ def _by_step(clock: dict[str, Any], first: Look, other: Look) -> list[str]:
     """Return what a common step says of a clock, and whether the stamps agree with it."""
     if "step" not in clock:
         bare = [f"{look.path.name} {_bare(look)}" for look in (first, other) if _time_of_day(look) is None]
-        return [f"  {', '.join(bare)}, and there is no common step: give the offset"] if bare else []
+        return [f"  {', '.join(bare)}, and no step decides it: give the offset, or switch a power twice in both"] if bare else []
     step = clock["step"]
     late, error = step["offset"], step["error"]
     a, b = step["columns"]

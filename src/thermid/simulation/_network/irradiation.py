@@ -10,6 +10,7 @@ from typing import Any
 
 from thermid.base.errors import DeckError, NameNotFoundError, ScenarioError, errors_at, refuse_unknown
 from thermid.base.linear_algebra import Array
+from thermid.base.results import Shown
 from thermid.base.units import TEMPERATURE
 from thermid.model.elements import Facing
 from thermid.model.laws import Constant, Mixed, Signal, added, signal
@@ -24,7 +25,7 @@ SOLAR = ("direct", "diffuse", "albedo", "total")
 
 
 @dataclass(frozen=True)
-class Irradiation:
+class Irradiation(Shown):
     """What falls on one surface, per area of it; texts with units, tables or signals.
 
     Parameters

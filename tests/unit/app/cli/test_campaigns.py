@@ -223,6 +223,14 @@ class TestReport:
         assert said.code == 1
         assert (tmp_path / "page.html").is_file()
 
+    def test_alone_it_takes_the_only_campaign_of_its_folder(self, call: Call, campaign: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+        monkeypatch.chdir(campaign.parent)
+        said = call("report")
+        assert "campaign: campaign.toml, the only one of this folder" in said.out
+        assert Path("report.html").is_file()
+        Path("second.toml").write_bytes(campaign.read_bytes())
+        assert "campaigns of this folder: campaign.toml, second.toml. Name one" in call("report").err
+
     def test_it_asks_where_the_report_goes(self, call: Call, campaign: Path) -> None:
         said = call("report", campaign)
         assert said.code == 2

@@ -67,6 +67,17 @@ def test_a_weight_that_cannot_be_is_not_physical(campaign: Path, call: Call) -> 
     assert call("plausibility", campaign, "--weight", "case").code == 2
 
 
+def test_a_capture_is_cut_at_the_restarts_of_its_board(tmp_path: Path, call: Call) -> None:
+    rows = [*range(3, 30000, 1000), *range(5, 20000, 1000)]
+    (tmp_path / "a.csv").write_text("\n".join(["millis,T1 [degC]", *(f"{n},{22 + 1e-5 * n:.2f}" for n in rows)]) + "\n")
+    assert call("look", tmp_path / "a.csv").code == 2
+    said = call("look", tmp_path / "a.csv", "--cut", tmp_path / "parts")
+    assert said.code == 0
+    assert "2 parts between restarts, each on a clock of its own" in said.out
+    assert call("look", *(tmp_path / "parts" / f"a_{k}.csv" for k in (1, 2))).code == 0
+    assert "There is nothing to cut" in call("look", tmp_path / "parts" / "a_1.csv", "--cut", tmp_path / "more").err
+
+
 CAPTURE = "09:59:59.000 -> 2 x DS18B20\n" + "".join(
     f"10:00:{k:02d}.000 -> T1: {20 + 0.1 * k:.2f} C  T2: {21 + 0.1 * k:.2f} C\n" for k in range(0, 50, 5)
 )
@@ -80,7 +91,7 @@ def test_look_shows_the_clocks_of_one_test(tmp_path: Path, call: Call) -> None:
     said = call("look", *(tmp_path / n for n in ("bench.txt", "supply.csv", "plain.csv")))
     assert "3 clocks of one test" in said.out
     assert "supply.csv begins 12 s after bench.txt" in said.out
-    assert "plain.csv has no time stamps, and there is no common step: give the offset" in said.out
+    assert "plain.csv has no time stamps, and no step decides it: give the offset, or switch a power twice in both" in said.out
     assert 'joined   = [{ record = "supply", offset = "12 [s]" }, { record = "plain", offset = "... [s]" }]' in said.out
     clocks = call("look", tmp_path / "bench.txt", tmp_path / "supply.csv", "--json").object["clocks"]
     assert clocks == [{"file": "supply.csv", "record": "supply", "offset": 12.0}]

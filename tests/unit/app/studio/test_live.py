@@ -108,6 +108,7 @@ def test_the_studio_says_what_the_command_prints(tmp_path: Path, count: int) -> 
         rule, within = ("3 C/h", "1 K over 4 h")[k % 2], (1.0, 0.3)[k // 2 % 2]
         told = LiveWatch(known).look(path, rule_of(rule), {**asked, "within": within})
         assert [told.pop(n) for n in ("unused", "model", "like")] == ["", "rig" if given else "", "warm" if k % 3 == 1 else ""]
+        told.pop("bound")
         assert told == printed(str(path), *given, "--rule", rule, "--within", f"{within} [K]")
         words |= {told["advice"], *(a["kind"] for a in told["alarms"])}
     assert "sensor" in words
@@ -143,7 +144,7 @@ def test_conditions_hold_since_a_time(log: Callable[..., Path]) -> None:
     """Readings before it are left out, as the command leaves them out."""
     path = log(2700.0)
     told = LiveWatch(lambda: None).look(path, RULE, {}, since=600.0)
-    assert {k: v for k, v in told.items() if k not in ("unused", "model", "like")} == printed(str(path), "--since", "600 [s]")
+    assert {k: v for k, v in told.items() if k not in ("unused", "model", "like", "bound")} == printed(str(path), "--since", "600 [s]")
 
 
 def test_another_log_is_watched_anew(log: Callable[..., Path]) -> None:
@@ -167,3 +168,71 @@ def test_the_bench_view_has_it(tmp_path: Path, log: Callable[..., Path]) -> None
     assert np.isfinite(told["watch"]["ends"]["chip"]["final_C"])
     with pytest.raises(RecordError):
         Follower(tmp_path, None, LiveWatch(held())).look({"file": "run.csv", "since": "soon"})
+
+
+UNNAMED = {"A0": {"node": "chip", "unit": "degF"}, "A1": {"node": "case"}}
+DUTY = {"Q1": {"load": "heater", "full_scale": "24 [W]"}}
+
+
+def unnamed(path: Path, seconds: float) -> Path:
+    """Write a synthetic log whose columns have no name of the deck and no unit: one in degF, a duty in per cent."""
+    made = logged(warm(seconds), 3)
+    chip, case = (made[n].values - 273.15 for n in ("chip", "case"))
+    rows = [f"{t:.0f},{1.8 * a + 32.0:.4f},{b:.4f},50" for t, a, b in zip(made.times, chip, case, strict=True)]
+    path.write_text("\n".join(["# SYNTHETIC", "time_s,A0,A1,Q1 [%]", *rows]) + "\n", encoding="utf-8")
+    return path
+
+
+def test_columns_bound_on_the_page_are_those_of_the_command(tmp_path: Path) -> None:
+    """Units where the log has none, a duty with its power at 100 %: the same look as by --channel and --full-scale."""
+    (tmp_path / "rig.toml").write_text(DECK, encoding="utf-8")
+    path = unnamed(tmp_path / "run.csv", 2700.0)
+    asked = {"boundaries": "air=22", "channels": {**UNNAMED, **DUTY, "time_s": {"unit": "s"}}}
+    told = LiveWatch(Project(tmp_path / "rig.toml").subject).look(path, RULE, asked)
+    assert told["model"] == "rig"
+    assert told["unused"] == told["like"] == ""
+    assert told.pop("bound") == {**UNNAMED, **DUTY}
+    channels = ("--channel", "A0=chip [degF]", "--channel", "A1=case", "--channel", "Q1=heater", "--full-scale", "Q1=24 [W]")
+    said = printed(str(path), "--model", str(tmp_path / "rig.toml"), "--boundary", "air=22 [degC]", *channels)
+    assert {k: v for k, v in told.items() if k not in ("unused", "model", "like", "bound")} == said
+    assert told["advice"] == "stop"
+
+
+def test_what_columns_look_like_is_said_and_what_they_may_be(tmp_path: Path) -> None:
+    """Nothing is recognised, so the page offers the table; what is bound there is drawn, in its unit."""
+    (tmp_path / "rig.toml").write_text(DECK, encoding="utf-8")
+    path = unnamed(tmp_path / "run.csv", 900.0)
+    follower = Follower(tmp_path, path, LiveWatch(Project(tmp_path / "rig.toml").subject))
+    waits = follower.look({})
+    assert "Say in the table of columns what each is." in waits["waiting"]
+    assert [(c["name"], c["guess"]) for c in waits["columns"]] == [("A0", "ignored"), ("A1", "ignored"), ("Q1", "duty")]
+    assert waits["columns"][2]["why"] == "in per cent: a load needs its power at 100 %"
+    assert waits["roles"] == {"chip": "node", "case": "node", "lid": "node", "air": "boundary", "heater": "load"}
+    seen = follower.look({"boundaries": "air=22", "channels": {**UNNAMED, **DUTY}})
+    assert [c["name"] for c in seen["channels"]] == ["A0", "A1"]
+    assert 22.0 < seen["channels"][0]["latest"] < 60.0  # degC of a column in degF
+    assert seen["watch"]["bound"] == {**UNNAMED, **DUTY}
+
+
+def test_columns_bound_on_the_page_keep_what_a_record_says_of_them(tmp_path: Path) -> None:
+    """Noise and accuracy of the campaign's record stay where a column of it is bound to another node; else the last stage's model."""
+    (tmp_path / "rig.toml").write_text(DECK, encoding="utf-8")
+    (tmp_path / "campaign.toml").write_text(CAMPAIGN, encoding="utf-8")
+    write(tmp_path / "warm.csv", warm(3600.0), 1)
+    project = Project(tmp_path / "campaign.toml")
+    project.look("rig")
+    project.run("rig")
+    project.judge(write=True)
+    live, like = LiveWatch(project.subject), write(tmp_path / "like.csv", warm(900.0), 3)
+    swapped = live.look(like, RULE, {"channels": {"chip": {"node": "lid"}, "case": {"node": "case"}}})
+    assert swapped["like"] == "warm"
+    assert swapped["bound"]["chip"] == {"node": "lid", "noise": "0.05 [K]", "accuracy": "0.3 [K]"}
+    other = live.look(unnamed(tmp_path / "run.csv", 900.0), RULE, {"boundaries": "air=22", "channels": UNNAMED})
+    assert (other["model"], other["like"], other["unused"]) == ("rig", "", "")
+
+
+@pytest.mark.parametrize("channels", [["A0"], {"A0": "chip"}, {"A0": {"node": 3}}])
+def test_columns_that_are_no_tables_are_refused(tmp_path: Path, channels: object) -> None:
+    follower = Follower(tmp_path, unnamed(tmp_path / "run.csv", 900.0))
+    with pytest.raises(RecordError, match="'channels' is a table for each column"):
+        follower.look({"channels": channels})
